@@ -1,0 +1,30 @@
+# Flags that every target of the project shares, in one place.
+
+# dcloth_runtime(TARGET): code a game links. C++17, no exceptions, no RTTI.
+# dcloth_offline(TARGET): converter, tools, tests. C++20, exceptions allowed.
+function(dcloth_common target)
+  target_compile_options(${target} PRIVATE
+    $<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:-Wall;-Wextra;-Wshadow;-ffp-contract=off>
+    $<$<CXX_COMPILER_ID:MSVC>:/W4;/fp:precise>)
+  if(DCLOTH_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:-Werror> $<$<CXX_COMPILER_ID:MSVC>:/WX>)
+  endif()
+  if(DCLOTH_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${DCLOTH_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    target_link_options(${target} PUBLIC -fsanitize=${DCLOTH_SANITIZE})
+  endif()
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF C_STANDARD 99 C_EXTENSIONS OFF
+    POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden C_VISIBILITY_PRESET hidden)
+endfunction()
+
+function(dcloth_runtime target)
+  dcloth_common(${target})
+  set_target_properties(${target} PROPERTIES CXX_STANDARD 17 CXX_STANDARD_REQUIRED ON)
+  target_compile_options(${target} PRIVATE
+    $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU,Clang,AppleClang>>:-fno-exceptions;-fno-rtti>)
+endfunction()
+
+function(dcloth_offline target)
+  dcloth_common(${target})
+  set_target_properties(${target} PROPERTIES CXX_STANDARD 20 CXX_STANDARD_REQUIRED ON)
+endfunction()

@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train]`; "build" when nothing is said.
+set -euo pipefail
+
+declare -A groups=(
+  [build]="ca-certificates g++ cmake ninja-build libhwy-dev libflatbuffers-dev flatbuffers-compiler nlohmann-json3-dev
+           libeigen3-dev libcli11-dev python3"
+  [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
+          chromium binutils"
+  [train]="blender python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
+)
+packages=()
+for group in "${@:-build}"; do
+  [ -n "${groups[$group]:-}" ] || { echo "install_dependencies: unknown group '$group'; allowed: ${!groups[*]}" >&2; exit 2; }
+  read -r -d '' -a names <<<"${groups[$group]}" || true
+  packages+=("${names[@]}")
+done
+
+missing=()
+for name in "${packages[@]}"; do
+  status=$(dpkg-query -W -f='${Status}' "$name" 2>/dev/null || true)
+  [ "$status" = "install ok installed" ] || missing+=("$name")
+done
+[ ${#missing[@]} -gt 0 ] || exit 0
+
+command -v apt-get >/dev/null || { echo "install_dependencies: apt-get not found; install by hand: ${missing[*]}" >&2; exit 1; }
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null || { echo "install_dependencies: root or sudo is needed to install: ${missing[*]}" >&2; exit 1; }
+  as_root=(sudo)
+fi
+echo "installing: ${missing[*]}" >&2
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
