@@ -1,0 +1,1 @@
+"""Motion: the humanoid skeleton, BVH clips, procedural clips and their timing."""

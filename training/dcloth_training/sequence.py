@@ -1,0 +1,54 @@
+"""Sequences: a character's joint matrices a frame, and the cloth's true shape where known.
+
+One safetensors file: joint_matrices [T, J, 4, 4] f32 world, optional truth [T, n, 3] f32 world
+metres, metadata joint_names (JSON list), fps, clip, kind ("dynamic" or "static").
+"""
+import json
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+
+from . import safetensors_io
+
+
+@dataclass
+class Sequence:
+    joint_matrices: np.ndarray
+    truth: Optional[np.ndarray]
+    joint_names: list
+    fps: float
+    clip: str
+    kind: str
+
+
+def write(path, sequence):
+    tensors = {"joint_matrices": sequence.joint_matrices.astype(np.float32)}
+    if sequence.truth is not None:
+        tensors["truth"] = sequence.truth.astype(np.float32)
+    safetensors_io.write(path, tensors, {
+        "joint_names": json.dumps(list(sequence.joint_names)), "fps": f"{sequence.fps:g}",
+        "clip": sequence.clip, "kind": sequence.kind})
+
+
+def read(path):
+    tensors, metadata = safetensors_io.read(path)
+
+    def refuse(what):
+        raise safetensors_io.SafetensorsError(f"{path}: {what}")
+
+    matrices, truth = tensors.get("joint_matrices"), tensors.get("truth")
+    try:
+        names = json.loads(metadata["joint_names"])
+        fps = float(metadata["fps"])
+    except (KeyError, ValueError) as error:
+        refuse(f"metadata joint_names or fps missing or malformed: {error}")
+    if matrices is None or matrices.ndim != 4 or matrices.shape[1:] != (len(names), 4, 4):
+        refuse(f"joint_matrices {None if matrices is None else matrices.shape}, "
+               f"expected [T, {len(names)}, 4, 4]")
+    if truth is not None and (truth.ndim != 3 or truth.shape[::2] != (len(matrices), 3)):
+        refuse(f"truth {truth.shape}, expected [{len(matrices)}, n, 3]")
+    if not all(np.isfinite(t).all() for t in (matrices, truth) if t is not None):
+        refuse("joint_matrices or truth not finite")
+    return Sequence(matrices, truth, names, fps, metadata.get("clip", ""),
+                    metadata.get("kind", "dynamic"))

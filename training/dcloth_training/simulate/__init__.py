@@ -1,0 +1,1 @@
+"""Ground truth: mannequin, garment, and the cloth simulation that drapes one on the other."""

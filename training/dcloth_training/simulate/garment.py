@@ -1,0 +1,76 @@
+"""The skirt's rest shape: a pleated A-line of 71 rings x 112 columns, waist pinned to the hips.
+
+Fourteen pleats of eight columns are modelled into the rest shape and grow towards the hem. A
+plain cone may fold at any angle, so two nearly equal simulations drift apart; pleats pin the
+folds and keep the ground truth repeatable (see README.md, predictability floor).
+The mesh is exactly mirror symmetric in the plane x = 0: vertices, triangles and pleats.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..motion.skeleton import HIP_HEIGHT
+
+RINGS = 71
+PLEATS = 14
+COLUMNS = PLEATS * 8
+PINNED_RINGS = 3
+LENGTH = 0.58                 # metres down the side, waist to hem: ends at the knee
+WAIST_ABOVE_HIPS = 0.115      # metres
+WAIST_HALF_WIDTH = 0.158      # x, metres: the mannequin's waist plus collision shell
+WAIST_HALF_DEPTH = 0.126      # z
+HIP_HALF_WIDTH = 0.215        # reached HIP_AT of the way down
+HIP_HALF_DEPTH = 0.190
+HIP_AT = 0.24
+HEM_RADIUS = 0.385            # round at the hem
+PLEAT_DEPTH = 0.16            # of the radius at the hem; grows with the square of the way down
+
+
+@dataclass
+class Garment:
+    """vertices [n, 3] m, faces [c, 3] outward, mirror [n] permutation, pinned [n] bool."""
+    vertices: np.ndarray
+    faces: np.ndarray
+    mirror: np.ndarray
+    pinned: np.ndarray
+
+
+def _half_axes(way):
+    """Half width and depth of the unpleated profile at `way` in 0..1 from waist to hem."""
+    over_hips = np.clip(way / HIP_AT, 0.0, 1.0)
+    over_hips = np.sin(over_hips * np.pi / 2)          # leaves the waist steeply, as hips do
+    below = np.clip((way - HIP_AT) / (1 - HIP_AT), 0.0, 1.0)
+    width = WAIST_HALF_WIDTH + (HIP_HALF_WIDTH - WAIST_HALF_WIDTH) * over_hips
+    depth = WAIST_HALF_DEPTH + (HIP_HALF_DEPTH - WAIST_HALF_DEPTH) * over_hips
+    return width + (HEM_RADIUS - HIP_HALF_WIDTH) * below, depth + (HEM_RADIUS - HIP_HALF_DEPTH) * below
+
+
+def skirt(radius_scale=1.0):
+    """Build the skirt in bind pose. `radius_scale` perturbs it for the predictability floor."""
+    way = np.linspace(0.0, 1.0, RINGS)[:, None]
+    half = COLUMNS // 2
+    angle = 2 * np.pi * np.arange(half + 1)[None, :] / COLUMNS  # 0 = front, growing to the left
+    width, depth = _half_axes(way)
+    pleat = 1 + PLEAT_DEPTH * way ** 2 * np.cos(PLEATS * angle)
+    x = radius_scale * width * pleat * np.sin(angle)
+    z = radius_scale * depth * pleat * np.cos(angle)
+    x[:, 0] = x[:, half] = 0.0
+    y = np.broadcast_to(HIP_HEIGHT + WAIST_ABOVE_HIPS - LENGTH * way, x.shape)
+    left = np.stack([x, y, z], -1)
+    grid = np.zeros((RINGS, COLUMNS, 3))
+    grid[:, :half + 1] = left
+    grid[:, half + 1:] = left[:, half - 1:0:-1] * np.array([-1.0, 1.0, 1.0])
+
+    index = np.arange(RINGS * COLUMNS, dtype=np.int32).reshape(RINGS, COLUMNS)
+    mirror = index[:, (-np.arange(COLUMNS)) % COLUMNS].reshape(-1)
+    faces = []
+    for ring in range(RINGS - 1):
+        for column in range(half):  # left half; the right half is its reflection
+            a, b = index[ring, column], index[ring, column + 1]
+            d, c = index[ring + 1, column], index[ring + 1, column + 1]
+            pair = [(a, d, c), (a, c, b)] if (ring + column) % 2 else [(a, d, b), (b, d, c)]
+            faces += pair
+            faces += [(mirror[p], mirror[r], mirror[q]) for p, q, r in pair]
+    pinned = np.zeros((RINGS, COLUMNS), dtype=bool)
+    pinned[:PINNED_RINGS] = True
+    return Garment(grid.reshape(-1, 3), np.array(faces, dtype=np.int32), mirror, pinned.reshape(-1))

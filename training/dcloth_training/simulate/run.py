@@ -1,0 +1,165 @@
+"""Make the ground truth: one resumable, atomic file a clip.
+
+    python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
+        [--clips held_out,static,training | --clips mocap/walk,procedural/jumps] [--root fixed]
+
+Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
+and one JSON line a clip in DIR/manifest.jsonl. Finished files are skipped; a clip that fails or is
+not cloth (checks.py) is reported and skipped, never half-written.
+"""
+import argparse
+import concurrent.futures
+import hashlib
+import json
+import os
+import sys
+import threading
+import time
+
+import numpy as np
+
+from .. import safetensors_io, sequence
+from ..motion import skeleton, timing
+from . import checks, clips, cloth_job, garment, mannequin, settings, statics
+
+_LOCK = threading.Lock()
+
+
+def with_lead(motion):
+    """Lead-in plus motion, and the frames to record: the last settled frame, then the clip."""
+    lead = timing.approach(motion, settings.REACH_FRAMES, settings.HOLD_FRAMES)[:-1]
+    joined = skeleton.Motion(np.concatenate([lead.root, motion.root]),
+                             np.concatenate([lead.local, motion.local]))
+    return joined, np.arange(len(lead), len(joined))
+
+
+def make_character(path, options):
+    """Mannequin, topology and the skirt as it hangs in the bind pose."""
+    body, skirt = mannequin.mannequin(), garment.skirt()
+    if os.path.exists(path):
+        return body, skirt
+    rest = skeleton.rest_motion(settings.DRAPE_FRAMES)
+    hung = cloth_job.simulate(rest, body, skirt, [len(rest) - 2, len(rest) - 1], options.blender)
+    drape = hung.cloth[1].astype(np.float64)
+    reflected = drape[skirt.mirror] * np.array([-1.0, 1.0, 1.0])
+    lopsided = np.linalg.norm(drape - reflected, axis=1)
+    moving = np.linalg.norm(hung.cloth[1] - hung.cloth[0], axis=1).mean()
+    print(f"character: drape moves {1e3 * moving:.3f} mm a frame, lopsided by "
+          f"{1e3 * lopsided.mean():.2f} mm (mean), made symmetric; {hung.seconds:.0f} s", flush=True)
+    safetensors_io.write(path, {
+        "joint_bind": skeleton.bind_matrices().astype(np.float32),
+        "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces,
+        "body_weights": body.weights.astype(np.float32),
+        "body_collider": body.collider.astype(np.uint8),
+        "cloth_template": (0.5 * (drape + reflected)).astype(np.float32),
+        "cloth_rest": skirt.vertices.astype(np.float32), "cloth_faces": skirt.faces,
+        "mirror": skirt.mirror, "pinned": skirt.pinned.astype(np.uint8),
+    }, {"joint_names": json.dumps(skeleton.NAMES), "parents": json.dumps(skeleton.PARENTS.tolist()),
+        "joint_mirror": json.dumps(skeleton.MIRROR.tolist()), "blender": hung.blender})
+    return body, skirt
+
+
+def manifest(options, entry):
+    with _LOCK, open(os.path.join(options.out, "manifest.jsonl"), "a") as file:
+        file.write(json.dumps(entry) + "\n")
+
+
+def run_clip(name, kind, motion, record, chosen, context, path):
+    """Simulate, check, write. Returns the manifest entry; raises nothing on a bad clip."""
+    options, body, skirt = context
+    began = time.time()
+    entry = {"clip": name, "kind": kind, "root": options.root, "settings": chosen}
+    try:
+        result = cloth_job.simulate(motion, body, skirt, record, options.blender, chosen)
+        entry.update(frames=len(record), simulated_frames=len(motion), fps=skeleton.FPS,
+                     blender=result.blender, seconds=round(result.seconds, 1),
+                     seconds_per_frame=round(result.seconds / len(motion), 3))
+        entry.update(checks.measure(result, body, skirt, every=3 if kind == "dynamic" else 1))
+        if kind == "static":  # consecutive drapes are different poses: speed means nothing
+            for key in [k for k in entry if k.startswith("speed") or k.startswith("settled")]:
+                del entry[key]
+        bad = checks.refuse({"speed_max": 0.0, **entry})
+        if bad is None:
+            sequence.write(path, sequence.Sequence(result.matrices, result.cloth, skeleton.NAMES,
+                                                   skeleton.FPS, name, kind))
+            with open(path, "rb") as file:
+                entry["sha256"] = hashlib.sha256(file.read()).hexdigest()
+    except Exception as error:  # a bad clip must not stop the batch
+        bad = f"{type(error).__name__}: {error}"
+    if bad:
+        entry["refused"] = bad
+    manifest(options, entry)
+    return entry, time.time() - began
+
+
+def prepare(name, options):
+    motion = clips.load(name, options.motion)
+    if options.root == "fixed":  # the paper's regime: no translation of the hips
+        motion = skeleton.Motion(np.repeat(motion.root[:1], len(motion), 0), motion.local)
+    return motion
+
+
+def static_tours(options):
+    """[(file number, poses)] of the quasi-static drapes; always the same poses."""
+    motions = []
+    for name in clips.PROCEDURAL + clips.RECORDED:
+        if name.startswith("procedural/") or options.motion:
+            motions.append(clips.load(name, options.motion))
+    poses = statics.order(statics.select(motions, options.poses))
+    size = statics.POSES_A_FILE
+    return [(i // size, poses[i:i + size]) for i in range(0, len(poses), size)]
+
+
+def tasks(options, context):
+    """Callables in order of importance, each returning (entry, seconds)."""
+    groups = {"held_out": clips.HELD_OUT, "procedural": clips.PROCEDURAL,
+              "recorded": clips.RECORDED, "training": clips.training()}
+    for word in options.clips.split(","):
+        if word == "static":
+            for number, poses in static_tours(options):
+                name = f"drapes-{number:02d}"
+                path = os.path.join(options.out, "static", name + ".safetensors")
+                if not os.path.exists(path):
+                    tour, rests = statics.tour(poses)
+                    joined, frames = with_lead(tour)
+                    chosen = settings.with_changes(**statics.SETTINGS)
+                    yield name, run_clip, (name, "static", joined, frames[rests], chosen, context, path)
+            continue
+        for name in groups.get(word, [word]):
+            path = os.path.join(options.out, "dynamic", clips.file_stem(name) + ".safetensors")
+            if not os.path.exists(path):
+                motion, frames = with_lead(prepare(name, options))
+                yield name, run_clip, (name, "dynamic", motion, frames, settings.GROUND_TRUTH,
+                                       context, path)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", required=True)
+    parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
+    parser.add_argument("--clips", default="held_out,static,training")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--root", choices=("free", "fixed"), default="free")
+    parser.add_argument("--poses", type=int, default=84, help="quasi-static drapes")
+    parser.add_argument("--blender", default="blender")
+    options = parser.parse_args()
+    for folder in ("dynamic", "static"):
+        os.makedirs(os.path.join(options.out, folder), exist_ok=True)
+    body, skirt = make_character(os.path.join(options.out, "character.safetensors"), options)
+    refused, began = 0, time.time()
+    with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
+        waiting = {pool.submit(function, *arguments): name
+                   for name, function, arguments in tasks(options, (options, body, skirt))}
+        for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
+            entry, _ = future.result()
+            refused += "refused" in entry
+            numbers = {k: entry[k] for k in ("frames", "seconds_per_frame", "stretch_p99",
+                                             "penetration_max_mm", "sunken_share", "speed_max",
+                                             "settled_mm_per_frame") if k in entry}
+            print(f"[{count}/{len(waiting)} {(time.time() - began) / 60:.1f} min] {entry['clip']} "
+                  f"{'REFUSED: ' + entry['refused'] if 'refused' in entry else 'done'} {numbers}", flush=True)
+    return 1 if refused else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

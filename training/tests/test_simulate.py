@@ -1,0 +1,215 @@
+"""Simulation: garment, mannequin, files and checks. Needs no Blender."""
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from dcloth_training import safetensors_io, sequence
+from dcloth_training.motion import skeleton
+from dcloth_training.simulate import checks, clips, cloth_job, garment, mannequin, pc2, render, settings, statics
+
+
+@pytest.fixture(scope="module")
+def body():
+    return mannequin.mannequin()
+
+
+def test_skirt_is_exactly_mirror_symmetric():
+    skirt = garment.skirt()
+    assert len(skirt.vertices) == garment.RINGS * garment.COLUMNS == 7952
+    assert np.array_equal(skirt.mirror[skirt.mirror], np.arange(7952))
+    assert np.array_equal(skirt.vertices[skirt.mirror], skirt.vertices * [-1, 1, 1])
+    assert np.array_equal(skirt.pinned[skirt.mirror], skirt.pinned)
+    assert (skirt.mirror == np.arange(7952)).sum() == 2 * garment.RINGS
+    triangles = {tuple(sorted(f)) for f in skirt.faces}
+    assert {tuple(sorted(skirt.mirror[list(f)])) for f in triangles} == triangles
+
+
+def test_skirt_is_a_clean_tube_facing_outward():
+    skirt = garment.skirt()
+    pairs = np.sort(np.concatenate([skirt.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
+    _, uses = np.unique(pairs, axis=0, return_counts=True)
+    assert set(uses) == {1, 2} and (uses == 1).sum() == 2 * garment.COLUMNS  # waist and hem
+    a, b, c = (skirt.vertices[skirt.faces[:, i]] for i in range(3))
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) * [1, 0, 1])
+    assert (outward > 0).all()
+
+
+def test_radius_scale_moves_every_vertex_a_little():
+    shift = np.abs(garment.skirt(1.0005).vertices - garment.skirt().vertices).max()
+    assert 1e-4 < shift < 4e-4
+
+
+def test_mannequin_is_closed_weighted_and_clear_of_the_skirt(body):
+    assert 2500 < len(body.vertices) < 4000
+    pairs = np.sort(np.concatenate([body.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
+    assert (np.unique(pairs, axis=0, return_counts=True)[1] == 2).all()
+    volume = np.einsum("ij,ij->i", body.vertices[body.faces[:, 0]], np.cross(
+        body.vertices[body.faces[:, 1]], body.vertices[body.faces[:, 2]])).sum() / 6
+    assert 0.04 < volume < 0.09  # cubic metres; positive means outward faces
+    assert np.allclose(body.weights.sum(1), 1) and (body.weights >= 0).all()
+    assert (body.weights > 0).sum(1).max() <= mannequin.MAX_INFLUENCES
+    keep, faces = mannequin.collider_mesh(body)
+    assert 1000 < len(keep) < len(body.vertices) and faces.max() < len(keep)
+    normals = render.vertex_normals(body.vertices[keep], faces)
+    depth = checks.penetration(garment.skirt().vertices, body.vertices[keep], normals)
+    assert depth.max() == 0.0
+
+
+def test_pins_follow_the_hips():
+    skirt, rest = garment.skirt(), skeleton.rest_motion(2)
+    rest.root[1] += [0.5, 0.0, 1.0]
+    pins = cloth_job.pin_to_hips(skirt, skeleton.joint_matrices(rest))
+    assert np.allclose(pins[0], skirt.vertices) and np.allclose(pins[1] - pins[0], [0.5, 0.0, 1.0])
+
+
+def test_point_cache_layout(tmp_path):
+    path = tmp_path / "a.pc2"
+    data = np.arange(18, dtype=np.float32).reshape(2, 3, 3)
+    pc2.write(path, data)
+    raw = path.read_bytes()
+    assert struct.unpack("<12siiffi", raw[:32]) == (b"POINTCACHE2\0", 1, 3, 1.0, 1.0, 2)
+    assert np.array_equal(np.frombuffer(raw[32:], "<f4"), data.ravel())
+
+
+def test_settings_change_one_value_and_refuse_unknown():
+    assert settings.with_changes(quality=20)["cloth"]["quality"] == 20
+    assert settings.GROUND_TRUTH["cloth"]["quality"] != 20
+    with pytest.raises(ValueError, match="unknown setting"):
+        settings.with_changes(bogus=1)
+
+
+def test_clip_lists_hold_nothing_out_twice():
+    assert len(set(clips.training())) == len(clips.training()) == len(clips.PROCEDURAL + clips.RECORDED)
+    assert not set(clips.HELD_OUT) & set(clips.training())
+    for name in clips.HELD_OUT:
+        assert all(not c.startswith(name.split("@")[0] + "@") for c in clips.training())
+    motion = clips.load("procedural/demo_sway_spin")
+    assert len(motion) <= clips.MAX_FRAMES and np.allclose(motion.root[0, [0, 2]], 0, atol=1e-9)
+    with pytest.raises(ValueError, match="--motion"):
+        clips.load("mocap/walk")
+
+
+def test_static_tour_rests_in_every_pose():
+    poses = statics.order(statics.select([clips.load("procedural/kicks")], 6))
+    tour, rests = statics.tour(poses)
+    assert len(poses) == len(rests) == 6
+    assert np.allclose(tour.local[rests], poses.local)
+    assert np.allclose(tour.root[:, [0, 2]], 0)
+
+
+def test_checks_refuse_stretched_sunken_and_broken_cloth(body):
+    skirt, rest = garment.skirt(), skeleton.joint_matrices(skeleton.rest_motion(4))
+    good = cloth_job.Result(np.repeat(skirt.vertices[None], 4, 0).astype(np.float32), rest, 1.0, "")
+    assert checks.refuse(checks.measure(good, body, skirt)) is None
+    scale = {"stretch_p99": 2.0, "sunken_share": 0.55}
+    seen = []
+    for name, factor in scale.items():
+        bad = cloth_job.Result((good.cloth * [factor, 1, factor]).astype(np.float32), rest, 1.0, "")
+        reason = checks.refuse(checks.measure(bad, body, skirt))
+        seen.append(reason is not None)
+    assert seen == [True, True]
+    numbers = checks.measure(good, body, skirt)
+    numbers["speed_max"] = float("nan")
+    assert "speed_max" in checks.refuse(numbers)
+
+
+def test_rasteriser_paints_the_nearer_side():
+    canvas = render.Canvas(40, 2.0, (0, 0, 0), yaw=0.0, pitch=0.0)
+    square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    canvas.draw(square, faces, (0, 1, 0), (1, 0, 0))
+    assert canvas.colour[20, 20, 1] > 0.5 and canvas.colour[20, 20, 0] < 0.1
+    canvas.draw(square + [0, 0, 0.1], faces[:, ::-1], (0, 1, 0), (1, 0, 0))
+    assert canvas.colour[20, 20, 0] > 0.5 and canvas.colour[20, 20, 1] < 0.1
+    assert np.allclose(canvas.colour[1, 1], render.BACKGROUND)
+
+
+def test_sequence_round_trip_and_refusal(tmp_path):
+    path = str(tmp_path / "a.safetensors")
+    matrices = skeleton.joint_matrices(skeleton.rest_motion(3))
+    truth = np.random.default_rng(0).normal(size=(3, 5, 3)).astype(np.float32)
+    sequence.write(path, sequence.Sequence(matrices, truth, skeleton.NAMES, 30.0, "a/b", "dynamic"))
+    back = sequence.read(path)
+    assert np.array_equal(back.truth, truth) and back.joint_names == list(skeleton.NAMES)
+    assert back.fps == 30.0 and back.kind == "dynamic" and back.clip == "a/b"
+    for broken in (truth[:2], np.full_like(truth, np.nan)):
+        sequence.write(path, sequence.Sequence(matrices, broken, skeleton.NAMES, 30.0, "a/b", "dynamic"))
+        with pytest.raises(safetensors_io.SafetensorsError, match="a.safetensors"):
+            sequence.read(path)
+
+
+def pack(header, data=b"", length=None):
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    return struct.pack("<Q", len(text) if length is None else length) + text + data
+
+
+def tensor(begin=0, end=4, dtype="F32", shape=(1,)):
+    return {"dtype": dtype, "shape": list(shape), "data_offsets": [begin, end]}
+
+
+def test_safetensors_round_trip(tmp_path):
+    path = str(tmp_path / "a.safetensors")
+    generator = np.random.default_rng(0)
+    tensors = {f"t{i}": (generator.random((2, i)) * 100).astype(d) for i, d in enumerate(
+        ("f4", "f2", "f8", "i4", "i8", "u8", "u4", "u1", "i1", "i2", "u2", "?"))}
+    tensors["scalar"] = np.float32(3)
+    safetensors_io.write(path, tensors, {"a": "b"})
+    back, metadata = safetensors_io.read(path)
+    assert metadata == {"a": "b"} and set(back) == set(tensors)
+    for name, value in tensors.items():
+        assert back[name].dtype == np.asarray(value).dtype and np.array_equal(back[name], value)
+    assert set(safetensors_io.read(path, ["t1"])[0]) == {"t1"}
+    assert [p.name for p in tmp_path.iterdir()] == ["a.safetensors"]
+    with pytest.raises(safetensors_io.SafetensorsError):
+        safetensors_io.write(path, {"c": np.zeros(2, complex)})
+    assert len(safetensors_io.read(path)[0]) == len(tensors)  # the old file survives
+
+
+MALFORMED = {
+    "empty": b"",
+    "short": b"\1\2\3",
+    "length beyond the file": pack({}, length=1 << 20),
+    "length wraps": pack({}, length=(1 << 64) - 1),
+    "not JSON": pack(b"{nope"),
+    "not UTF-8": pack(b"\xff\xfe\xfd"),
+    "a list": pack(b"[]"),
+    "deep": pack(b"[" * 100000),
+    "key twice": pack(b'{"a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]},'
+                      b'"a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}}', b"1234"),
+    "metadata not text": pack({"__metadata__": {"a": 1}}),
+    "entry without dtype": pack({"a": {"shape": [1], "data_offsets": [0, 4]}}, b"1234"),
+    "dtype unknown": pack({"a": tensor(dtype="F13")}, b"1234"),
+    "dtype a list": pack({"a": tensor(dtype=["F32"])}, b"1234"),
+    "shape negative": pack({"a": tensor(shape=(-1,))}, b"1234"),
+    "shape bool": pack({"a": tensor(shape=(True,))}, b"1234"),
+    "shape wraps": pack({"a": tensor(shape=(1 << 33, 1 << 33))}, b"1234"),
+    "size wrong": pack({"a": tensor(shape=(2,))}, b"1234"),
+    "offsets reversed": pack({"a": tensor(4, 0)}, b"1234"),
+    "offsets float": pack({"a": tensor(0.0, 4.0)}, b"1234"),
+    "truncated": pack({"a": tensor()}, b"123"),
+    "trailing bytes": pack({"a": tensor()}, b"12345"),
+    "overlap": pack({"a": tensor(), "b": tensor(2, 6)}, b"123456"),
+    "same bytes twice": pack({"a": tensor(), "b": tensor()}, b"1234"),
+    "hole": pack({"a": tensor(), "b": tensor(8, 12)}, b"123456789012"),
+}
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_safetensors_refuses(tmp_path, name):
+    path = tmp_path / "bad.safetensors"
+    path.write_bytes(MALFORMED[name])
+    with pytest.raises(safetensors_io.SafetensorsError, match="bad.safetensors"):
+        safetensors_io.read(str(path))
+
+
+def test_safetensors_refuses_every_truncation(tmp_path):
+    path = tmp_path / "bad.safetensors"
+    safetensors_io.write(str(path), {"a": np.arange(4, dtype=np.float32), "b": np.zeros(3, np.uint8)})
+    whole = path.read_bytes()
+    assert len(whole) > 50
+    for cut in range(len(whole)):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(safetensors_io.SafetensorsError):
+            safetensors_io.read(str(path))
