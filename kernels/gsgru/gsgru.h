@@ -12,6 +12,7 @@
 namespace dcloth::kernels {
 
 constexpr size_t kGsgruMaxFeatures = 64;
+constexpr float kGsgruEpsilon = 1e-5f;  // of the layer norm
 // Vertices that a kernel works on at once; state is padded to a multiple of it.
 constexpr size_t kGsgruBlock = 16;
 

@@ -1,0 +1,96 @@
+// The one place that knows which instruction sets were compiled and which of them this CPU runs.
+#include "kernels/simd.h"
+
+#include "kernels/cpu.h"
+#include "kernels/kernels.h"
+
+namespace dcloth::kernels {
+
+#define DCLOTH_KERNEL_ENTRY(Function, member) Function,
+// Highway names the namespaces; the vector sources define the functions.
+#define DCLOTH_KERNEL_TABLE(space, label)                                      \
+  namespace space {                                                            \
+  DCLOTH_KERNEL_LIST(DCLOTH_DECLARE_KERNEL)                                    \
+  constexpr KernelTable kTable = {label, DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
+  }
+
+#if HWY_TARGETS & HWY_AVX3
+DCLOTH_KERNEL_TABLE(N_AVX3, "avx3")
+#endif
+#if HWY_TARGETS & HWY_AVX2
+DCLOTH_KERNEL_TABLE(N_AVX2, "avx2")
+#endif
+#if HWY_TARGETS & HWY_SSE4
+DCLOTH_KERNEL_TABLE(N_SSE4, "sse4")
+#endif
+#if HWY_TARGETS & HWY_NEON
+DCLOTH_KERNEL_TABLE(N_NEON, "neon")
+#endif
+#if HWY_TARGETS & HWY_WASM
+DCLOTH_KERNEL_TABLE(N_WASM, "wasm")
+#endif
+DCLOTH_KERNEL_TABLE(scalar, "scalar")
+
+namespace {
+
+struct Choice {
+  uint32_t cpu;
+  const KernelTable* table;
+};
+
+// Best first; scalar, which every CPU runs, last.
+constexpr Choice kChoices[] = {
+#if HWY_TARGETS & HWY_AVX3
+    {kCpuAvx3, &N_AVX3::kTable},
+#endif
+#if HWY_TARGETS & HWY_AVX2
+    {kCpuAvx2, &N_AVX2::kTable},
+#endif
+#if HWY_TARGETS & HWY_SSE4
+    {kCpuSse4, &N_SSE4::kTable},
+#endif
+#if HWY_TARGETS & HWY_NEON
+    {kCpuNeon, &N_NEON::kTable},
+#endif
+#if HWY_TARGETS & HWY_WASM
+    {kCpuWasm, &N_WASM::kTable},
+#endif
+    {kCpuScalar, &scalar::kTable},
+};
+
+bool SameText(const char* a, const char* b) {
+  while (*a != '\0' && *a == *b) ++a, ++b;
+  return *a == *b;
+}
+
+}  // namespace
+
+size_t KernelTableCount() {
+  const uint32_t cpu = CpuFeatures();
+  size_t count = 0;
+  for (const Choice& choice : kChoices) count += (cpu & choice.cpu) != 0;
+  return count;
+}
+
+const KernelTable* KernelTableAt(size_t index) {
+  const uint32_t cpu = CpuFeatures();
+  for (const Choice& choice : kChoices) {
+    if ((cpu & choice.cpu) == 0) continue;
+    if (index == 0) return choice.table;
+    --index;
+  }
+  return nullptr;
+}
+
+const KernelTable* BestKernels() { return KernelTableAt(0); }
+
+const KernelTable* FindKernels(const char* name) {
+  if (name == nullptr) return nullptr;
+  const uint32_t cpu = CpuFeatures();
+  for (const Choice& choice : kChoices) {
+    if ((cpu & choice.cpu) != 0 && SameText(choice.table->name, name)) return choice.table;
+  }
+  return nullptr;
+}
+
+}  // namespace dcloth::kernels

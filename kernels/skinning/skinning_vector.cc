@@ -1,0 +1,96 @@
+// Linear blend skinning with 128-bit vectors on every instruction set: a matrix row is one vector. Blending rows first and
+// multiplying once costs 3 multiply-adds an influence; lanes over vertices would need 12 gathers an influence instead.
+#include "kernels/simd.h"
+
+#include "kernels/skinning/skinning.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/skinning/skinning_vector.cc"
+#include "hwy/foreach_target.h"
+#include "hwy/highway.h"
+
+#if DCLOTH_VECTOR_TARGET
+HWY_BEFORE_NAMESPACE();
+namespace dcloth::kernels::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+const hn::CappedTag<float, 4> d;
+const hn::CappedTag<float, 2> d2;
+using V = hn::Vec<decltype(d)>;
+
+// Reads 16 bytes, of which the last four are the next vertex's: for every vertex but the last.
+struct LoadFour {
+  static HWY_INLINE V Load(const float* p) { return hn::LoadU(d, p); }
+};
+
+// Reads 12 bytes.
+struct LoadThree {
+  static HWY_INLINE V Load(const float* p) {
+    HWY_ALIGN float lanes[4] = {p[0], p[1], p[2], 0.0f};
+    return hn::Load(d, lanes);
+  }
+};
+
+// [sum a, sum b, sum c, sum c]
+HWY_INLINE V SumLanes(V a, V b, V c) {
+  const V ab = hn::Add(hn::InterleaveLower(d, a, b), hn::InterleaveUpper(d, a, b));
+  const V cc = hn::Add(hn::InterleaveLower(d, c, c), hn::InterleaveUpper(d, c, c));
+  return hn::Add(hn::ConcatLowerLower(d, cc, ab), hn::ConcatUpperUpper(d, cc, ab));
+}
+
+template <size_t kInfluences, class Loader>
+HWY_INLINE void SkinVertex(const SkinningJob& job, size_t i, V blend) {
+  V p = Loader::Load(job.positions + 3 * i);
+  if (job.delta0 != nullptr) {
+    const V from = Loader::Load(job.delta0 + 3 * i);
+    p = hn::Add(p, hn::MulAdd(blend, hn::Sub(Loader::Load(job.delta1 + 3 * i), from), from));
+  }
+  // The fourth lane takes the translation whatever was loaded there, NaN included.
+  p = hn::IfThenElse(hn::FirstN(d, 3), p, hn::Set(d, 1.0f));
+
+  const uint8_t* bones = job.bones + i * kInfluences;
+  const float* weights = job.weights + i * kInfluences;
+  V row0 = hn::Zero(d), row1 = hn::Zero(d), row2 = hn::Zero(d);
+  for (size_t k = 0; k < kInfluences; ++k) {
+    const float* matrix = job.matrices + size_t{12} * bones[k];
+    const V weight = hn::Set(d, weights[k]);
+    row0 = hn::MulAdd(weight, hn::LoadU(d, matrix), row0);
+    row1 = hn::MulAdd(weight, hn::LoadU(d, matrix + 4), row1);
+    row2 = hn::MulAdd(weight, hn::LoadU(d, matrix + 8), row2);
+  }
+  const V out = SumLanes(hn::Mul(row0, p), hn::Mul(row1, p), hn::Mul(row2, p));
+  float* to = reinterpret_cast<float*>(reinterpret_cast<char*>(job.out) + i * job.out_stride_bytes);
+  hn::StoreU(hn::LowerHalf(d2, out), d2, to);
+  to[2] = hn::GetLane(hn::UpperHalf(d2, out));
+}
+
+template <size_t kInfluences>
+HWY_NOINLINE void SkinAll(const SkinningJob& job) {
+  if (job.vertices == 0) return;
+  const V blend = hn::Set(d, job.blend);
+  const size_t last = job.vertices - 1;
+  for (size_t i = 0; i < last; ++i) SkinVertex<kInfluences, LoadFour>(job, i, blend);
+  SkinVertex<kInfluences, LoadThree>(job, last, blend);
+}
+
+}  // namespace
+
+void Skinning(const SkinningJob& job) {
+  switch (job.influences) {
+    case 1: return SkinAll<1>(job);
+    case 2: return SkinAll<2>(job);
+    case 3: return SkinAll<3>(job);
+    case 4: return SkinAll<4>(job);
+    case 5: return SkinAll<5>(job);
+    case 6: return SkinAll<6>(job);
+    case 7: return SkinAll<7>(job);
+    case 8: return SkinAll<8>(job);
+    default: return;
+  }
+}
+
+}  // namespace dcloth::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif  // DCLOTH_VECTOR_TARGET
