@@ -7,7 +7,8 @@ import pytest
 
 from dcloth_training import safetensors_io, sequence
 from dcloth_training.motion import skeleton
-from dcloth_training.simulate import checks, clips, cloth_job, garment, mannequin, pc2, render, settings, statics
+from dcloth_training.simulate import (checks, clips, cloth_job, garment, mannequin, pc2, render,
+                                      settings, statics)
 
 
 @pytest.fixture(scope="module")

@@ -71,11 +71,8 @@ def build(job):
 
 def simulate(job):
     scene, garment = build(job)
-    air, calm = garment.modifiers["cloth"].settings.air_damping, job.get("calm", [])
     cloth, flat, began = [], None, time.time()
     for frame in range(1, job["frames"] + 1):
-        if calm:  # heavier air while a pose is being reached, see run.py
-            garment.modifiers["cloth"].settings.air_damping = air if frame > calm[0] else calm[1]
         scene.frame_set(frame)
         evaluated = garment.evaluated_get(bpy.context.evaluated_depsgraph_get())
         mesh = evaluated.to_mesh()

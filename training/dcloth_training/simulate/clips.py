@@ -44,8 +44,8 @@ LEFT_OUT = {
     "game_sit_*": "sitting: the skirt is held by the thighs alone, without a seat",
     "backflip, cartwheel, sideflip, game_spawn_air": "upside down: a skirt without "
     "self-collision turns inside out and does not come back the same way",
-    "game_melee_block*, game_ranged_* (others), game_*_idle (others), game_interact, game_use_item, "
-    "game_hit_a, stab, chop": "legs all but still or a near copy of a clip in the list",
+    "game_melee_block*, game_ranged_* (others), game_*_idle (others), game_interact, "
+    "game_use_item, game_hit_a, stab, chop": "legs all but still or a near copy of a clip in the list",
     "long_zombie, rest of long_walk2 and stealthy_walk0": "more of what is already there",
 }
 

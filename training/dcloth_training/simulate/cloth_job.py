@@ -31,15 +31,13 @@ def pin_to_hips(garment, matrices):
     return skeleton.skin(garment.vertices, weights, skeleton.bind_matrices(), matrices)
 
 
-def simulate(motion, body, garment, record, blender="blender", chosen=None, calm=None,
+def simulate(motion, body, garment, record, blender="blender", chosen=None,
              timeout_seconds=3600, log=None):
-    """Simulate `garment` on `body` through `motion` and return the frames in `record` (0-based).
-
-    calm: optional (frames, air_damping), thicker air during the first frames.
-    """
+    """Simulate `garment` on `body` through `motion` and return the frames in `record` (0-based)."""
     matrices = skeleton.joint_matrices(motion)
     keep, faces = mannequin.collider_mesh(body)
-    posed = skeleton.skin(body.vertices[keep], body.weights[keep], skeleton.bind_matrices(), matrices)
+    posed = skeleton.skin(body.vertices[keep], body.weights[keep], skeleton.bind_matrices(),
+                          matrices)
     folder = tempfile.mkdtemp(prefix="dcloth-")
     try:
         pc2.write(os.path.join(folder, "collider.pc2"), posed)
@@ -49,7 +47,7 @@ def simulate(motion, body, garment, record, blender="blender", chosen=None, calm
                  garment_vertices=pins[0], garment_faces=garment.faces, pinned=garment.pinned)
         job = {"folder": folder, "fps": int(skeleton.FPS), "frames": len(motion),
                "record": [int(f) + 1 for f in record],
-               "settings": chosen or settings.GROUND_TRUTH, "calm": list(calm or [])}
+               "settings": chosen or settings.GROUND_TRUTH}
         path = os.path.join(folder, "job.json")
         with open(path, "w") as file:
             json.dump(job, file)
@@ -59,8 +57,8 @@ def simulate(motion, body, garment, record, blender="blender", chosen=None, calm
         # The solver's parallel loops spin while they wait: beside a second worker that made a frame
         # seven times slower (5.1 instead of 0.7 s). One thread a process, one process a core.
         environment = dict(os.environ, OMP_NUM_THREADS="1")
-        done = subprocess.run(command, env=environment, stdout=log or subprocess.PIPE, stderr=subprocess.STDOUT,
-                              timeout=timeout_seconds, check=False)
+        done = subprocess.run(command, env=environment, stdout=log or subprocess.PIPE,
+                              stderr=subprocess.STDOUT, timeout=timeout_seconds, check=False)
         result = os.path.join(folder, "done.json")
         if not os.path.exists(result):
             tail = (done.stdout or b"").decode(errors="replace").strip().splitlines()[-3:]

@@ -42,7 +42,8 @@ def _half_axes(way):
     below = np.clip((way - HIP_AT) / (1 - HIP_AT), 0.0, 1.0)
     width = WAIST_HALF_WIDTH + (HIP_HALF_WIDTH - WAIST_HALF_WIDTH) * over_hips
     depth = WAIST_HALF_DEPTH + (HIP_HALF_DEPTH - WAIST_HALF_DEPTH) * over_hips
-    return width + (HEM_RADIUS - HIP_HALF_WIDTH) * below, depth + (HEM_RADIUS - HIP_HALF_DEPTH) * below
+    return (width + (HEM_RADIUS - HIP_HALF_WIDTH) * below,
+            depth + (HEM_RADIUS - HIP_HALF_DEPTH) * below)
 
 
 def skirt(radius_scale=1.0):

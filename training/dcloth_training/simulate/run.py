@@ -45,7 +45,8 @@ def make_character(path, options):
     lopsided = np.linalg.norm(drape - reflected, axis=1)
     moving = np.linalg.norm(hung.cloth[1] - hung.cloth[0], axis=1).mean()
     print(f"character: drape moves {1e3 * moving:.3f} mm a frame, lopsided by "
-          f"{1e3 * lopsided.mean():.2f} mm (mean), made symmetric; {hung.seconds:.0f} s", flush=True)
+          f"{1e3 * lopsided.mean():.2f} mm (mean), made symmetric; {hung.seconds:.0f} s",
+          flush=True)
     safetensors_io.write(path, {
         "joint_bind": skeleton.bind_matrices().astype(np.float32),
         "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces,
@@ -123,7 +124,8 @@ def tasks(options, context):
                     tour, rests = statics.tour(poses)
                     joined, frames = with_lead(tour)
                     chosen = settings.with_changes(**statics.SETTINGS)
-                    yield name, run_clip, (name, "static", joined, frames[rests], chosen, context, path)
+                    yield name, run_clip, (name, "static", joined, frames[rests], chosen,
+                                           context, path)
             continue
         for name in groups.get(word, [word]):
             path = os.path.join(options.out, "dynamic", clips.file_stem(name) + ".safetensors")
@@ -157,7 +159,8 @@ def main():
                                              "penetration_max_mm", "sunken_share", "speed_max",
                                              "settled_mm_per_frame") if k in entry}
             print(f"[{count}/{len(waiting)} {(time.time() - began) / 60:.1f} min] {entry['clip']} "
-                  f"{'REFUSED: ' + entry['refused'] if 'refused' in entry else 'done'} {numbers}", flush=True)
+                  f"{'REFUSED: ' + entry['refused'] if 'refused' in entry else 'done'} {numbers}",
+                  flush=True)
     return 1 if refused else 0
 
 
