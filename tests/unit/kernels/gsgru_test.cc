@@ -1,0 +1,109 @@
+#include "kernels/gsgru/gsgru.h"
+
+#include <memory>
+
+#include "tests/unit/kernels/gsgru_oracle.h"
+#include "tests/unit/kernels/kernel_test.h"
+
+namespace dcloth::kernels {
+namespace {
+
+using Floats = GuardedBuffer<float>;
+
+struct Graph {
+  std::vector<uint32_t> row_starts = {0};
+  std::vector<uint16_t> columns;
+  void AddRow(const std::vector<uint16_t>& neighbours) {
+    columns.insert(columns.end(), neighbours.begin(), neighbours.end());
+    row_starts.push_back(static_cast<uint32_t>(columns.size()));
+  }
+};
+
+constexpr size_t kHub = 3;
+
+// Every vertex holds itself. Every fifth is otherwise isolated, the hub touches all others, the rest have up to 8 more.
+Graph MakeGraph(size_t vertices, Random& random) {
+  Graph graph;
+  for (size_t i = 0; i < vertices; ++i) {
+    std::vector<uint16_t> row = {static_cast<uint16_t>(i)};
+    const size_t extra = i == kHub ? vertices - 1 : i % 5 == 0 ? 0 : 1 + random.Below(8);
+    for (size_t k = 0; k < extra; ++k) {
+      row.push_back(static_cast<uint16_t>(i == kHub ? (i + 1 + k) % vertices : random.Below(static_cast<uint32_t>(vertices))));
+    }
+    graph.AddRow(row);
+  }
+  return graph;
+}
+
+class GsgruTest : public KernelTest {
+ protected:
+  void Check(size_t vertices, size_t features, size_t input_width, bool embed) {
+    SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width " << input_width
+                                    << " embed " << embed);
+    Random random(static_cast<uint32_t>(vertices * 1000 + features * 10 + input_width));
+    const Graph graph = MakeGraph(vertices, random);
+    const GuardedBuffer<uint32_t> row_starts(graph.row_starts);
+    const GuardedBuffer<uint16_t> columns(graph.columns);
+    const auto weights = [&](size_t rows, size_t cols) {
+      const float size = 1.0f / std::sqrt(static_cast<float>(rows));
+      return std::make_unique<Floats>(random.Floats(rows * cols, -size, size), Place::kAligned64);
+    };
+    const size_t w = input_width, F = features, stride = GsgruInputStride(w);
+    Floats x(vertices * stride, Place::kAligned64);
+    for (size_t i = 0; i < x.size(); ++i) {
+      if (i % stride < w) x[i] = random.Uniform(-1.5f, 1.5f);  // the padding stays NaN
+    }
+    const auto input_gates = weights(w, 3 * F), gate_bias = weights(1, 3 * F), hidden_gates = weights(F, 2 * F),
+               candidate = weights(F, F), output = weights(F, F), output_bias = weights(1, F), gain = weights(1, F),
+               offset = weights(1, F), embedding = weights(F, 1);
+    const std::vector<float> before = random.Floats(GsgruStateFloats(vertices, F), -1.0f, 1.0f);
+    Floats state(before, Place::kAligned64), scratch(GsgruScratchFloats(F), Place::kAligned64);
+    Floats next_x(vertices * F, Place::kAligned64), s(vertices);
+    const GsgruJob job = {x.data(), row_starts.data(), columns.data(), input_gates->data(), gate_bias->data(),
+                          hidden_gates->data(), candidate->data(), output->data(), output_bias->data(), gain->data(),
+                          offset->data(), embed ? embedding->data() : nullptr, state.data(),
+                          embed ? nullptr : next_x.data(), embed ? s.data() : nullptr, scratch.data(), vertices, w, F,
+                          0.25f, 0.125f};
+    table().gsgru(job);
+
+    ASSERT_TRUE(state.SlackUntouched() && scratch.SlackUntouched() && next_x.SlackUntouched() && s.SlackUntouched());
+    double widest = 0;
+    for (size_t i = 0; i < vertices; ++i) {
+      const GsgruExpected expected = ExpectGsgru(job, i, before.data() + i * F);
+      for (size_t f = 0; f < F; ++f) {
+        ASSERT_LE(std::fabs(state[i * F + f] - expected.state[f].value), expected.state[f].error) << "h' " << i << " " << f;
+        if (!embed) {
+          ASSERT_LE(std::fabs(next_x[i * F + f] - expected.next_x[f].value), expected.next_x[f].error) << i << " " << f;
+        }
+        if (i != kHub) widest = std::max(widest, expected.state[f].error);
+      }
+      if (embed) {
+        ASSERT_LE(std::fabs(s[i] - expected.s.value), expected.s.error) << "s " << i;
+      }
+    }
+    ASSERT_LE(widest, 1e-4) << "the bound has become too wide to test anything";
+  }
+};
+DCLOTH_TEST_EVERY_TABLE(GsgruTest);
+
+TEST_P(GsgruTest, EveryVertexCount) {
+  for (size_t vertices = 1; vertices <= 70; ++vertices) {
+    Check(vertices, 8, vertices % 2 == 0 ? 8 : 3, vertices % 3 == 0);
+    Check(vertices, 16, vertices % 2 == 0 ? 3 : 16, vertices % 3 == 1);
+  }
+}
+
+TEST_P(GsgruTest, EveryFeatureWidth) {
+  for (size_t features = 8; features <= kGsgruMaxFeatures; features += 8) {
+    for (size_t vertices : {1, 5, 16, 19}) {
+      Check(vertices, features, features, false);
+      Check(vertices, features, 3, false);
+      Check(vertices, features, features, true);
+    }
+  }
+}
+
+TEST_P(GsgruTest, LargeGraph) { Check(1021, 32, 32, false); }
+
+}  // namespace
+}  // namespace dcloth::kernels

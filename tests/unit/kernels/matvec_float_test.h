@@ -1,0 +1,73 @@
+// The f32 and f16 products against plain loops in double.
+#ifndef DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
+#define DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
+
+#include "kernels/matvec/matvec_pack.h"
+#include "tests/unit/kernels/kernel_test.h"
+
+namespace dcloth::kernels {
+
+struct MatvecCase {
+  size_t rows;
+  size_t columns;
+  size_t row_begin;
+  size_t row_count;
+  bool bias;
+  bool relu;
+};
+
+// Format: Weight, Job, Pack(source, shape, packed), Decode(weight) and Run(table, job).
+template <typename Format>
+void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
+  SCOPED_TRACE(testing::Message() << table.name << " rows " << c.rows << " columns " << c.columns << " from "
+                                  << c.row_begin << " count " << c.row_count << " relu " << c.relu);
+  Random random(static_cast<uint32_t>(c.rows * 131 + c.columns));
+  const std::vector<float> source = random.Floats(c.rows * c.columns, -1.0f, 1.0f);
+  GuardedBuffer<typename Format::Weight> weights(PanelElements(c.rows, c.columns), Place::kAligned64);
+  Format::Pack(source.data(), {c.rows, c.columns, c.columns, 1}, weights.data());
+  const GuardedBuffer<float> x(random.Floats(c.row_count, -1.0f, 1.0f));
+  const size_t padded = PaddedColumns(c.columns);
+  const GuardedBuffer<float> bias(random.Floats(padded, -1.0f, 1.0f));
+  // One float of slack in front of the guard page misaligns y.
+  GuardedBuffer<float> y(padded + 1);
+
+  const float* bias_data = c.bias ? bias.data() : nullptr;
+  Format::Run(table, {x.data(), weights.data(), bias_data, y.data(), c.rows, c.row_begin, c.row_count,
+                      PanelCount(c.columns), c.relu});
+
+  ASSERT_TRUE(std::isnan(y[padded]));
+  ASSERT_TRUE(weights.SlackUntouched() && y.SlackUntouched());
+  for (size_t column = 0; column < padded; ++column) {
+    double exact = c.bias ? bias[column] : 0.0;
+    double magnitude = std::fabs(exact);
+    for (size_t j = 0; column < c.columns && j < c.row_count; ++j) {
+      const double product = double{x[j]} * Format::Decode(source[(c.row_begin + j) * c.columns + column]);
+      exact += product;
+      magnitude += std::fabs(product);
+    }
+    // Rectifying cannot enlarge an error. Below float's range products lose at most half its smallest step each.
+    if (c.relu) exact = std::max(exact, 0.0);
+    const double bound = Gamma(static_cast<double>(c.row_count) + 1) * magnitude + 0x1p-150 * static_cast<double>(c.row_count);
+    ASSERT_LE(std::fabs(y[column] - exact), bound) << "column " << column;
+  }
+}
+
+template <typename Format>
+void CheckMatvecSizes(const KernelTable& table) {
+  for (size_t size : InterestingSizes()) {
+    CheckMatvec<Format>(table, {size, 33, 0, size, true, false});
+    CheckMatvec<Format>(table, {37, size, 0, 37, false, true});
+  }
+  CheckMatvec<Format>(table, {128, 3 * 521, 0, 128, true, true});
+}
+
+template <typename Format>
+void CheckMatvecRowSubsets(const KernelTable& table) {
+  for (size_t begin : {0, 1, 2, 7, 16}) {
+    for (size_t count : {0, 1, 2, 3, 8, 15}) CheckMatvec<Format>(table, {31, 65, begin, count, count % 2 == 0, false});
+  }
+}
+
+}  // namespace dcloth::kernels
+
+#endif  // DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
