@@ -156,8 +156,11 @@ HWY_INLINE void UpdateAndOutput(D d, const GsgruJob& job, float* HWY_RESTRICT h,
   }
 }
 
-template <class D>
-HWY_NOINLINE void RunLayer(D d, const GsgruJob& job) {
+// A width known to the compiler unrolls the products; 0 takes the job's. The copy lets the constant reach every stage.
+template <size_t kFeatures, class D>
+HWY_NOINLINE void RunLayer(D d, const GsgruJob& caller_job) {
+  GsgruJob job = caller_job;
+  if (kFeatures != 0) job.features = kFeatures;
   const size_t tile = kGsgruBlock * job.features;
   const Tiles tiles = {job.scratch, job.scratch + tile, job.scratch + 2 * tile, job.scratch + 3 * tile};
   for (size_t first = 0; first < job.vertices; first += kGsgruBlock) {
@@ -176,10 +179,13 @@ HWY_NOINLINE void RunLayer(D d, const GsgruJob& job) {
 
 void Gsgru(const GsgruJob& job) {
   // Only 16-lane vectors can fail to divide a multiple of 8.
-  if (job.features % HWY_LANES(float) == 0) {
-    RunLayer(hn::ScalableTag<float>(), job);
-  } else {
-    RunLayer(hn::CappedTag<float, 8>(), job);
+  const hn::CappedTag<float, 8> d8;
+  const hn::ScalableTag<float> d;
+  switch (job.features) {
+    case 8: return RunLayer<8>(d8, job);
+    case 16: return RunLayer<16>(d, job);
+    case 32: return RunLayer<32>(d, job);
+    default: return job.features % HWY_LANES(float) == 0 ? RunLayer<0>(d, job) : RunLayer<0>(d8, job);
   }
 }
 

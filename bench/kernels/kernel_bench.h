@@ -1,0 +1,97 @@
+// What the kernel benches share: aligned random data, a cache eviction, one benchmark per instruction set, and counters.
+//
+// "cold" runs empty the caches before every call, because in a game everything else of the frame did. Report medians:
+//   bench_matvec --benchmark_repetitions=9 --benchmark_report_aggregates_only
+#ifndef DCLOTH_BENCH_KERNELS_KERNEL_BENCH_H_
+#define DCLOTH_BENCH_KERNELS_KERNEL_BENCH_H_
+
+#include <benchmark/benchmark.h>
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "kernels/kernels.h"
+
+namespace dcloth::kernels {
+
+// Zeros, starting on 64 bytes.
+template <typename T>
+class AlignedArray {
+ public:
+  explicit AlignedArray(size_t count) : count_(count), storage_(count + 64 / sizeof(T)) {
+    const size_t past = reinterpret_cast<uintptr_t>(storage_.data()) % 64;
+    data_ = storage_.data() + (past == 0 ? 0 : (64 - past) / sizeof(T));
+  }
+  AlignedArray(AlignedArray&&) = default;
+  T* data() { return data_; }
+  size_t size() const { return count_; }
+  T& operator[](size_t i) { return data_[i]; }
+
+ private:
+  size_t count_;
+  std::vector<T> storage_;
+  T* data_;
+};
+
+inline AlignedArray<float> RandomFloats(size_t count, float low, float high, uint32_t seed = 1) {
+  std::mt19937 engine(seed);
+  std::uniform_real_distribution<float> distribution(low, high);
+  AlignedArray<float> values(count);
+  for (size_t i = 0; i < count; ++i) values[i] = distribution(engine);
+  return values;
+}
+
+// Larger than the last-level cache of the machines at hand (32 MB).
+inline void EvictCaches() {
+  static AlignedArray<uint8_t> junk(96u << 20);
+  static uint8_t value = 0;
+  ++value;
+  for (size_t i = 0; i < junk.size(); i += 64) junk[i] = value;
+  benchmark::ClobberMemory();
+}
+
+// Times `call`; `bytes` are what it must read and write, `flops` what it computes (a multiply-add counts two).
+inline void Measure(benchmark::State& state, bool cold, double bytes, double flops, double max_error,
+                    const std::function<void()>& call) {
+  using Clock = std::chrono::steady_clock;
+  double seconds = 0;
+  call();
+  for (auto _ : state) {
+    if (cold) EvictCaches();
+    const auto begin = Clock::now();
+    call();
+    benchmark::ClobberMemory();
+    const double elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
+    state.SetIterationTime(elapsed);
+    seconds += elapsed;
+  }
+  const double calls = static_cast<double>(state.iterations());
+  state.counters["GB/s"] = bytes * calls / seconds * 1e-9;
+  if (flops > 0) state.counters["GFLOP/s"] = flops * calls / seconds * 1e-9;
+  state.counters["max_error"] = max_error;
+}
+
+// Registers `run(state, table, cold)` for every instruction set, warm and cold.
+template <typename Run>
+void ForEveryTable(const std::string& name, Run run) {
+  for (size_t i = 0; i < KernelTableCount(); ++i) {
+    const KernelTable* table = KernelTableAt(i);
+    for (const bool cold : {false, true}) {
+      const std::string full = name + "/" + table->name + (cold ? "/cold" : "/warm");
+      auto* registered = benchmark::RegisterBenchmark(
+          full.c_str(), [=](benchmark::State& state) { run(state, *table, cold); });
+      registered->UseManualTime()->Unit(benchmark::kMicrosecond);
+      // Cold calls spend their time in the eviction, so their number is fixed instead of grown to fill half a second.
+      if (cold) registered->Iterations(25);
+    }
+  }
+}
+
+}  // namespace dcloth::kernels
+
+#endif  // DCLOTH_BENCH_KERNELS_KERNEL_BENCH_H_
