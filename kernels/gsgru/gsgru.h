@@ -20,7 +20,7 @@ constexpr size_t kGsgruBlock = 16;
 // and may hold anything.
 constexpr size_t GsgruInputStride(size_t input_width) { return input_width == 3 ? 4 : input_width; }
 
-// Floats of recurrent state of one layer. Zero is a reset; otherwise opaque, and the same on every instruction set.
+// Floats of recurrent state of one layer: [padded vertices, F], the same on every instruction set. Zero is a reset.
 constexpr size_t GsgruStateFloats(size_t vertices, size_t features) {
   return (vertices + kGsgruBlock - 1) / kGsgruBlock * kGsgruBlock * features;
 }

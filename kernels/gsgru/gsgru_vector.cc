@@ -2,7 +2,8 @@
 //
 // Lanes over features read weights as they lie in the model and need no transposition; a product tile of 4 vertices by 3
 // vectors takes 7 loads for 12 multiply-adds. Each stage runs over the whole block, columns outside and vertices inside, so
-// that a column of weights comes to L1 once for 16 vertices. The only horizontal sums are in gsgru_norm-inl.h.
+// that a column of weights comes to L1 once for 16 vertices. Rejected: tiles of 6 by 2 over blocks of 24 (Zen 3: no gain at
+// any width). The only horizontal sums are in gsgru_norm-inl.h.
 #include "kernels/simd.h"
 
 #include "kernels/gsgru/gsgru.h"
@@ -181,7 +182,7 @@ void Gsgru(const GsgruJob& job) {
   // Only 16-lane vectors can fail to divide a multiple of 8.
   const hn::CappedTag<float, 8> d8;
   const hn::ScalableTag<float> d;
-  switch (job.features) {
+  switch (HWY_TARGET == HWY_SSE4 ? 0 : job.features) {  // old CPUs are not worth 20 KB
     case 8: return RunLayer<8>(d8, job);
     case 16: return RunLayer<16>(d, job);
     case 32: return RunLayer<32>(d, job);
