@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dcloth_training import safetensors_io, sequence
-from dcloth_training.motion import skeleton
+from dcloth_training.motion import procedural, skeleton
 from dcloth_training.simulate import (checks, clips, cloth_job, garment, mannequin, pc2, render,
                                       settings, statics)
 
@@ -84,6 +84,7 @@ def test_settings_change_one_value_and_refuse_unknown():
 def test_clip_lists_hold_nothing_out_twice():
     assert len(set(clips.training())) == len(clips.training()) == len(clips.PROCEDURAL + clips.RECORDED)
     assert not set(clips.HELD_OUT) & set(clips.training())
+    assert {c.split("/")[1] for c in clips.PROCEDURAL} == set(procedural.TRAINING)
     for name in clips.HELD_OUT:
         assert all(not c.startswith(name.split("@")[0] + "@") for c in clips.training())
     motion = clips.load("procedural/demo_sway_spin")

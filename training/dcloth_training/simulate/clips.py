@@ -13,11 +13,15 @@ EASE_FRAMES = 12
 
 HELD_OUT = ["procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run",
             "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1"]
-PROCEDURAL = [f"procedural/{name}" for name in procedural.TRAINING]
 # Ordered by how much a skirt's model needs them; a batch may be stopped anywhere.
+PROCEDURAL = [f"procedural/{name}" for name in (
+    "walk_start_stop", "spin_left", "sway_wide", "walk_left_turns", "jumps", "walk_weave",
+    "run_start_stop", "hula_twist", "spin_both_ways", "jog_turns", "walk_slow_fast", "run_fast",
+    "side_steps", "crouch_walk", "walk_about_turn", "dodges", "kicks", "walk_back_and_forth",
+    "run_turn_walk", "walk_swagger")]
 RECORDED = [
-    "mocap/walk", "game/game_walking_a", "game/game_running_a", "mocap/long_walk2",
-    "game/game_running_strafe_left", "mocap/spin", "mocap/dance_spin", "game/game_dodge_right",
+    "mocap/walk", "game/game_running_a", "game/game_walking_a", "mocap/long_walk2",
+    "mocap/dance_spin", "game/game_running_strafe_left", "mocap/spin", "game/game_dodge_right",
     "mocap/jump", "game/game_walking_backwards", "mocap/stealthy_walk", "game/game_sneaking",
     "game/game_dodge_forward", "game/game_melee_2h_attack_spinning", "mocap/punch",
     "game/game_jump_full_short", "mocap/spinkick", "game/game_melee_unarmed_attack_kick",
