@@ -7,6 +7,9 @@
  * untrusted: dcloth_model_open checks everything the run path relies on, in every build. Any number of cloths may share
  * one model; calls on different cloths may run on different threads at once, calls on one cloth may not.
  *
+ * Every struct_size is at least sizeof of the struct in this header; a larger one, of a later header, is accepted.
+ * Any weights pass dcloth_model_open, even NaN: they give NaN vertices until the next reset, never a fault.
+ *
  * Units: metres, seconds, radians. Right-handed, +Y up. Matrices act on column vectors. SIZE is bytes, COUNT elements.
  */
 #ifndef DCLOTH_DCLOTH_H_
@@ -47,7 +50,7 @@ enum {
   DCLOTH_ERROR_FORMAT = 4,     /* not a .dcloth file, truncated, or structurally broken */
   DCLOTH_ERROR_VERSION = 5,    /* a .dcloth file of another major version */
   DCLOTH_ERROR_SEMANTICS = 6,  /* structure intact, content impossible: shapes, indices, scales, ranges */
-  DCLOTH_ERROR_POSE = 7        /* NaN, infinity or a wrong joint count in the pose; the state is untouched */
+  DCLOTH_ERROR_POSE = 7        /* NaN, infinity, a magnitude above 1e9 or a wrong joint count; the state is untouched */
 };
 
 /* What went wrong, in words: field, found, allowed, mend. Filled only on failure; owned by the caller; may be null
@@ -62,7 +65,8 @@ typedef struct dcloth_error {
 typedef struct dcloth_model dcloth_model; /* read-only view of model bytes */
 typedef struct dcloth_cloth dcloth_cloth; /* one garment on one character: recurrent state and displacement */
 
-/* Which stages run. A later stage needs the ones before it. */
+/* Which stages run. A later stage needs the ones before it. Fewer stages are a level of detail: they may change from tick
+ * to tick, the change is blended like any motion, and a stage that rested for a tick starts from zero state. */
 enum {
   DCLOTH_STAGES_STATIC = 1,
   DCLOTH_STAGES_SKELETON = 3,
@@ -91,7 +95,8 @@ typedef struct dcloth_pose {
   uint32_t column_major;         /* 0: rows are contiguous; 1: columns are contiguous */
 } dcloth_pose;
 
-/* Where vertices go. Each vertex is three floats; stride_bytes is the distance between vertices, at least 12. */
+/* Where vertices go. Each vertex is three floats; stride_bytes is the distance between vertices: at least 12, a
+ * multiple of 4. Only those twelve bytes of a vertex are read and written. */
 typedef struct dcloth_output {
   uint32_t struct_size;          /* set to sizeof(dcloth_output) */
   uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count */
@@ -136,7 +141,8 @@ DCLOTH_API dcloth_status dcloth_isa_select(const char* name);
 DCLOTH_API size_t dcloth_model_storage_size(void);
 
 /* Checks model bytes and opens a view of them. `bytes` and `storage` stay the caller's and must outlive the model; both
- * start on DCLOTH_ALIGNMENT. On failure *model is untouched.
+ * start on DCLOTH_ALIGNMENT; `size` is that of the whole file, a multiple of DCLOTH_ALIGNMENT. On failure *model is
+ * untouched.
  * Memory: storage only. Thread: any. Errors: ARGUMENT, ALIGNMENT, MEMORY, FORMAT, VERSION, SEMANTICS.
  * Cost: one pass over indices, scales and biases; weights are not touched. */
 DCLOTH_API dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, size_t storage_size,
@@ -167,7 +173,8 @@ DCLOTH_API dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pos
                                            dcloth_timer* timer);
 
 /* Skins the garment with the pose that is drawn. `blend` in [0, 1] goes from the displacement of the tick before the last
- * one (0) to the last one (1). A refused pose leaves the outputs untouched.
+ * one (0) to the last one (1); after a single tick both are that one, before any tick it is zero. Positions and normals may
+ * interleave in one vertex buffer. A refused pose leaves the outputs untouched.
  * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: skinning, and normals when asked for. */
 DCLOTH_API dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend,
                                            const dcloth_output* output, dcloth_timer* timer);

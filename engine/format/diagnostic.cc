@@ -1,0 +1,75 @@
+#include "engine/format/diagnostic.h"
+
+#include <cstddef>
+
+namespace dcloth::format {
+
+Text& Text::Add(const char* text) {
+  for (; *text != '\0' && left_ > 1; ++text, --left_) *out_++ = *text;
+  *out_ = '\0';
+  return *this;
+}
+
+Text& Text::Add(uint64_t value) {
+  char digits[21];
+  char* first = digits + sizeof(digits) - 1;
+  *first = '\0';
+  do {
+    *--first = static_cast<char>('0' + value % 10);
+    value /= 10;
+  } while (value != 0);
+  return Add(first);
+}
+
+Text& Text::Add(const Path& path) {
+  if (path.parent != nullptr) Add(*path.parent);
+  if (path.name != nullptr) {
+    if (path.parent != nullptr) Add(".");
+    Add(path.name);
+  }
+  if (path.index != Path::kNoIndex) Add("[").Add(static_cast<uint64_t>(path.index)).Add("]");
+  return *this;
+}
+
+Text& Text::AddNumber(double value) {
+  if (value != value) return Add("NaN");
+  if (value < 0) Add("-");
+  double magnitude = value < 0 ? -value : value;
+  if (magnitude > 1.7e308) return Add("infinity");
+  uint64_t down = 0, up = 0;  // decimal places moved, so that magnitude lies in [1, 10) or is 0
+  while (magnitude >= 10) magnitude /= 10, ++down;
+  while (magnitude > 0 && magnitude < 1) magnitude *= 10, ++up;
+  const auto scaled = static_cast<uint64_t>(magnitude * 100000 + 0.5);
+  Add(scaled / 100000).Add(".");
+  for (uint64_t place = 10000, rest = scaled % 100000; place != 0; rest %= place, place /= 10) Add(rest / place);
+  if (down != 0) return Add("e").Add(down);
+  if (up != 0) return Add("e-").Add(up);
+  return *this;
+}
+
+Diagnostic::Diagnostic(dcloth_error* error)
+    : error_(error != nullptr && error->struct_size >= sizeof(dcloth_error) ? error : nullptr) {}
+
+bool Diagnostic::Fail(dcloth_status status, uint64_t offset, const Path* path, const char* found, const char* allowed,
+                      const char* fix) {
+  if (status_ != DCLOTH_OK) return false;
+  status_ = status;
+  if (error_ == nullptr) return false;
+  error_->status = status;
+  error_->offset_bytes = offset;
+  Text text(error_->text, sizeof(error_->text));
+  text.Add("");
+  if (path != nullptr) text.Add(*path).Add(": ");
+  text.Add("found ").Add(found).Add("; allowed: ").Add(allowed);
+  if (*fix != '\0') text.Add("; ").Add(fix);
+  return false;
+}
+
+bool Diagnostic::FailCount(dcloth_status status, uint64_t offset, const Path* path, uint64_t found, const char* unit,
+                           const char* allowed, const char* fix) {
+  char number[64];
+  Text(number, sizeof(number)).Add(found).Add(unit);
+  return Fail(status, offset, path, number, allowed, fix);
+}
+
+}  // namespace dcloth::format

@@ -1,0 +1,233 @@
+// The tables come in the order in which sizes follow from each other.
+#include "engine/format/verify_content.h"
+
+#include <cstring>
+
+#include "engine/format/scan.h"
+#include "kernels/skinning/skinning.h"
+
+namespace dcloth::format {
+namespace {
+
+uint32_t PaddedToEven(uint32_t count) { return count + (count & 1u); }
+
+bool VerifyGarment(const Garment& garment, Checker* check, ModelView* view) {
+  const Path path = {nullptr, "garment"};
+  const uint32_t n = garment.vertices();
+  if (!check->Name({&path, "name"}, garment.name()) ||
+      !check->Count({&path, "vertices"}, &garment, n, kMinVertices, kMaxVertices)) {
+    return false;
+  }
+  view->name = garment.name()->c_str();
+  view->vertex_count = n;
+  const Path faces = {&path, "faces"};
+  return check->Floats({&path, "template_positions"}, garment.template_positions(), {n, 3}, &view->template_positions) &&
+         check->Dimension(faces, garment.faces(), 0, 1, kMaxTriangles, &view->triangle_count) &&
+         check->Indices(faces, garment.faces(), {view->triangle_count, 3}, n, &view->faces);
+}
+
+bool VerifyJointNames(const Character& character, Checker* check) {
+  const Path parent = {nullptr, "character"};
+  const auto& names = *character.joint_names();
+  if (!check->Count({&parent, "joint_names.length"}, &names, names.size(), 1, kMaxJoints)) return false;
+  for (uint32_t i = 0; i < names.size(); ++i) {
+    const Path path = {&parent, "joint_names", i};
+    if (!check->Name(path, names.Get(i))) return false;
+    for (uint32_t j = 0; j < i; ++j) {
+      if (std::strcmp(names.Get(j)->c_str(), names.Get(i)->c_str()) == 0) {
+        return check->Fail(path, names.Get(i), "the name of an earlier joint", "names that differ");
+      }
+    }
+  }
+  return true;
+}
+
+bool VerifyCharacter(const Character& character, Checker* check, ModelView* view) {
+  const Path path = {nullptr, "character"};
+  if (!VerifyJointNames(character, check)) return false;
+  view->joint_names = character.joint_names();
+  view->joint_count = character.joint_names()->size();
+  view->hips = character.hips();
+  if (view->hips >= view->joint_count) {
+    return check->FailCount({&path, "hips"}, &character, view->hips, "", "an index into character.joint_names");
+  }
+  return check->Floats({&path, "inverse_bind"}, character.inverse_bind(), {view->joint_count, 12}, &view->inverse_bind);
+}
+
+bool VerifyFeatures(const Features& features, Checker* check, ModelView* model) {
+  const Path path = {nullptr, "features"};
+  FeaturesView* view = &model->features;
+  view->root_motion = features.root_motion();
+  if (!check->Joints({&path, "joints"}, features.joints(), view->root_motion ? 0 : 1, model->joint_count)) return false;
+  view->joints = features.joints()->data();
+  view->joint_count = features.joints()->size();
+  view->length = kFeaturesPerJoint * view->joint_count + (view->root_motion ? kRootFeatures : 0);
+  const Shape shape = {view->length};
+  if (!check->Floats({&path, "mean"}, features.mean(), shape, &view->mean) ||
+      !check->Floats({&path, "inverse_deviation"}, features.inverse_deviation(), shape, &view->inverse_deviation) ||
+      !check->Floats({&path, "low"}, features.low(), shape, &view->low) ||
+      !check->Floats({&path, "high"}, features.high(), shape, &view->high)) {
+    return false;
+  }
+  for (uint32_t i = 0; i < view->length; ++i) {
+    if (view->low[i] > view->high[i]) {
+      return check->FailElement({&path, "low"}, view->low, i, sizeof(float), "a bound above features.high", "low <= high");
+    }
+  }
+  return true;
+}
+
+bool VerifyStaticStage(const StaticStage& stage, Checker* check, ModelView* model) {
+  const Path path = {nullptr, "static_stage"};
+  StaticStageView* view = &model->static_stage;
+  if (!check->Joints({&path, "bones"}, stage.bones(), 1, model->joint_count)) return false;
+  view->bones = stage.bones()->data();
+  view->bone_count = stage.bones()->size();
+  view->influences = stage.influences();
+  if (!check->Count({&path, "influences"}, &stage, view->influences, 1, kernels::kMaxInfluences)) return false;
+  const uint32_t n = model->vertex_count, m = view->bone_count;
+  const Shape influences = {n, view->influences};
+  const Path hidden = {&path, "hidden"};
+  const float* pivots = nullptr;  // the run path needs only their increments, see skinning.h
+  uint32_t width = 0;
+  return check->Floats({&path, "pivots"}, stage.pivots(), {m, 3}, &pivots) &&
+         check->Dimension({&hidden, "weights"}, stage.hidden()->weights(), 1, 1, kMaxWidth, &width) &&
+         check->Linear(hidden, stage.hidden(), model->features.length, width, &view->hidden) &&
+         check->Linear({&path, "increments"}, stage.increments(), width, 3 * m, &view->increments) &&
+         check->Indices({&path, "influence_bones"}, stage.influence_bones(), influences, m, &view->influence_bones) &&
+         check->WeightRows({&path, "influence_weights"}, stage.influence_weights(), influences, &view->influence_weights);
+}
+
+bool VerifySkeletonStage(const SkeletonStage& stage, Checker* check, ModelView* model) {
+  const Path path = {nullptr, "skeleton_stage"};
+  SkeletonStageView* view = &model->skeleton_stage;
+  const Path hidden = {&path, "hidden"};
+  uint32_t units = 0;
+  if (!check->Dimension({&hidden, "weights"}, stage.hidden()->weights(), 0, 1, kMaxCoefficients, &units) ||
+      !check->Linear({&path, "input"}, stage.input(), model->features.length, 3 * units, &view->input) ||
+      !check->Linear(hidden, stage.hidden(), units, 3 * units, &view->hidden)) {
+    return false;
+  }
+  view->units = units;
+  return true;
+}
+
+// Rows of the mesh graph: none empty, as each holds its own vertex, and all inside `columns`.
+bool VerifyGraph(const MeshStage& stage, Checker* check, ModelView* model) {
+  const Path parent = {nullptr, "mesh_stage"};
+  const Path path = {&parent, "row_starts"};
+  MeshStageView* view = &model->mesh_stage;
+  const uint32_t n = model->vertex_count;
+  if (!check->Words(path, stage.row_starts(), {n + 1}, &view->row_starts)) return false;
+  const uint32_t* starts = view->row_starts;
+  if (starts[0] != 0) return check->FailElement(path, starts, 0, sizeof(uint32_t), "a first row that starts late", "0");
+  const size_t bad = FindNotRising(starts, n);
+  if (bad != n) {
+    return check->FailElement(path, starts, bad + 1, sizeof(uint32_t), "a start not above the one before",
+                              "rising starts: every vertex is its own neighbour");
+  }
+  const Path last = {&path, nullptr, n};
+  return check->Count(last, starts + n, starts[n], n, kMaxEdges) &&
+         check->Indices({&parent, "columns"}, stage.columns(), {starts[n]}, n, &view->columns);
+}
+
+bool VerifyLayer(const MeshLayer& layer, const Path& path, uint32_t input_width, uint32_t width, Checker* check,
+                 MeshLayerView* view) {
+  view->prelu_slope = layer.prelu_slope();
+  return check->Floats({&path, "input_gates"}, layer.input_gates(), {input_width, 3 * width}, &view->input_gates) &&
+         check->Floats({&path, "gate_bias"}, layer.gate_bias(), {3 * width}, &view->gate_bias) &&
+         check->Floats({&path, "hidden_gates"}, layer.hidden_gates(), {width, 2 * width}, &view->hidden_gates) &&
+         check->Floats({&path, "hidden_candidate"}, layer.hidden_candidate(), {width, width}, &view->hidden_candidate) &&
+         check->Floats({&path, "output"}, layer.output(), {width, width}, &view->output) &&
+         check->Floats({&path, "output_bias"}, layer.output_bias(), {width}, &view->output_bias) &&
+         check->Floats({&path, "norm_gain"}, layer.norm_gain(), {width}, &view->norm_gain) &&
+         check->Floats({&path, "norm_offset"}, layer.norm_offset(), {width}, &view->norm_offset) &&
+         check->Finite({&path, "prelu_slope"}, &layer, view->prelu_slope);
+}
+
+bool VerifyLayers(const MeshStage& stage, Checker* check, MeshStageView* view) {
+  const Path path = {nullptr, "mesh_stage"};
+  const uint32_t width = stage.feature_width();
+  if (!check->Count({&path, "feature_width"}, &stage, width, kFeatureWidthStep, kMaxFeatureWidth)) return false;
+  if (width % kFeatureWidthStep != 0) {
+    return check->FailCount({&path, "feature_width"}, &stage, width, "", "multiples of 8");
+  }
+  view->feature_width = width;
+  view->layer_count = stage.layers()->size();
+  if (!check->Count({&path, "layers.length"}, stage.layers(), view->layer_count, 1, kMaxLayers)) return false;
+  for (uint32_t l = 0; l < view->layer_count; ++l) {
+    const Path layer = {&path, "layers", l};
+    if (!VerifyLayer(*stage.layers()->Get(l), layer, l == 0 ? 3 : width, width, check, &view->layers[l])) return false;
+  }
+  view->embed_bias = stage.embed_bias();
+  return check->Floats({&path, "embed"}, stage.embed(), {width}, &view->embed) &&
+         check->Finite({&path, "embed_bias"}, &stage, view->embed_bias);
+}
+
+bool VerifyMeshStage(const MeshStage& stage, Checker* check, ModelView* model) {
+  const Path path = {nullptr, "mesh_stage"};
+  MeshStageView* view = &model->mesh_stage;
+  view->body_influences = stage.body_influences();
+  if (!check->Count({&path, "body_influences"}, &stage, view->body_influences, 1, kernels::kMaxInfluences)) return false;
+  const uint32_t n = model->vertex_count;
+  const Shape influences = {n, view->body_influences};
+  const Path hidden = {&path, "hidden"}, coefficients = {&path, "coefficients"};
+  uint32_t width = 0, basis = 0;
+  return check->Floats({&path, "body_points"}, stage.body_points(), {n, 3}, &view->body_points) &&
+         check->Indices({&path, "body_joints"}, stage.body_joints(), influences, model->joint_count, &view->body_joints) &&
+         check->WeightRows({&path, "body_weights"}, stage.body_weights(), influences, &view->body_weights) &&
+         check->Floats({&path, "input_mean"}, stage.input_mean(), {3}, &view->input_mean) &&
+         check->Floats({&path, "input_inverse_deviation"}, stage.input_inverse_deviation(), {3},
+                       &view->input_inverse_deviation) &&
+         VerifyGraph(stage, check, model) && VerifyLayers(stage, check, view) &&
+         check->Dimension({&hidden, "weights"}, stage.hidden()->weights(), 1, 1, kMaxWidth, &width) &&
+         check->Linear(hidden, stage.hidden(), n, width, &view->hidden) &&
+         check->Dimension({&coefficients, "weights"}, stage.coefficients()->weights(), 1, 1, kMaxCoefficients, &basis) &&
+         check->Linear(coefficients, stage.coefficients(), width, basis, &view->coefficients);
+}
+
+bool VerifyDisplacement(const Model& model, Checker* check, ModelView* view) {
+  const Path path = {nullptr, "displacement"};
+  const Displacement* displacement = model.displacement();
+  const uint32_t skeleton_rows = PaddedToEven(view->skeleton_stage.units);
+  const uint32_t mesh_rows = PaddedToEven(view->mesh_stage.coefficients.columns);
+  const uint32_t found_skeleton = displacement != nullptr ? displacement->skeleton_rows() : 0;
+  const uint32_t found_mesh = displacement != nullptr ? displacement->mesh_rows() : 0;
+  const void* place = displacement != nullptr ? static_cast<const void*>(displacement) : &model;
+  if (!check->Count({&path, "skeleton_rows"}, place, found_skeleton, skeleton_rows, skeleton_rows) ||
+      !check->Count({&path, "mesh_rows"}, place, found_mesh, mesh_rows, mesh_rows)) {
+    return false;
+  }
+  view->displacement.skeleton_rows = skeleton_rows;
+  view->displacement.mesh_rows = mesh_rows;
+  const Path basis_path = {&path, "basis"};
+  const Linear* basis = displacement != nullptr ? displacement->basis() : nullptr;
+  if (skeleton_rows == 0) return basis == nullptr || check->Fail(basis_path, basis, "a basis", "none without a skeleton stage");
+  if (basis == nullptr) return check->Fail(basis_path, place, "no basis", "one, as there is a skeleton stage");
+  if (basis->bias() != nullptr) return check->Fail({&basis_path, "bias"}, basis, "a bias", "a basis without bias");
+  return check->Linear(basis_path, basis, skeleton_rows + mesh_rows, 3 * view->vertex_count, &view->displacement.basis);
+}
+
+}  // namespace
+
+bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
+  view->format_major = model.format_major();
+  view->format_minor = model.format_minor();
+  view->precision = model.precision() != nullptr ? model.precision()->c_str() : "";
+  view->tick_rate = model.tick_rate();
+  if (!(view->tick_rate > 0.0f && view->tick_rate <= kMaxTickRate)) {
+    char found[48];
+    Text(found, sizeof(found)).AddNumber(static_cast<double>(view->tick_rate)).Add(" Hz");
+    return check->Fail({nullptr, "tick_rate"}, &model, found, "above 0, up to 1000 Hz");
+  }
+  if (model.mesh_stage() != nullptr && model.skeleton_stage() == nullptr) {
+    return check->Fail({nullptr, "mesh_stage"}, model.mesh_stage(), "a mesh stage alone", "only after a skeleton stage");
+  }
+  return VerifyGarment(*model.garment(), check, view) && VerifyCharacter(*model.character(), check, view) &&
+         VerifyFeatures(*model.features(), check, view) && VerifyStaticStage(*model.static_stage(), check, view) &&
+         (model.skeleton_stage() == nullptr || VerifySkeletonStage(*model.skeleton_stage(), check, view)) &&
+         (model.mesh_stage() == nullptr || VerifyMeshStage(*model.mesh_stage(), check, view)) &&
+         VerifyDisplacement(model, check, view);
+}
+
+}  // namespace dcloth::format

@@ -1,0 +1,114 @@
+// A verified model as plain pointers and counts: all that the engine sees of a file. Pointers lead into the model bytes;
+// only Verify fills a view, and every rule it checked holds here. Shapes in brackets, as in dcloth.fbs.
+#ifndef DCLOTH_ENGINE_FORMAT_VIEW_H_
+#define DCLOTH_ENGINE_FORMAT_VIEW_H_
+
+#include <cstdint>
+
+#include "engine/format/limits.h"
+
+namespace dcloth::format {
+
+enum class WeightType : uint8_t { kF32, kF16, kI8 };
+
+// y[c] = sum_j x[j] W[j][c] + bias[c]. Weights are any bits at all: NaN weights give NaN vertices, never a fault.
+struct LinearView {
+  const void* weights;         // panels, or pair panels for kI8
+  const float* row_scales;     // [rows], kI8 only
+  const float* column_scales;  // [padded columns], kI8 only
+  const float* bias;           // [padded columns], or null for zero
+  uint32_t rows;
+  uint32_t columns;
+  WeightType type;
+};
+
+struct FeaturesView {
+  const uint16_t* joints;  // [joint_count]
+  const float* mean;       // [length], as the next three
+  const float* inverse_deviation;
+  const float* low;
+  const float* high;
+  uint32_t joint_count;
+  uint32_t length;  // d
+  bool root_motion;
+};
+
+struct StaticStageView {
+  const uint16_t* bones;            // [bone_count], joint of each bone
+  const uint8_t* influence_bones;   // [n, influences]
+  const float* influence_weights;   // [n, influences]
+  LinearView hidden;                // d -> width
+  LinearView increments;            // width -> 3 m
+  uint32_t bone_count;              // m
+  uint32_t influences;              // K
+};
+
+struct SkeletonStageView {
+  LinearView input;   // d -> 3 k
+  LinearView hidden;  // k -> 3 k
+  uint32_t units;     // k, 0 where the model has no such stage
+};
+
+struct MeshLayerView {
+  const float* input_gates;
+  const float* gate_bias;
+  const float* hidden_gates;
+  const float* hidden_candidate;
+  const float* output;
+  const float* output_bias;
+  const float* norm_gain;
+  const float* norm_offset;
+  float prelu_slope;
+};
+
+struct MeshStageView {
+  const float* body_points;    // [n, 3]
+  const uint8_t* body_joints;  // [n, body_influences]
+  const float* body_weights;   // [n, body_influences]
+  const float* input_mean;     // [3]
+  const float* input_inverse_deviation;  // [3]
+  const uint32_t* row_starts;  // [n + 1]
+  const uint16_t* columns;
+  const float* embed;          // [F]
+  LinearView hidden;           // n -> h
+  LinearView coefficients;     // h -> k_M
+  MeshLayerView layers[kMaxLayers];
+  uint32_t layer_count;        // 0 where the model has no such stage
+  uint32_t body_influences;
+  uint32_t feature_width;      // F
+  float embed_bias;
+};
+
+struct DisplacementView {
+  LinearView basis;        // [skeleton_rows + mesh_rows, 3 n]
+  uint32_t skeleton_rows;  // 0 without a skeleton stage
+  uint32_t mesh_rows;      // 0 without a mesh stage
+};
+
+struct ModelView {
+  const char* name;
+  const char* precision;
+  const void* joint_names;         // read through JointName
+  const float* inverse_bind;       // [joint_count, 12]
+  const float* template_positions; // [n, 3]
+  const uint16_t* faces;           // [triangle_count, 3]
+  FeaturesView features;
+  StaticStageView static_stage;
+  SkeletonStageView skeleton_stage;
+  MeshStageView mesh_stage;
+  DisplacementView displacement;
+  uint32_t joint_count;
+  uint32_t hips;
+  uint32_t vertex_count;  // n
+  uint32_t triangle_count;
+  uint32_t format_major;
+  uint32_t format_minor;
+  float tick_rate;  // Hz
+};
+
+// Terminated; null past the end.
+const char* JointName(const ModelView& model, uint32_t index);
+
+}  // namespace dcloth::format
+
+#endif  // DCLOTH_ENGINE_FORMAT_VIEW_H_

@@ -1,0 +1,112 @@
+// dcloth for C++17: the C ABI of dcloth.h with types in place of pointers and struct sizes. Nothing here allocates, throws
+// or owns: bytes and storage stay the host's and outlive what is opened in them.
+#ifndef DCLOTH_DCLOTH_HPP_
+#define DCLOTH_DCLOTH_HPP_
+
+#include <cstddef>
+#include <cstdint>
+
+#include "dcloth/dcloth.h"
+
+namespace dcloth {
+
+// [[nodiscard]]: a refused pose or model must not go unseen.
+enum class [[nodiscard]] Status : dcloth_status {
+  kOk = DCLOTH_OK,
+  kArgument = DCLOTH_ERROR_ARGUMENT,
+  kAlignment = DCLOTH_ERROR_ALIGNMENT,
+  kMemory = DCLOTH_ERROR_MEMORY,
+  kFormat = DCLOTH_ERROR_FORMAT,
+  kVersion = DCLOTH_ERROR_VERSION,
+  kSemantics = DCLOTH_ERROR_SEMANTICS,
+  kPose = DCLOTH_ERROR_POSE,
+};
+
+enum class Stages : uint32_t {
+  kStatic = DCLOTH_STAGES_STATIC,
+  kSkeleton = DCLOTH_STAGES_SKELETON,
+  kMesh = DCLOTH_STAGES_MESH,
+};
+
+enum class MatrixLayout : uint32_t { kRowMajor = 0, kColumnMajor = 1 };
+
+// dcloth_error with its size filled in.
+struct Error : dcloth_error {
+  Error() : dcloth_error{} { struct_size = sizeof(dcloth_error); }
+};
+
+// dcloth_timer with its size filled in.
+struct Timer : dcloth_timer {
+  Timer(uint64_t (*clock)(void*), void* clock_context) : dcloth_timer{} {
+    struct_size = sizeof(dcloth_timer);
+    now = clock;
+    context = clock_context;
+  }
+};
+
+// One world matrix per joint of the model, 16 floats each; `matrices` outlives the call only.
+inline dcloth_pose MakePose(const float* matrices, uint32_t joint_count, MatrixLayout layout = MatrixLayout::kRowMajor) {
+  return {sizeof(dcloth_pose), joint_count, matrices, static_cast<uint32_t>(layout)};
+}
+
+// Tightly packed vertex arrays; `normals` may be null.
+inline dcloth_output MakeOutput(float* positions, float* normals, uint32_t vertex_count) {
+  constexpr uint32_t kStride = 3 * sizeof(float);
+  return {sizeof(dcloth_output), vertex_count, positions, kStride, kStride, normals};
+}
+
+// A view of model bytes. Copies are further views of the same model.
+class Model {
+ public:
+  static size_t StorageSize() { return dcloth_model_storage_size(); }
+
+  Status Open(const void* bytes, size_t size, void* storage, size_t storage_size, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_model_open(bytes, size, storage, storage_size, &model_, error));
+  }
+
+  bool is_open() const { return model_ != nullptr; }
+
+  // All zero where no model is open.
+  dcloth_model_info Describe() const {
+    dcloth_model_info info = {};
+    info.struct_size = sizeof(info);
+    (void)dcloth_model_describe(model_, &info);
+    return info;
+  }
+
+  const char* JointName(uint32_t index) const { return dcloth_model_joint_name(model_, index); }
+  size_t ClothStorageSize() const { return dcloth_cloth_storage_size(model_); }
+  const dcloth_model* get() const { return model_; }
+
+ private:
+  dcloth_model* model_ = nullptr;
+};
+
+// One garment on one character. Copies name the same cloth.
+class Cloth {
+ public:
+  Status Create(const Model& model, void* storage, size_t storage_size, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_cloth_create(model.get(), storage, storage_size, &cloth_, error));
+  }
+
+  bool is_created() const { return cloth_ != nullptr; }
+
+  Status Reset() { return static_cast<Status>(dcloth_cloth_reset(cloth_)); }
+
+  Status Tick(const dcloth_pose& pose, Stages stages, dcloth_timer* timer = nullptr) {
+    return static_cast<Status>(dcloth_cloth_tick(cloth_, &pose, static_cast<uint32_t>(stages), timer));
+  }
+
+  Status Skin(const dcloth_pose& pose, float blend, const dcloth_output& output, dcloth_timer* timer = nullptr) {
+    return static_cast<Status>(dcloth_cloth_skin(cloth_, &pose, blend, &output, timer));
+  }
+
+  dcloth_cloth* get() const { return cloth_; }
+
+ private:
+  dcloth_cloth* cloth_ = nullptr;
+};
+
+}  // namespace dcloth
+
+#endif  // DCLOTH_DCLOTH_HPP_

@@ -1,0 +1,159 @@
+// The C ABI over the engine: checks arguments, translates, nothing else.
+#include <cstddef>
+#include <cstdint>
+#include <new>
+
+#include "dcloth/dcloth.h"
+#include "engine/format/diagnostic.h"
+#include "engine/format/verify.h"
+#include "engine/format/view.h"
+#include "engine/src/cloth.h"
+#include "engine/src/isa.h"
+
+namespace {
+
+using dcloth::engine::Cloth;
+using dcloth::format::Diagnostic;
+using dcloth::format::kNoOffset;
+using dcloth::format::ModelView;
+
+constexpr size_t kModelStorage = (sizeof(ModelView) + DCLOTH_ALIGNMENT - 1) / DCLOTH_ALIGNMENT * DCLOTH_ALIGNMENT;
+
+// The public types are never defined: their pointers are these types' pointers in disguise.
+const ModelView& ViewOf(const dcloth_model* model) { return *reinterpret_cast<const ModelView*>(model); }
+Cloth* ClothOf(dcloth_cloth* cloth) { return reinterpret_cast<Cloth*>(cloth); }
+
+#define DCLOTH_TEXT_OF(x) #x
+#define DCLOTH_TEXT(x) DCLOTH_TEXT_OF(x)
+constexpr char kVersion[] =
+    DCLOTH_TEXT(DCLOTH_VERSION_MAJOR) "." DCLOTH_TEXT(DCLOTH_VERSION_MINOR) "." DCLOTH_TEXT(DCLOTH_VERSION_PATCH);
+
+bool CheckStorage(const void* storage, size_t size, size_t needed, Diagnostic* diagnostic) {
+  if (storage == nullptr) {
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "null storage", "memory of the host", "");
+  }
+  if (reinterpret_cast<uintptr_t>(storage) % DCLOTH_ALIGNMENT != 0) {
+    return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, kNoOffset, nullptr, "storage off a 64-byte boundary",
+                            "addresses divisible by 64", "allocate with an alignment of DCLOTH_ALIGNMENT");
+  }
+  if (size >= needed) return true;
+  char allowed[48];
+  dcloth::format::Text(allowed, sizeof(allowed)).Add("at least ").Add(uint64_t{needed});
+  return diagnostic->FailCount(DCLOTH_ERROR_MEMORY, kNoOffset, nullptr, size, " bytes of storage", allowed,
+                               "lend what the storage_size function asks for");
+}
+
+bool StrideIsUsable(uint32_t stride_bytes) { return stride_bytes >= 3 * sizeof(float) && stride_bytes % sizeof(float) == 0; }
+
+bool FloatsAreAligned(const float* values) { return reinterpret_cast<uintptr_t>(values) % sizeof(float) == 0; }
+
+bool PoseArgumentIsUsable(const dcloth_pose* pose) {
+  return pose != nullptr && pose->struct_size >= sizeof(dcloth_pose) && pose->joint_matrices != nullptr &&
+         FloatsAreAligned(pose->joint_matrices) && pose->column_major <= 1;
+}
+
+bool TimerIsUsable(const dcloth_timer* timer) { return timer == nullptr || timer->struct_size >= sizeof(dcloth_timer); }
+
+bool OutputIsUsable(const dcloth_output* output, uint32_t vertex_count) {
+  if (output == nullptr || output->struct_size < sizeof(dcloth_output) || output->vertex_count != vertex_count) return false;
+  if (output->positions == nullptr || !FloatsAreAligned(output->positions) ||
+      !StrideIsUsable(output->position_stride_bytes)) {
+    return false;
+  }
+  return output->normals == nullptr || (FloatsAreAligned(output->normals) && StrideIsUsable(output->normal_stride_bytes));
+}
+
+bool StagesAreUsable(uint32_t stages, uint32_t held) {
+  return (stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH) && stages <= held;
+}
+
+}  // namespace
+
+extern "C" {
+
+const char* dcloth_version(void) { return kVersion; }
+
+const char* dcloth_isa_name(void) { return dcloth::engine::ActiveKernels().name; }
+
+dcloth_status dcloth_isa_select(const char* name) {
+  return dcloth::engine::SelectKernels(name) ? DCLOTH_OK : DCLOTH_ERROR_ARGUMENT;
+}
+
+size_t dcloth_model_storage_size(void) { return kModelStorage; }
+
+dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, size_t storage_size, dcloth_model** model,
+                                dcloth_error* error) {
+  Diagnostic diagnostic(error);
+  if (model == nullptr) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null `model`", "a place for the result", "");
+    return diagnostic.status();
+  }
+  ModelView view;
+  if (!CheckStorage(storage, storage_size, kModelStorage, &diagnostic) ||
+      !dcloth::format::Verify(bytes, size, &view, &diagnostic)) {
+    return diagnostic.status();
+  }
+  *model = reinterpret_cast<dcloth_model*>(new (storage) ModelView(view));
+  return DCLOTH_OK;
+}
+
+dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info* info) {
+  if (model == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_model_info)) return DCLOTH_ERROR_ARGUMENT;
+  const ModelView& view = ViewOf(model);
+  info->joint_count = view.joint_count;
+  info->vertex_count = view.vertex_count;
+  info->triangle_count = view.triangle_count;
+  info->stages = dcloth::engine::ModelStages(view);
+  info->tick_seconds = 1.0f / view.tick_rate;
+  info->format_major = view.format_major;
+  info->format_minor = view.format_minor;
+  info->name = view.name;
+  info->precision = view.precision;
+  info->triangles = view.faces;
+  return DCLOTH_OK;
+}
+
+const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index) {
+  return model == nullptr ? nullptr : dcloth::format::JointName(ViewOf(model), index);
+}
+
+size_t dcloth_cloth_storage_size(const dcloth_model* model) {
+  return model == nullptr ? 0 : dcloth::engine::PlaceCloth(ViewOf(model), nullptr, nullptr);
+}
+
+dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size_t storage_size, dcloth_cloth** cloth,
+                                  dcloth_error* error) {
+  Diagnostic diagnostic(error);
+  if (model == nullptr || cloth == nullptr) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a model and a place for the result", "");
+    return diagnostic.status();
+  }
+  if (!CheckStorage(storage, storage_size, dcloth_cloth_storage_size(model), &diagnostic)) return diagnostic.status();
+  Cloth* placed = nullptr;
+  dcloth::engine::PlaceCloth(ViewOf(model), storage, &placed);
+  *cloth = reinterpret_cast<dcloth_cloth*>(placed);
+  return DCLOTH_OK;
+}
+
+dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth) {
+  if (cloth == nullptr) return DCLOTH_ERROR_ARGUMENT;
+  dcloth::engine::ResetCloth(ClothOf(cloth));
+  return DCLOTH_OK;
+}
+
+dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages, dcloth_timer* timer) {
+  if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
+  const ModelView& model = *ClothOf(cloth)->model;
+  if (!StagesAreUsable(stages, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
+  return dcloth::engine::TickCloth(ClothOf(cloth), *pose, stages, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
+}
+
+dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend, const dcloth_output* output,
+                                dcloth_timer* timer) {
+  if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
+  const ModelView& model = *ClothOf(cloth)->model;
+  if (!(blend >= 0.0f && blend <= 1.0f) || !OutputIsUsable(output, model.vertex_count)) return DCLOTH_ERROR_ARGUMENT;
+  return dcloth::engine::SkinCloth(ClothOf(cloth), *pose, blend, *output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
+}
+
+}  // extern "C"

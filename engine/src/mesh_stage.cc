@@ -1,0 +1,103 @@
+#include "engine/src/mesh_stage.h"
+
+#include <cstring>
+
+namespace dcloth::engine {
+namespace {
+
+using format::MeshLayerView;
+using format::MeshStageView;
+using format::ModelView;
+
+constexpr size_t kPointStride = kernels::GsgruInputStride(3);
+
+size_t LayerStateFloats(const ModelView& model) {
+  return kernels::GsgruStateFloats(model.vertex_count, model.mesh_stage.feature_width);
+}
+
+// X: body points in the heading frame, standardised. Both are folded into the joint matrices, diag(1/deviation) (H^-1 G_j
+// B_j^-1 - mean), which is exact because a point's weights sum to 1.
+void PoseBodyPoints(const kernels::KernelTable& kernels, const ModelView& model, const BoundPose& bound,
+                    const Heading& heading, const MeshMemory& memory) {
+  const MeshStageView& stage = model.mesh_stage;
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    Affine matrix = ToHeading(heading, bound.joints[j]);
+    for (int r = 0; r < 3; ++r) {
+      matrix.m[r][3] -= static_cast<double>(stage.input_mean[r]);
+      for (double& element : matrix.m[r]) element *= static_cast<double>(stage.input_inverse_deviation[r]);
+    }
+    StoreFloats(matrix, memory.matrices + 12 * j);
+  }
+  kernels::SkinningJob job = {};
+  job.matrices = memory.matrices;
+  job.positions = stage.body_points;
+  job.bones = stage.body_joints;
+  job.weights = stage.body_weights;
+  job.out = memory.even;
+  job.out_stride_bytes = kPointStride * sizeof(float);
+  job.vertices = model.vertex_count;
+  job.influences = stage.body_influences;
+  kernels.skinning(job);
+}
+
+kernels::GsgruJob LayerJob(const ModelView& model, size_t index, const MeshMemory& memory) {
+  const MeshStageView& stage = model.mesh_stage;
+  const MeshLayerView& layer = stage.layers[index];
+  const bool last = index + 1 == stage.layer_count;
+  kernels::GsgruJob job = {};
+  job.x = index % 2 == 0 ? memory.even : memory.odd;
+  job.row_starts = stage.row_starts;
+  job.columns = stage.columns;
+  job.input_gates = layer.input_gates;
+  job.gate_bias = layer.gate_bias;
+  job.hidden_gates = layer.hidden_gates;
+  job.hidden_candidate = layer.hidden_candidate;
+  job.output = layer.output;
+  job.output_bias = layer.output_bias;
+  job.norm_gain = layer.norm_gain;
+  job.norm_offset = layer.norm_offset;
+  job.embed = last ? stage.embed : nullptr;
+  job.state = memory.state + index * LayerStateFloats(model);
+  job.next_x = last ? nullptr : index % 2 == 0 ? memory.odd : memory.even;
+  job.s = last ? memory.embedded : nullptr;
+  job.scratch = memory.layer;
+  job.vertices = model.vertex_count;
+  job.input_width = index == 0 ? 3 : stage.feature_width;
+  job.features = stage.feature_width;
+  job.prelu_slope = layer.prelu_slope;
+  job.embed_bias = stage.embed_bias;
+  return job;
+}
+
+}  // namespace
+
+MeshMemory PlaceMeshMemory(const ModelView& model, Arena* arena) {
+  const MeshStageView& stage = model.mesh_stage;
+  const size_t n = model.vertex_count, width = stage.feature_width, layers = stage.layer_count;
+  MeshMemory memory = {};
+  if (layers == 0) return memory;
+  memory.state = arena->Take<float>(layers * LayerStateFloats(model));
+  memory.matrices = arena->Take<float>(size_t{12} * model.joint_count);
+  memory.even = arena->Take<float>(n * (layers > 2 ? width : kPointStride));
+  memory.odd = arena->Take<float>(layers > 1 ? n * width : 0);
+  memory.layer = arena->Take<float>(kernels::GsgruScratchFloats(width));
+  memory.embedded = arena->Take<float>(n);
+  memory.hidden = arena->Take<float>(kernels::PaddedColumns(stage.hidden.columns));
+  return memory;
+}
+
+void ClearMeshState(const ModelView& model, const MeshMemory& memory) {
+  const size_t floats = model.mesh_stage.layer_count * LayerStateFloats(model);
+  if (floats != 0) std::memset(memory.state, 0, floats * sizeof(float));
+}
+
+void RunMeshStage(const kernels::KernelTable& kernels, const ModelView& model, const BoundPose& bound,
+                  const Heading& heading, const MeshMemory& memory, int16_t* quantized, float* coefficients) {
+  const MeshStageView& stage = model.mesh_stage;
+  PoseBodyPoints(kernels, model, bound, heading, memory);
+  for (size_t l = 0; l < stage.layer_count; ++l) kernels.gsgru(LayerJob(model, l, memory));
+  ApplyLinear(kernels, stage.hidden, memory.embedded, stage.hidden.rows, Activation::kRelu, quantized, memory.hidden);
+  ApplyLinear(kernels, stage.coefficients, memory.hidden, stage.coefficients.rows, Activation::kNone, quantized, coefficients);
+}
+
+}  // namespace dcloth::engine

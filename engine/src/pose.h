@@ -1,0 +1,45 @@
+// The host's pose as the network sees it (NETWORK.md, "Pose"): relative to the hips, in the heading frame, as features.
+#ifndef DCLOTH_ENGINE_SRC_POSE_H_
+#define DCLOTH_ENGINE_SRC_POSE_H_
+
+#include "dcloth/dcloth.h"
+#include "engine/format/view.h"
+#include "engine/src/affine.h"
+
+namespace dcloth::engine {
+
+// Larger numbers in a pose are refused like infinity, so that no pose can drive the recurrent state out of float range.
+constexpr float kMaxPoseMagnitude = 1e9f;
+
+// Every joint is there and every matrix element is finite.
+bool PoseIsUsable(const format::ModelView& model, const dcloth_pose& pose);
+
+// G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
+struct BoundPose {
+  Affine* joints;     // [joint_count]
+  double origin[3];   // the hips' world position
+};
+void BindPose(const format::ModelView& model, const dcloth_pose& pose, BoundPose* bound);
+
+// H's rotation about +Y: its X axis is (cosine, 0, -sine).
+struct Heading {
+  double cosine = 1.0;
+  double sine = 0.0;
+};
+
+// Where the character was and faced at the last tick.
+struct RootMotion {
+  Heading heading;
+  double position[3] = {};
+  bool started = false;  // false after a reset: no velocity yet
+};
+
+// H^-1 M for a matrix whose origin is the hips.
+Affine ToHeading(const Heading& heading, const Affine& matrix);
+
+// Moves `root` to this tick and writes the standardised, clamped features x [d].
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, RootMotion* root, float* x);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_POSE_H_
