@@ -1,0 +1,132 @@
+#include "converter/assemble.h"
+
+#include <string>
+#include <vector>
+
+#include "converter/mesh_graph.h"
+#include "dcloth/dcloth.h"
+
+namespace dcloth::converter {
+namespace {
+
+constexpr const char* kProducer = "dcloth converter";
+
+std::string ProducerText() {
+  return std::string(kProducer) + " " + std::to_string(DCLOTH_VERSION_MAJOR) + "." + std::to_string(DCLOTH_VERSION_MINOR) +
+         "." + std::to_string(DCLOTH_VERSION_PATCH);
+}
+
+Vector Reciprocal(const Vector& values) { return values.cast<double>().cwiseInverse().cast<float>(); }
+
+std::vector<uint16_t> Subset(const std::vector<uint32_t>& joints, const JointSubset& subset) {
+  std::vector<uint16_t> indices;
+  for (const uint32_t joint : joints) indices.push_back(static_cast<uint16_t>(subset.kept[joint]));
+  return indices;
+}
+
+// PyTorch's [out, in] as the [rows = in, columns = out] of the layouts.
+PackedLinear Pack(const std::string& name, const LinearWeights& linear, Precision precision) {
+  return PackLinear(name, linear.weight.transpose(), linear.bias, precision);
+}
+
+MeshLayerParts AssembleLayer(const MeshLayerWeights& layer, const std::string& name) {
+  const FoldedMeshLayer folded = FoldMeshLayer(layer);
+  MeshLayerParts parts;
+  parts.input_gates = PackFloats(name + "input_gates", folded.input_gates);
+  parts.gate_bias = PackFloats(name + "gate_bias", folded.gate_bias);
+  parts.hidden_gates = PackFloats(name + "hidden_gates", folded.hidden_gates);
+  parts.hidden_candidate = PackFloats(name + "hidden_candidate", folded.hidden_candidate);
+  parts.output = PackFloats(name + "output", layer.w_o);
+  parts.output_bias = PackFloats(name + "output_bias", layer.b_o);
+  parts.norm_gain = PackFloats(name + "norm_gain", layer.norm_weight);
+  parts.norm_offset = PackFloats(name + "norm_offset", layer.norm_bias);
+  parts.prelu_slope = layer.prelu;
+  return parts;
+}
+
+MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, Precision precision) {
+  const MeshWeights& mesh = *bundle.mesh;
+  const uint32_t n = bundle.vertex_count(), influences = folded.body.influences;
+  MeshStageParts parts;
+  parts.body_influences = static_cast<uint8_t>(influences);
+  parts.body_points = PackFloats("mesh_stage.body_points", mesh.nearest_points);
+  std::vector<uint32_t> joints;
+  for (const uint32_t column : folded.body.columns) joints.push_back(folded.joints.kept[column]);
+  parts.body_joints = PackIndices("mesh_stage.body_joints", StoredType::kU8, {n, influences}, joints);
+  parts.body_weights = PackFloats("mesh_stage.body_weights", {n, influences}, folded.body.weights);
+  parts.input_mean = PackFloats("mesh_stage.input_mean", mesh.input_mean);
+  parts.input_inverse_deviation = PackFloats("mesh_stage.input_inverse_deviation", Reciprocal(mesh.input_deviation));
+  const MeshGraph graph = BuildMeshGraph(bundle.template_faces, n);
+  parts.row_starts = PackIndices("mesh_stage.row_starts", StoredType::kU32, {n + 1}, graph.row_starts);
+  parts.columns = PackIndices("mesh_stage.columns", StoredType::kU16, {static_cast<uint32_t>(graph.columns.size())},
+                              {graph.columns.begin(), graph.columns.end()});
+  parts.feature_width = static_cast<uint16_t>(mesh.embed.weight.cols());
+  for (size_t l = 0; l < mesh.layers.size(); ++l) {
+    parts.layers.push_back(AssembleLayer(mesh.layers[l], "mesh_stage.layers." + std::to_string(l) + "."));
+  }
+  parts.embed = PackFloats("mesh_stage.embed", Vector(mesh.embed.weight.row(0).transpose()));
+  parts.embed_bias = mesh.embed.bias[0];
+  parts.hidden = Pack("mesh_stage.hidden", mesh.hidden, precision);
+  parts.coefficients = Pack("mesh_stage.coefficients", mesh.coefficients, precision);
+  return parts;
+}
+
+}  // namespace
+
+FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences) {
+  FoldedBundle folded;
+  folded.skin_weights = FoldSkinWeights(bundle);
+  folded.skin = Prune(folded.skin_weights, influences);
+  if (bundle.mesh) {
+    folded.body_weights = NormaliseRows(bundle.mesh->nearest_joint_weights);
+    folded.body = Prune(folded.body_weights, body_influences);
+  }
+  folded.joints = ChooseJoints(bundle, folded.body);
+  return folded;
+}
+
+ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision precision) {
+  const uint32_t n = bundle.vertex_count();
+  const Precision static_precision = precision == Precision::kInt8 ? Precision::kFp16 : precision;
+  ModelParts parts;
+  parts.producer = ProducerText();
+  parts.precision = PrecisionName(precision);
+  parts.garment = bundle.garment;
+  parts.tick_rate = static_cast<float>(bundle.tick_rate);
+  parts.vertices = n;
+  for (const uint32_t joint : folded.joints.joints) parts.joint_names.push_back(bundle.joint_names[joint]);
+  parts.hips = static_cast<uint16_t>(folded.joints.kept[bundle.hips]);
+  parts.feature_joints = Subset(bundle.feature_joints, folded.joints);
+  parts.bones = Subset(bundle.bones, folded.joints);
+  parts.root_motion = bundle.root_motion;
+  parts.influences = static_cast<uint8_t>(folded.skin.influences);
+
+  parts.template_positions = PackFloats("garment.template_positions", bundle.template_positions);
+  std::vector<uint32_t> corners(bundle.template_faces.data(), bundle.template_faces.data() + bundle.template_faces.size());
+  parts.faces = PackIndices("garment.faces", StoredType::kU16, {static_cast<uint32_t>(bundle.template_faces.rows()), 3}, corners);
+  parts.inverse_bind = PackFloats("character.inverse_bind", InverseBinds(bundle, folded.joints.joints));
+  parts.mean = PackFloats("features.mean", bundle.feature_mean);
+  parts.inverse_deviation = PackFloats("features.inverse_deviation", Reciprocal(bundle.feature_deviation));
+  parts.low = PackFloats("features.low", bundle.feature_low);
+  parts.high = PackFloats("features.high", bundle.feature_high);
+
+  parts.pivots = PackFloats("static_stage.pivots", Matrix(BindPositions(bundle, bundle.bones).cast<float>()));
+  parts.influence_bones =
+      PackIndices("static_stage.influence_bones", StoredType::kU8, {n, folded.skin.influences}, folded.skin.columns);
+  parts.influence_weights = PackFloats("static_stage.influence_weights", {n, folded.skin.influences}, folded.skin.weights);
+  parts.static_hidden = Pack("static_stage.hidden", bundle.static_hidden, static_precision);
+  parts.static_increments = Pack("static_stage.increments", bundle.static_increments, static_precision);
+
+  if (bundle.skeleton) {
+    parts.skeleton = SkeletonStageParts{Pack("skeleton_stage.input", bundle.skeleton->input, precision),
+                                        Pack("skeleton_stage.hidden", bundle.skeleton->hidden, precision)};
+    const StackedBasis stacked = StackBasis(bundle);
+    parts.skeleton_rows = stacked.skeleton_rows;
+    parts.mesh_rows = stacked.mesh_rows;
+    parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), precision);
+  }
+  if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, precision);
+  return parts;
+}
+
+}  // namespace dcloth::converter

@@ -1,0 +1,91 @@
+// A training bundle, checked: what BUNDLE.md describes, typed. Numbers are the file's own (F16 widens exactly).
+#ifndef DCLOTH_CONVERTER_BUNDLE_H_
+#define DCLOTH_CONVERTER_BUNDLE_H_
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "converter/safetensors.h"
+
+namespace dcloth::converter {
+
+using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Vector = Eigen::VectorXf;
+using MatrixD = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using VectorD = Eigen::VectorXd;
+using Faces = Eigen::Matrix<int32_t, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+// A row of skin weights sums to 1 within this: a point 2 m from the origin moves by at most 0.2 mm when it is renormalised.
+constexpr double kRowSumTolerance = 1e-4;
+
+struct LinearWeights {
+  Matrix weight;  // [out, in], PyTorch's layout
+  Vector bias;    // [out]
+};
+
+struct MeshLayerWeights {
+  Matrix w_p, w_z, w_r, w, u_z, u_r, u, w_o;  // x W: rows are inputs
+  Vector b, b_o, norm_weight, norm_bias;
+  float prelu = 0;
+};
+
+struct SkeletonWeights {
+  LinearWeights input;   // [3k, d], gate order r, z, n
+  LinearWeights hidden;  // [3k, k]
+  Matrix basis;          // [k, 3n]
+};
+
+struct MeshWeights {
+  Matrix nearest_points;         // [n, 3]
+  Matrix nearest_joint_weights;  // [n, J]
+  Vector input_mean, input_deviation;  // [3]
+  std::vector<MeshLayerWeights> layers;
+  LinearWeights embed;   // [1, F]
+  LinearWeights hidden;  // [h, n]
+  LinearWeights coefficients;  // [k_M, h]
+  Matrix basis;                // [k_M, 3n]
+};
+
+struct Bundle {
+  std::filesystem::path path;
+  std::string garment;
+  double tick_rate = 0;  // Hz
+  std::vector<std::string> joint_names;
+  uint32_t hips = 0;                     // index into joint_names
+  std::vector<uint32_t> feature_joints;  // indices into joint_names
+  bool root_motion = false;
+  std::vector<uint32_t> bones;  // indices into joint_names
+  std::string training;         // JSON object, free
+
+  Matrix template_positions;  // [n, 3]
+  Faces template_faces;
+  std::vector<Eigen::Matrix4f> bind;  // [J] joint to world
+  Matrix body_positions;              // [b, 3]
+  Faces body_faces;
+  Matrix body_joint_weights;  // [b, J]
+
+  Vector feature_mean, feature_deviation, feature_low, feature_high;  // [d]
+  LinearWeights static_hidden;      // [h, d]
+  LinearWeights static_increments;  // [3m, h]
+  Matrix initial_weights;                // [n, m]
+  std::vector<Matrix> residual_weights;  // r of [n, m]
+
+  std::optional<SkeletonWeights> skeleton;
+  std::optional<MeshWeights> mesh;  // only with skeleton
+
+  uint32_t vertex_count() const { return static_cast<uint32_t>(template_positions.rows()); }
+  uint32_t feature_count() const { return static_cast<uint32_t>(feature_mean.size()); }
+};
+
+// Throws Error with the tensor's name, the shape found and the shape expected. A tensor that BUNDLE.md does not name is
+// refused: a misspelt optional group would otherwise drop a stage in silence.
+Bundle ReadBundle(const std::filesystem::path& path);
+Bundle BundleFrom(const SafeFile& file);
+
+}  // namespace dcloth::converter
+
+#endif  // DCLOTH_CONVERTER_BUNDLE_H_

@@ -1,0 +1,59 @@
+// Bundle -> model bytes: fold, prune, quantise, write, open. The whole offline library in one call.
+#ifndef DCLOTH_CONVERTER_CONVERT_H_
+#define DCLOTH_CONVERTER_CONVERT_H_
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "converter/bundle.h"
+#include "converter/file.h"
+#include "converter/metrics.h"
+#include "converter/pack.h"
+#include "converter/precision.h"
+#include "converter/prune.h"
+#include "converter/sequence.h"
+
+namespace dcloth::converter {
+
+struct ConvertOptions {
+  // Empty is `auto`: the first of int8, fp16, fp32 whose difference to the fp32 model stays within max_error_mm on motion.
+  std::optional<Precision> precision = Precision::kFp32;
+  std::optional<double> max_error_mm;  // bound on position_mm.max; needs motion
+  std::span<const Sequence> motion;
+  uint32_t influences = 4;       // bones per cloth vertex, 1 to 8
+  uint32_t body_influences = 4;  // joints per body point, 1 to 8
+};
+
+// One precision that was tried on the motion.
+struct Trial {
+  Precision precision;
+  uint64_t model_bytes = 0;
+  MeshError error;  // against the fp32 model
+};
+
+struct ConvertReport {
+  Precision precision = Precision::kFp32;
+  uint64_t model_bytes = 0;
+  uint64_t instance_bytes = 0;  // lent memory per garment
+  uint32_t joint_count = 0;     // joints that a host supplies
+  uint32_t dropped_joints = 0;  // of the bundle's, not needed
+  std::vector<TensorReport> tensors;
+  PruneReport influences;       // of the static stage
+  PruneReport body_influences;  // of the body points; all zero without a mesh stage
+  std::vector<Trial> trials;    // empty without motion
+};
+
+struct ConvertResult {
+  AlignedBytes bytes;  // opened once with dcloth_model_open
+  ConvertReport report;
+};
+
+// The same bundle and options give the same bytes. Throws Error, and ThresholdError where the bound is missed.
+ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options);
+
+}  // namespace dcloth::converter
+
+#endif  // DCLOTH_CONVERTER_CONVERT_H_

@@ -1,0 +1,195 @@
+#include "converter/file.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <system_error>
+
+#include "converter/error.h"
+
+#if defined(_WIN32)
+#include <fcntl.h>
+#include <io.h>
+#include <process.h>
+#include <sys/stat.h>
+#include <windows.h>
+#else
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#endif
+
+namespace dcloth::converter {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void Refuse(const fs::path& path, const std::string& found, const std::string& mend) {
+  throw Error({path, "", found, "", mend});
+}
+
+std::string Reason(int error) { return std::generic_category().message(error); }
+
+#if defined(_WIN32)
+int OpenExclusive(const fs::path& path) {
+  return _wopen(path.c_str(), _O_WRONLY | _O_CREAT | _O_EXCL | _O_BINARY, _S_IREAD | _S_IWRITE);
+}
+long long WriteSome(int file, const void* bytes, size_t size) {
+  return _write(file, bytes, static_cast<unsigned>(std::min(size, size_t{1} << 30)));
+}
+int Flush(int file) { return _commit(file); }
+int Close(int file) { return _close(file); }
+int ProcessId() { return _getpid(); }
+bool Rename(const fs::path& from, const fs::path& to, std::string* reason) {
+  if (MoveFileExW(from.c_str(), to.c_str(), MOVEFILE_REPLACE_EXISTING | MOVEFILE_WRITE_THROUGH)) return true;
+  *reason = std::system_category().message(static_cast<int>(GetLastError()));
+  return false;
+}
+bool Writable(const fs::path&) { return true; }
+#else
+int OpenExclusive(const fs::path& path) { return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666); }
+long long WriteSome(int file, const void* bytes, size_t size) { return ::write(file, bytes, std::min(size, size_t{1} << 30)); }
+int Flush(int file) { return ::fsync(file); }
+int Close(int file) { return ::close(file); }
+int ProcessId() { return static_cast<int>(::getpid()); }
+bool Rename(const fs::path& from, const fs::path& to, std::string* reason) {
+  if (::rename(from.c_str(), to.c_str()) != 0) {
+    *reason = Reason(errno);
+    return false;
+  }
+  // Makes the new name itself durable. A directory that cannot be flushed is no reason to undo a finished file.
+  const int directory = ::open(to.has_parent_path() ? to.parent_path().c_str() : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (directory >= 0) {
+    ::fsync(directory);
+    ::close(directory);
+  }
+  return true;
+}
+bool Writable(const fs::path& path) { return ::access(path.c_str(), W_OK) == 0; }
+#endif
+
+// The file that `path` means, and whether it may be replaced.
+fs::path Target(const fs::path& path, fs::perms* keep) {
+  std::error_code failed;
+  const fs::file_status status = fs::status(path, failed);
+  if (status.type() == fs::file_type::not_found) {
+    if (fs::is_symlink(fs::symlink_status(path, failed))) {
+      Refuse(path, "a symbolic link to nothing", "remove it or write elsewhere");
+    }
+    return path;
+  }
+  if (failed) Refuse(path, failed.message(), "choose a path that can be written");
+  if (status.type() == fs::file_type::directory) Refuse(path, "a directory", "add a file name");
+  if (status.type() != fs::file_type::regular) Refuse(path, "a device, pipe or socket", "write to a regular file");
+  constexpr fs::perms kAnyWrite = fs::perms::owner_write | fs::perms::group_write | fs::perms::others_write;
+  // The bits are asked as well as the system, which lets an administrator write anything.
+  if ((status.permissions() & kAnyWrite) == fs::perms::none || !Writable(path)) {
+    Refuse(path, "a file without write permission", "make it writable or write elsewhere");
+  }
+  *keep = status.permissions();
+  const fs::path target = fs::canonical(path, failed);
+  if (failed) Refuse(path, failed.message(), "choose a path that can be written");
+  return target;
+}
+
+// A file that vanishes unless it is renamed.
+class Temporary {
+ public:
+  explicit Temporary(const fs::path& target) {
+    for (int attempt = 0; attempt < 100; ++attempt) {
+      path_ = target;
+      path_ += "." + std::to_string(ProcessId()) + "." + std::to_string(attempt) + ".tmp";
+      file_ = OpenExclusive(path_);
+      if (file_ >= 0 || errno != EEXIST) break;
+    }
+    if (file_ < 0) {
+      const std::string reason = Reason(errno);
+      path_.clear();
+      Refuse(target, "that no file can be created there: " + reason, "check that its directory exists and is writable");
+    }
+  }
+  ~Temporary() {
+    if (file_ >= 0) Close(file_);
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove(path_, ignored);
+  }
+  Temporary(const Temporary&) = delete;
+  Temporary& operator=(const Temporary&) = delete;
+
+  void Write(const fs::path& target, std::span<const std::byte> bytes) {
+    while (!bytes.empty()) {
+      const long long written = WriteSome(file_, bytes.data(), bytes.size());
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0) Refuse(target, "a failed write: " + Reason(errno), "check the free space");
+      bytes = bytes.subspan(static_cast<size_t>(written));
+    }
+  }
+
+  void Commit(const fs::path& target, fs::perms keep) {
+    if (Flush(file_) != 0) Refuse(target, "a failed flush: " + Reason(errno), "check the disk");
+    const int file = file_;
+    file_ = -1;
+    if (Close(file) != 0) Refuse(target, "a failed close: " + Reason(errno), "check the disk");
+    std::error_code ignored;
+    if (keep != fs::perms::unknown) fs::permissions(path_, keep, ignored);
+    std::string reason;
+    if (!Rename(path_, target, &reason)) Refuse(target, "that it cannot be replaced: " + reason, "check its directory");
+    path_.clear();
+  }
+
+ private:
+  fs::path path_;
+  int file_ = -1;
+};
+
+}  // namespace
+
+AlignedBytes ReadFile(const fs::path& path, uint64_t limit_bytes) {
+  std::error_code failed;
+  const fs::file_status status = fs::status(path, failed);
+  if (status.type() == fs::file_type::not_found) Refuse(path, "no such file", "check the path");
+  if (failed) Refuse(path, failed.message(), "check the path");
+  if (status.type() != fs::file_type::regular) {
+    Refuse(path, status.type() == fs::file_type::directory ? "a directory" : "a device, pipe or socket", "pass a file");
+  }
+  const uint64_t size = fs::file_size(path, failed);
+  if (failed) Refuse(path, failed.message(), "check the path");
+  if (size > limit_bytes) {
+    throw Error({path, "", std::to_string(size) + " bytes", "at most " + std::to_string(limit_bytes), ""});
+  }
+#if defined(_WIN32)
+  std::FILE* const file = _wfopen(path.c_str(), L"rb");
+#else
+  std::FILE* const file = std::fopen(path.c_str(), "rb");
+#endif
+  if (file == nullptr) Refuse(path, "that it cannot be read: " + Reason(errno), "check its permissions");
+  AlignedBytes bytes;
+  size_t read = 0;
+  try {
+    bytes.resize(size);
+    read = std::fread(bytes.data(), 1, bytes.size(), file);
+  } catch (...) {
+    std::fclose(file);
+    throw;
+  }
+  std::fclose(file);
+  if (read != size) {
+    throw Error({path, "", std::to_string(read) + " readable bytes", std::to_string(size), "was it changed while reading?"});
+  }
+  return bytes;
+}
+
+void WriteFileAtomically(const fs::path& path, std::span<const std::span<const std::byte>> pieces) {
+  fs::perms keep = fs::perms::unknown;
+  const fs::path target = Target(path, &keep);
+  Temporary temporary(target);
+  for (const std::span<const std::byte> piece : pieces) temporary.Write(path, piece);
+  temporary.Commit(target, keep);
+}
+
+void WriteFileAtomically(const fs::path& path, std::span<const std::byte> bytes) {
+  WriteFileAtomically(path, std::span(&bytes, 1));
+}
+
+}  // namespace dcloth::converter

@@ -1,0 +1,54 @@
+// Matrices and arrays as the model file stores them: bytes in a kernel's layout, and what storing them cost.
+#ifndef DCLOTH_CONVERTER_PACK_H_
+#define DCLOTH_CONVERTER_PACK_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "converter/bundle.h"
+#include "converter/precision.h"
+
+namespace dcloth::converter {
+
+enum class StoredType : uint8_t { kF32, kF16, kI8, kU8, kU16, kU32 };  // the schema's DType
+
+const char* StoredTypeName(StoredType type);  // "f32"
+
+struct TensorReport {
+  std::string name;             // the model's field, "mesh_stage.hidden.weights"
+  std::string dtype;            // "f32", "f16", "i8", "u8", "u16", "u32"
+  std::vector<uint32_t> shape;  // logical
+  uint64_t size_bytes = 0;      // stored, padding of the layout included
+  double relative_rms = 0;      // sqrt(sum (stored - exact)^2 / sum exact^2); 0 where stored exactly
+  double relative_max = 0;      // max |stored - exact| / max |exact|
+};
+
+struct PackedTensor {
+  TensorReport report;
+  StoredType type = StoredType::kF32;
+  std::vector<std::byte> bytes;
+};
+
+// y = x W + bias for W [rows, columns].
+struct PackedLinear {
+  PackedTensor weights;
+  std::optional<PackedTensor> row_scales, column_scales;  // int8 only
+  std::optional<PackedTensor> bias;
+};
+
+// Flat arrays, stored exactly. Values must fit `type`: an index that does not is a bug of the caller.
+PackedTensor PackFloats(const std::string& name, const Matrix& values);
+PackedTensor PackFloats(const std::string& name, const Vector& values);
+PackedTensor PackFloats(const std::string& name, std::vector<uint32_t> shape, const std::vector<float>& values);
+PackedTensor PackIndices(const std::string& name, StoredType type, std::vector<uint32_t> shape,
+                         const std::vector<uint32_t>& values);
+
+// Panels (f32, f16) or pair panels (int8). `bias` may be empty. Throws Error where fp16 overflows.
+PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision);
+
+}  // namespace dcloth::converter
+
+#endif  // DCLOTH_CONVERTER_PACK_H_

@@ -1,0 +1,79 @@
+#include "converter/rollout.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "converter/error.h"
+
+namespace dcloth::converter {
+namespace {
+
+void Require(dcloth_status status, const std::filesystem::path& path, const std::string& what) {
+  if (status != DCLOTH_OK) throw Error({path, "", what + " refused with status " + std::to_string(status), "success", ""});
+}
+
+dcloth_error EmptyError() {
+  dcloth_error error{};
+  error.struct_size = sizeof(error);
+  return error;
+}
+
+}  // namespace
+
+OpenModel::OpenModel(AlignedBytes bytes, std::filesystem::path path)
+    : bytes_(std::move(bytes)), model_memory_(dcloth_model_storage_size()) {
+  dcloth_error error = EmptyError();
+  if (dcloth_model_open(bytes_.data(), bytes_.size(), model_memory_.data(), model_memory_.size(), &model_, &error) != DCLOTH_OK) {
+    std::string where = error.offset_bytes == UINT64_MAX ? "" : " at byte " + std::to_string(error.offset_bytes);
+    throw Error({path, "", std::string(error.text) + where, "", "convert the bundle again"});
+  }
+  info_.struct_size = sizeof(info_);
+  Require(dcloth_model_describe(model_, &info_), path, "dcloth_model_describe");
+  for (uint32_t j = 0; j < info_.joint_count; ++j) joint_names_.emplace_back(dcloth_model_joint_name(model_, j));
+  cloth_memory_.resize(dcloth_cloth_storage_size(model_));
+  error = EmptyError();
+  if (dcloth_cloth_create(model_, cloth_memory_.data(), cloth_memory_.size(), &cloth_, &error) != DCLOTH_OK) {
+    throw Error({path, "", error.text, "a cloth", ""});
+  }
+}
+
+void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, const FrameVisitor& visit,
+             dcloth_timer* timer) {
+  const dcloth_model_info& info = model.info();
+  const double tick_rate = 1 / static_cast<double>(info.tick_seconds);
+  if (std::abs(sequence.fps - tick_rate) > 0.01 * tick_rate) {
+    throw Error({sequence.path, "", std::to_string(sequence.fps) + " frames a second",
+                 std::to_string(tick_rate) + ", the model's tick rate", "resample the sequence"});
+  }
+  const std::vector<uint32_t> map = MapJoints(sequence, model.joint_names());
+  std::vector<float> matrices(map.size() * 16), positions(size_t{info.vertex_count} * 3), normals(positions.size());
+  const dcloth_pose pose = {sizeof(dcloth_pose), info.joint_count, matrices.data(), 0};
+  const dcloth_output output = {sizeof(dcloth_output), info.vertex_count, positions.data(), 12, 12, normals.data()};
+  Require(dcloth_cloth_reset(model.cloth()), sequence.path, "dcloth_cloth_reset");
+  for (size_t frame = 0; frame < sequence.frame_count; ++frame) {
+    GatherPose(sequence, frame, map, matrices);
+    const std::string at = " of frame " + std::to_string(frame);
+    Require(dcloth_cloth_tick(model.cloth(), &pose, stages, timer), sequence.path, "the tick" + at);
+    Require(dcloth_cloth_skin(model.cloth(), &pose, 1.0f, &output, timer), sequence.path, "skinning" + at);
+    visit(frame, positions, normals);
+  }
+}
+
+MeshError CompareModels(const OpenModel& model, const OpenModel& reference, std::span<const Sequence> sequences) {
+  ErrorMeter meter(reference.triangles(), reference.info().vertex_count);
+  const uint32_t stages = model.info().stages & reference.info().stages;
+  for (const Sequence& sequence : sequences) {
+    std::vector<float> expected;
+    Rollout(reference, sequence, stages, [&](size_t, std::span<const float> positions, std::span<const float>) {
+      expected.insert(expected.end(), positions.begin(), positions.end());
+    });
+    Rollout(model, sequence, stages, [&](size_t frame, std::span<const float> positions, std::span<const float>) {
+      const size_t size = size_t{reference.info().vertex_count} * 3;
+      meter.AddFrame(positions, std::span<const float>(expected).subspan(frame * size, size));
+    });
+  }
+  return meter.Result();
+}
+
+}  // namespace dcloth::converter

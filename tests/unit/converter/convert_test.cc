@@ -1,0 +1,233 @@
+#include "converter/convert.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "converter/error.h"
+#include "converter/rollout.h"
+#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/skinning_reference.h"
+
+namespace dcloth::converter {
+namespace {
+
+using dcloth::testing::BuildBundle;
+using dcloth::testing::BuildSequence;
+using dcloth::testing::BundleSpec;
+using dcloth::testing::ErrorText;
+using dcloth::testing::Mentions;
+
+Bundle ParseBundle(const BundleSpec& spec) { return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b.safetensors")); }
+Sequence ParseSequence(const BundleSpec& spec, uint32_t frames) {
+  return SequenceFrom(SafeFile::Parse(BuildSequence(spec, frames).Bytes(), "s.safetensors"));
+}
+
+ConvertOptions With(Precision precision) {
+  ConvertOptions options;
+  options.precision = precision;
+  return options;
+}
+
+constexpr Precision kPrecisions[] = {Precision::kFp32, Precision::kFp16, Precision::kInt8};
+
+TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
+  std::vector<BundleSpec> specs(8);
+  specs[1].mesh = false;
+  specs[2].mesh = specs[2].skeleton = false;
+  specs[3].vertices = 331, specs[3].joints = 20, specs[3].bones = 17, specs[3].skeleton_basis = 33, specs[3].mesh_basis = 1;
+  specs[4].feature_width = 24, specs[4].layers = 1, specs[4].mesh_width = 1;
+  specs[5].root_motion = false, specs[5].bones = 1, specs[5].skeleton_basis = 1;
+  specs[6].half_weights = true, specs[6].static_width = 1, specs[6].feature_joints = 1;
+  specs[7].feature_width = 64, specs[7].layers = 8;
+  for (const BundleSpec& spec : specs) {
+    const Bundle bundle = ParseBundle(spec);
+    uint64_t last = UINT64_MAX;
+    for (const Precision precision : kPrecisions) {
+      const ConvertResult result = Convert(bundle, With(precision));
+      const OpenModel model(result.bytes);
+      EXPECT_EQ(model.info().vertex_count, spec.vertices);
+      EXPECT_STREQ(model.info().precision, PrecisionName(precision));
+      EXPECT_STREQ(model.info().name, "tube");
+      EXPECT_EQ(model.info().stages, spec.mesh ? 7u : spec.skeleton ? 3u : 1u);
+      EXPECT_EQ(model.info().tick_seconds, 1.0f / 30);
+      EXPECT_EQ(result.report.model_bytes, result.bytes.size());
+      EXPECT_EQ(result.bytes.size() % 64, 0u);
+      EXPECT_LE(result.report.model_bytes, last);
+      last = result.report.model_bytes;
+    }
+  }
+}
+
+TEST(ConvertTest, SameInputGivesSameBytes) {
+  const Bundle bundle = ParseBundle({});
+  for (const Precision precision : kPrecisions) {
+    const AlignedBytes a = Convert(bundle, With(precision)).bytes, b = Convert(ParseBundle({}), With(precision)).bytes;
+    ASSERT_EQ(a.size(), b.size());
+    EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size()), 0);
+  }
+  BundleSpec other;
+  other.seed = 2;
+  const AlignedBytes a = Convert(bundle, {}).bytes, c = Convert(ParseBundle(other), {}).bytes;
+  EXPECT_TRUE(a.size() != c.size() || std::memcmp(a.data(), c.data(), a.size()) != 0);
+}
+
+// All networks at zero: what remains is skinning, and every joint lookup, bind inverse, folding and layout with it.
+TEST(ConvertTest, PlainSkinningAgreesWithDouble) {
+  for (const uint32_t vertices : {9u, 60u, 331u}) {
+    BundleSpec spec;
+    spec.vertices = vertices;
+    spec.joints = 11;
+    spec.bones = 5;
+    Bundle bundle = ParseBundle(spec);
+    bundle.static_increments.weight.setZero();
+    bundle.static_increments.bias.setZero();
+    bundle.skeleton->basis.setZero();
+    bundle.mesh->basis.setZero();
+    const Sequence sequence = ParseSequence(spec, 12);
+    for (const Precision precision : kPrecisions) {
+      ConvertOptions options = With(precision);
+      options.influences = 5;  // all of them: nothing is pruned
+      const ConvertResult result = Convert(bundle, options);
+      EXPECT_EQ(result.report.influences.removed_worst, 0);
+      const OpenModel model(result.bytes);
+      Rollout(model, sequence, DCLOTH_STAGES_MESH, [&](size_t frame, std::span<const float> positions, std::span<const float>) {
+        const MatrixD expected = dcloth::testing::SkinFrame(bundle, sequence, frame);
+        for (Eigen::Index i = 0; i < expected.rows(); ++i) {
+          for (Eigen::Index axis = 0; axis < 3; ++axis) {
+            const auto got = static_cast<double>(positions[static_cast<size_t>(3 * i + axis)]);
+            // Numbers below 4 in size (world within 3 m, entries of G B^-1 likewise), 5 bones of 4 products each and a few
+            // roundings before and after: 40 roundings of half an ulp of 4.
+            ASSERT_NEAR(got, expected(i, axis), 40 * 4 * 0x1p-24) << "frame " << frame << " vertex " << i;
+          }
+        }
+      });
+    }
+  }
+}
+
+TEST(ConvertTest, NetworksMoveTheCloth) {
+  BundleSpec spec;
+  const Bundle bundle = ParseBundle(spec);
+  const Sequence sequence = ParseSequence(spec, 8);
+  const ConvertResult result = Convert(bundle, {});
+  const OpenModel model(result.bytes);
+  std::vector<double> distance;
+  for (const uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
+    double sum = 0;
+    Rollout(model, sequence, stages, [&](size_t frame, std::span<const float> positions, std::span<const float> normals) {
+      const MatrixD plain = dcloth::testing::SkinFrame(bundle, sequence, frame);
+      for (Eigen::Index i = 0; i < plain.rows(); ++i) {
+        const float* const p = positions.data() + 3 * i;
+        sum += (plain.row(i) - Eigen::RowVector3d(p[0], p[1], p[2])).norm();
+        const float* const normal = normals.data() + 3 * i;
+        ASSERT_NEAR(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2], 1, 1e-5);
+      }
+    });
+    distance.push_back(sum);
+  }
+  EXPECT_GT(distance[0], 0);
+  EXPECT_NE(distance[0], distance[1]);
+  EXPECT_NE(distance[1], distance[2]);
+}
+
+TEST(ConvertTest, ReportsTensorsJointsAndPruning) {
+  BundleSpec spec;
+  spec.joints = 30;
+  spec.body_vertices = 5;
+  const Bundle bundle = ParseBundle(spec);
+  ConvertOptions options = With(Precision::kInt8);
+  options.influences = options.body_influences = 2;
+  const std::vector<Sequence> motion = {ParseSequence(spec, 40)};
+  options.motion = motion;
+  const ConvertReport report = Convert(bundle, options).report;
+  EXPECT_EQ(report.joint_count + report.dropped_joints, 30u);
+  EXPECT_GT(report.instance_bytes, 0u);
+  EXPECT_TRUE(report.influences.measured);
+  EXPECT_EQ(report.influences.influences, 2u);
+  EXPECT_GT(report.influences.worst_mm, report.influences.mean_mm);
+  EXPECT_GT(report.influences.mean_mm, 0);
+  EXPECT_GT(report.body_influences.worst_mm, 0);
+  uint64_t total = 0;
+  bool basis = false, pivots = false, increments = false;
+  for (const TensorReport& tensor : report.tensors) {
+    total += tensor.size_bytes;
+    if (tensor.name == "displacement.basis.weights") {
+      basis = tensor.dtype == "i8" && tensor.relative_rms > 0 && tensor.relative_rms < 0.02;
+    }
+    if (tensor.name == "static_stage.pivots") pivots = tensor.dtype == "f32" && tensor.relative_max == 0;
+    if (tensor.name == "static_stage.increments.weights") increments = tensor.dtype == "f16";
+  }
+  EXPECT_TRUE(basis && pivots && increments);
+  EXPECT_LT(total, report.model_bytes);
+  EXPECT_GT(total + (uint64_t{1} << 14), report.model_bytes);  // tables, names and gaps
+  ASSERT_EQ(report.trials.size(), 1u);
+  EXPECT_GT(report.trials[0].error.position_mm.max, 0);
+  EXPECT_EQ(report.trials[0].error.frame_count, 40u);
+}
+
+TEST(ConvertTest, AutoTakesTheCheapestThatHolds) {
+  BundleSpec spec;
+  const Bundle bundle = ParseBundle(spec);
+  const std::vector<Sequence> motion = {ParseSequence(spec, 30)};
+  ConvertOptions options;
+  options.motion = motion;
+  double worst[3] = {};
+  for (int i = 0; i < 3; ++i) {
+    options.precision = kPrecisions[i];
+    worst[i] = Convert(bundle, options).report.trials.at(0).error.position_mm.max;
+  }
+  EXPECT_EQ(worst[0], 0);
+  ASSERT_GT(worst[2], worst[1]);
+  ASSERT_GT(worst[1], 0);
+  options.precision.reset();
+  for (int i = 0; i < 3; ++i) {
+    options.max_error_mm = worst[i];  // met exactly
+    const ConvertReport report = Convert(bundle, options).report;
+    EXPECT_EQ(report.precision, kPrecisions[i]);
+    EXPECT_EQ(report.trials.size(), static_cast<size_t>(3 - i));
+  }
+  options.precision = Precision::kInt8;
+  options.max_error_mm = std::nextafter(worst[2], 0);
+  bool threshold = false;
+  try {
+    Convert(bundle, options);
+  } catch (const ThresholdError& error) {
+    threshold = true;
+    EXPECT_TRUE(Mentions(error.what(), "int8", "--precision auto"));
+  }
+  EXPECT_TRUE(threshold);
+}
+
+TEST(ConvertTest, BadOptionsAreRefused) {
+  BundleSpec spec;
+  const Bundle bundle = ParseBundle(spec);
+  auto refusal = [&](auto change) {
+    ConvertOptions options;
+    change(&options);
+    return ErrorText([&] { Convert(bundle, options); });
+  };
+  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->influences = 0; }), "0 influences per vertex, expected 1 to 8"));
+  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->body_influences = 9; }), "9 influences"));
+  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = 1; }), "pass --motion"));
+  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = -1; }), "0 or more"));
+  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = NAN; }), "0 or more"));
+  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->precision.reset(); }), "--max-error-mm"));
+  BundleSpec other = spec;
+  other.joints = 5;
+  const std::vector<Sequence> motion = {ParseSequence(other, 3)};
+  EXPECT_TRUE(Mentions(refusal([&](ConvertOptions* o) { o->motion = motion; }), "no joints joint_5"));
+}
+
+TEST(ConvertTest, HalfOverflowNamesBundleTensorAndWayOut) {
+  Bundle bundle = ParseBundle({});
+  bundle.mesh->basis(2, 5) = 7e4f;
+  EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, With(Precision::kFp16)); }), "b.safetensors", "displacement.basis.weights", "row 12, column 5", "--precision fp32"));
+  EXPECT_EQ(ErrorText([&] { Convert(bundle, With(Precision::kFp32)); }), "");
+}
+
+}  // namespace
+}  // namespace dcloth::converter

@@ -1,0 +1,137 @@
+#include "converter/file.h"
+
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <fstream>
+#include <string>
+
+#include "tests/unit/converter/error_text.h"
+
+namespace dcloth::converter {
+namespace {
+
+namespace fs = std::filesystem;
+using dcloth::testing::ErrorText;
+using dcloth::testing::Mentions;
+
+class FileTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* const info = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::path(::testing::TempDir()) / ("dcloth_file_test_" + std::string(info->name()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  static void Put(const fs::path& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+  static std::string Get(const fs::path& path) {
+    const AlignedBytes bytes = ReadFile(path);
+    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+  }
+  static void Write(const fs::path& path, const std::string& text) {
+    WriteFileAtomically(path, std::as_bytes(std::span(text)));
+  }
+  size_t Entries() const {
+    return static_cast<size_t>(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()));
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(FileTest, WritesPiecesAndReadsThemBackAligned) {
+  const std::string a = "first ", b, c = "third";
+  const std::span<const std::byte> pieces[] = {std::as_bytes(std::span(a)), std::as_bytes(std::span(b)),
+                                               std::as_bytes(std::span(c))};
+  WriteFileAtomically(folder_ / "x", pieces);
+  EXPECT_EQ(Get(folder_ / "x"), "first third");
+  EXPECT_EQ(reinterpret_cast<uintptr_t>(ReadFile(folder_ / "x").data()) % 64, 0u);
+  EXPECT_EQ(Entries(), 1u);
+}
+
+TEST_F(FileTest, ReplacesAndKeepsTheMode) {
+  Put(folder_ / "x", "old and longer");
+  fs::permissions(folder_ / "x", fs::perms::owner_read | fs::perms::owner_write);
+  Write(folder_ / "x", "new");
+  EXPECT_EQ(Get(folder_ / "x"), "new");
+  EXPECT_EQ(fs::status(folder_ / "x").permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_EQ(Entries(), 1u);
+}
+
+TEST_F(FileTest, ReadOnlyTargetStaysAsItIs) {
+  Put(folder_ / "x", "precious");
+  fs::permissions(folder_ / "x", fs::perms::owner_read);
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "x", "new"); }), "without write permission"));
+  EXPECT_EQ(Get(folder_ / "x"), "precious");
+  EXPECT_EQ(Entries(), 1u);
+}
+
+TEST_F(FileTest, MissingFolderIsNamed) {
+  const std::string text = ErrorText([&] { Write(folder_ / "no" / "x", "new"); });
+  EXPECT_TRUE(Mentions(text, (folder_ / "no" / "x").string()));
+  EXPECT_TRUE(Mentions(text, "No such file"));
+  EXPECT_EQ(Entries(), 0u);
+}
+
+TEST_F(FileTest, FoldersAndDevicesAreRefused) {
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_, "new"); }), "a directory"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { ReadFile(folder_); }), "a directory"));
+#if !defined(_WIN32)
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write("/dev/null", "new"); }), "a device"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { ReadFile("/dev/zero"); }), "a device"));
+  EXPECT_TRUE(fs::is_character_file("/dev/null"));
+#endif
+}
+
+#if !defined(_WIN32)
+TEST_F(FileTest, FollowsALinkAndRefusesADanglingOne) {
+  Put(folder_ / "x", "old");
+  fs::create_symlink("x", folder_ / "link");
+  Write(folder_ / "link", "new");
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
+  EXPECT_EQ(Get(folder_ / "x"), "new");
+  fs::create_symlink("nothing", folder_ / "dangling");
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "dangling", "new"); }), "symbolic link to nothing"));
+}
+
+TEST_F(FileTest, FailedWriteLeavesNothingBehind) {
+  // /dev/full refuses every write; a file system does the same when it is full. Only the error path of Write is the same,
+  // so the temporary file is what is looked at: a name too long for it must leave the folder as it was.
+  Put(folder_ / "x", "old");
+  const std::string name(255, 'n');  // legal itself, its temporary name is not
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / name, "new"); }), "too long"));
+  EXPECT_EQ(Entries(), 1u);
+}
+
+TEST_F(FileTest, NamesNeedNotBeUtf8) {
+  const fs::path path = folder_ / "r\xE9sum\xE9";
+  Write(path, "latin-1");
+  EXPECT_EQ(Get(path), "latin-1");
+  EXPECT_TRUE(Mentions(ErrorText([&] { ReadFile(folder_ / "\xE9"); }), "/?: found no such file"));
+}
+#endif
+
+TEST_F(FileTest, TemporariesOfOthersSurvive) {
+  // A crashed run of this very process id leaves such a file.
+  Write(folder_ / "x", "1");
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    Put(folder_ / ("x." + std::to_string(::getpid()) + "." + std::to_string(attempt) + ".tmp"), "theirs");
+  }
+  Write(folder_ / "x", "2");
+  EXPECT_EQ(Get(folder_ / "x"), "2");
+  EXPECT_EQ(Entries(), 4u);
+}
+
+TEST_F(FileTest, LimitAndAbsence) {
+  Put(folder_ / "x", "12345");
+  EXPECT_EQ(ReadFile(folder_ / "x", 5).size(), 5u);
+  EXPECT_TRUE(Mentions(ErrorText([&] { ReadFile(folder_ / "x", 4); }), "found 5 bytes, expected at most 4"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { ReadFile(folder_ / "y"); }), "no such file"));
+  Put(folder_ / "empty", "");
+  EXPECT_TRUE(ReadFile(folder_ / "empty").empty());
+}
+
+}  // namespace
+}  // namespace dcloth::converter

@@ -1,0 +1,142 @@
+#include "converter/fold.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/error_text.h"
+
+namespace dcloth::converter {
+namespace {
+
+using dcloth::testing::BuildBundle;
+using dcloth::testing::BundleSpec;
+using dcloth::testing::ErrorText;
+using dcloth::testing::Mentions;
+
+constexpr double kHalfUlp = 0x1p-24;  // relative rounding of a float
+
+Bundle Parse(const dcloth::testing::RawFile& raw) { return BundleFrom(SafeFile::Parse(raw.Bytes(), "b")); }
+
+TEST(FoldTest, SkinWeightsAreTheNormalisedClampedSum) {
+  for (const uint32_t residuals : {0u, 1u, 5u}) {
+    BundleSpec spec;
+    spec.residuals = residuals;
+    const Bundle bundle = Parse(BuildBundle(spec));
+    const MatrixD folded = FoldSkinWeights(bundle);
+    for (Eigen::Index i = 0; i < folded.rows(); ++i) {
+      std::vector<double> row;
+      double total = 0;
+      for (Eigen::Index j = 0; j < folded.cols(); ++j) {
+        double sum = static_cast<double>(bundle.initial_weights(i, j));
+        for (const Matrix& residual : bundle.residual_weights) sum += static_cast<double>(residual(i, j));
+        row.push_back(std::max(sum, 0.0));
+        total += row.back();
+      }
+      for (Eigen::Index j = 0; j < folded.cols(); ++j) {
+        ASSERT_NEAR(folded(i, j), row[static_cast<size_t>(j)] / total, 1e-15);  // some roundings of values up to 1
+      }
+    }
+  }
+}
+
+TEST(FoldTest, VertexWithoutWeightIsRefused) {
+  BundleSpec spec;
+  dcloth::testing::RawFile raw = BuildBundle(spec);
+  for (uint32_t j = 0; j < spec.bones; ++j) {
+    raw.SetFloat("static.initial_weights", 5 * spec.bones + j, -10);
+  }
+  EXPECT_TRUE(Mentions(ErrorText([&] { FoldSkinWeights(Parse(raw)); }), "no positive skin weight left for vertex 5"));
+}
+
+// The folded layer's pre-activations against the unfolded formula, both in double, on random inputs.
+TEST(FoldTest, MeshLayerGivesTheSamePreActivations) {
+  BundleSpec spec;
+  spec.feature_width = 16;
+  const Bundle bundle = Parse(BuildBundle(spec));
+  for (const MeshLayerWeights& layer : bundle.mesh->layers) {
+    const FoldedMeshLayer folded = FoldMeshLayer(layer);
+    const Eigen::Index inputs = layer.w_p.rows(), width = layer.w.rows();
+    ASSERT_EQ(folded.input_gates.rows(), inputs);
+    ASSERT_EQ(folded.input_gates.cols(), 3 * width);
+    MatrixD mean = MatrixD::Random(20, inputs);  // the mean of x over N(i); any values will do
+    const MatrixD a = (mean * layer.w_p.cast<double>()).rowwise() + layer.b.cast<double>().transpose();
+    const Matrix* gates[] = {&layer.w_z, &layer.w_r, &layer.w};
+    const MatrixD got = (mean * folded.input_gates.cast<double>()).rowwise() + folded.gate_bias.cast<double>().transpose();
+    for (int gate = 0; gate < 3; ++gate) {
+      const MatrixD expected = a * gates[gate]->cast<double>();
+      for (Eigen::Index i = 0; i < expected.rows(); ++i) {
+        for (Eigen::Index c = 0; c < width; ++c) {
+          const Eigen::Index column = gate * width + c;
+          // Only the folded matrices were rounded, each entry by half an ulp.
+          const double bound = kHalfUlp * (mean.row(i).cwiseAbs() * folded.input_gates.col(column).cast<double>().cwiseAbs()).value() +
+                               kHalfUlp * std::abs(static_cast<double>(folded.gate_bias[column])) + 1e-13;
+          ASSERT_LE(std::abs(got(i, column) - expected(i, c)), bound);
+        }
+      }
+    }
+    EXPECT_EQ(folded.hidden_gates.leftCols(width), layer.u_z);
+    EXPECT_EQ(folded.hidden_gates.rightCols(width), layer.u_r);
+    EXPECT_EQ(folded.hidden_candidate, layer.u);
+  }
+}
+
+TEST(FoldTest, KeepsExactlyTheJointsThatAreNeeded) {
+  BundleSpec spec;
+  spec.joints = 12;
+  spec.feature_joints = 2;
+  spec.bones = 3;
+  const Bundle bundle = Parse(BuildBundle(spec));
+  EXPECT_EQ(ChooseJoints(bundle, {}).joints, (std::vector<uint32_t>{0, 1, 9, 10, 11}));
+  PrunedWeights body{2, {4, 5, 9, 6}, {0.5f, 0.5f, 1, 0}};
+  const JointSubset subset = ChooseJoints(bundle, body);
+  EXPECT_EQ(subset.joints, (std::vector<uint32_t>{0, 1, 4, 5, 9, 10, 11}));  // 6 has no weight
+  EXPECT_EQ(subset.kept[9], 4u);
+  EXPECT_EQ(subset.kept[6], JointSubset::kDropped);
+}
+
+TEST(FoldTest, MoreThan256JointsAreRefused) {
+  BundleSpec spec;
+  spec.joints = 300;
+  spec.bones = 256;
+  spec.feature_joints = 1;
+  spec.mesh = spec.skeleton = false;
+  const Bundle bundle = Parse(BuildBundle(spec));  // hips and one feature joint 0, bones 44 to 299
+  EXPECT_TRUE(Mentions(ErrorText([&] { ChooseJoints(bundle, {}); }), "257 joints"));
+}
+
+TEST(FoldTest, InverseBindsInvert) {
+  const Bundle bundle = Parse(BuildBundle({}));
+  const std::vector<uint32_t> joints = {5, 0, 3};
+  const Matrix inverse = InverseBinds(bundle, joints);
+  for (size_t j = 0; j < joints.size(); ++j) {
+    Eigen::Matrix4d rows = Eigen::Matrix4d::Identity();
+    for (int i = 0; i < 12; ++i) rows(i / 4, i % 4) = static_cast<double>(inverse(static_cast<Eigen::Index>(j), i));
+    const Eigen::Matrix4d bind = bundle.bind[joints[j]].cast<double>();
+    // Entries of the inverse are at most 2 here, each rounded by half an ulp, and a product sums four of them.
+    const double bound = 4 * 2 * kHalfUlp * bind.cwiseAbs().maxCoeff();
+    EXPECT_LE((rows * bind - Eigen::Matrix4d::Identity()).cwiseAbs().maxCoeff(), bound);
+    EXPECT_EQ(BindPositions(bundle, joints).row(static_cast<Eigen::Index>(j)).transpose(), (bind.topRightCorner<3, 1>()));
+  }
+}
+
+TEST(FoldTest, BasisIsStackedWithEvenRows) {
+  BundleSpec spec;
+  spec.skeleton_basis = 5;
+  spec.mesh_basis = 4;
+  const Bundle bundle = Parse(BuildBundle(spec));
+  const StackedBasis stacked = StackBasis(bundle);
+  EXPECT_EQ(stacked.skeleton_rows, 6u);
+  EXPECT_EQ(stacked.mesh_rows, 4u);
+  ASSERT_EQ(stacked.basis.rows(), 10);
+  EXPECT_EQ(stacked.basis.topRows(5), bundle.skeleton->basis);
+  EXPECT_TRUE((stacked.basis.row(5).array() == 0).all());
+  EXPECT_EQ(stacked.basis.bottomRows(4), bundle.mesh->basis);
+  spec.mesh = false;
+  EXPECT_EQ(StackBasis(Parse(BuildBundle(spec))).mesh_rows, 0u);
+}
+
+}  // namespace
+}  // namespace dcloth::converter

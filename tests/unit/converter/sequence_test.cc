@@ -1,0 +1,129 @@
+#include "converter/sequence.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "converter/half.h"
+#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/error_text.h"
+
+namespace dcloth::converter {
+namespace {
+
+using dcloth::testing::BuildSequence;
+using dcloth::testing::BundleSpec;
+using dcloth::testing::ErrorText;
+using dcloth::testing::Mentions;
+using dcloth::testing::RawFile;
+
+Sequence Parse(const RawFile& raw) { return SequenceFrom(SafeFile::Parse(raw.Bytes(), "s.safetensors")); }
+std::string Refusal(const RawFile& raw) {
+  return ErrorText([&] { Parse(raw); });
+}
+
+TEST(SequenceTest, ReadsPosesAndTruth) {
+  BundleSpec spec;
+  RawFile raw = BuildSequence(spec, 5, true);
+  raw.Replace("comment", {2}, {NAN, 1});  // other tensors are ignored
+  const Sequence sequence = Parse(raw);
+  EXPECT_EQ(sequence.frame_count, 5u);
+  EXPECT_EQ(sequence.fps, 30);
+  EXPECT_EQ(sequence.joint_names.size(), spec.joints);
+  EXPECT_EQ(sequence.truth_vertex_count, spec.vertices);
+  EXPECT_EQ(sequence.FrameTruth(4).size(), 3 * spec.vertices);
+  const Sequence bare = Parse(BuildSequence(spec, 1));
+  EXPECT_FALSE(bare.has_truth());
+}
+
+TEST(SequenceTest, HalfTruthIsAddedToItsOrigin) {
+  BundleSpec spec;
+  spec.vertices = 9;
+  RawFile raw = BuildSequence(spec, 2, true);
+  auto& truth = raw.At("truth");
+  std::vector<uint16_t> halves(2 * 9 * 3);
+  for (size_t i = 0; i < halves.size(); ++i) halves[i] = FloatToHalf(static_cast<float>(i) / 64);
+  truth.type = SafeType::kF16;
+  const auto bytes = std::as_bytes(std::span(halves));
+  truth.bytes.assign(bytes.begin(), bytes.end());
+  EXPECT_TRUE(Mentions(Refusal(raw), "F16 without truth_origin"));
+  raw.Replace("truth_origin", {2, 3}, {1, 2, 3, 4, 5, 6});
+  const Sequence sequence = Parse(raw);
+  EXPECT_EQ(sequence.truth[0], 1.0f);
+  EXPECT_EQ(sequence.truth[4], 2 + 4 / 64.0f);
+  EXPECT_EQ(sequence.truth[27], 4 + 27 / 64.0f);
+  EXPECT_EQ(sequence.truth[53], 6 + 53 / 64.0f);
+  raw.Replace("truth_origin", {3, 3}, std::vector<float>(9));
+  EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found F32 [3, 3], expected F32 [2, 3]"));
+}
+
+TEST(SequenceTest, FaultsAreRefused) {
+  BundleSpec spec;
+  const RawFile whole = BuildSequence(spec, 3, true);
+  ASSERT_EQ(Refusal(whole), "");
+  RawFile raw = whole;
+  raw.Erase("joint_matrices");
+  EXPECT_TRUE(Mentions(Refusal(raw), "tensor joint_matrices: found no such tensor"));
+  raw = whole;
+  raw.At("joint_matrices").shape = {3, 6, 16};
+  EXPECT_TRUE(Mentions(Refusal(raw), "shape [3, 6, 16], expected [T, 6, 4, 4]"));
+  raw = whole;
+  raw.Replace("joint_matrices", {0, 6, 4, 4}, {});
+  EXPECT_TRUE(Mentions(Refusal(raw), "T at least 1"));
+  raw = whole;
+  raw.Replace("truth", {2, spec.vertices, 3}, std::vector<float>(6 * spec.vertices));
+  EXPECT_TRUE(Mentions(Refusal(raw), "tensor truth: found shape [2, 60, 3], expected [3, n, 3]"));
+  raw = whole;
+  raw.SetFloat("joint_matrices", 17, NAN);
+  EXPECT_TRUE(Mentions(Refusal(raw), "NaN at element 17"));
+  raw = whole;
+  raw.SetFloat("truth", 3, INFINITY);
+  EXPECT_TRUE(Mentions(Refusal(raw), "infinity at element 3"));
+  raw = whole;
+  raw.SetFloat("joint_matrices", 16 * 7 + 12, 0.4f);  // a translation where a transposed matrix has it
+  EXPECT_TRUE(Mentions(Refusal(raw), "frame 1, joint 'joint_1'"));
+  for (const char* fps : {"0", "-30", "inf", "", "30 Hz"}) {
+    raw = whole;
+    raw.metadata["fps"] = fps;
+    EXPECT_TRUE(Mentions(Refusal(raw), "metadata 'fps'")) << fps;
+  }
+  raw = whole;
+  raw.metadata["joint_names"] = R"(["a","a"])";
+  EXPECT_TRUE(Mentions(Refusal(raw), "'a' twice"));
+}
+
+TEST(SequenceTest, MapsByNameAndListsAllMissing) {
+  BundleSpec spec;
+  const Sequence sequence = Parse(BuildSequence(spec, 2));
+  const std::string wanted[] = {"joint_4", "joint_0"};
+  const std::vector<uint32_t> map = MapJoints(sequence, wanted);
+  EXPECT_EQ(map, (std::vector<uint32_t>{4, 0}));
+  std::vector<float> pose(32);
+  GatherPose(sequence, 1, map, pose);
+  EXPECT_TRUE(std::equal(pose.begin(), pose.begin() + 16, sequence.joint_matrices.begin() + 16 * (6 + 4)));
+  EXPECT_TRUE(std::equal(pose.begin() + 16, pose.end(), sequence.joint_matrices.begin() + 16 * 6));
+  const std::string more[] = {"tail", "joint_1", "wing"};
+  EXPECT_TRUE(Mentions(ErrorText([&] { MapJoints(sequence, more); }), "no joints tail, wing"));
+}
+
+TEST(SequenceTest, RunOutputReadsBack) {
+  const std::vector<float> positions = {0, 1, 2, 3, 4, 5, 6, 7, 8}, normals(9, 0.5f);
+  const std::vector<uint16_t> triangles = {0, 2, 1};
+  const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "dcloth_run_output_test";
+  WriteRunOutput(path, {"skirt", 29.97, 1, 3, positions, normals, triangles});
+  const SafeFile file = SafeFile::Read(path);
+  std::filesystem::remove(path);
+  EXPECT_EQ(file.RequireMetadata("fps"), "29.97");
+  EXPECT_EQ(file.RequireMetadata("format"), "dcloth-run");
+  EXPECT_EQ(file.Require("positions").shape, (Shape{1, 3, 3}));
+  EXPECT_EQ(FloatsOf(file, file.Require("positions")), positions);
+  EXPECT_EQ(FloatsOf(file, file.Require("normals")), normals);
+  EXPECT_EQ(file.Require("faces").shape, (Shape{1, 3}));
+  EXPECT_EQ(file.Require("faces").bytes[4], std::byte{2});
+  EXPECT_TRUE(Mentions(ErrorText([&] { WriteRunOutput(path, {"skirt", 30, 2, 3, positions, {}, triangles}); }), "positions: found 36 bytes"));
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
+}  // namespace
+}  // namespace dcloth::converter

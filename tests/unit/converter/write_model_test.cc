@@ -1,0 +1,75 @@
+#include "converter/write_model.h"
+
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <cstring>
+#include <set>
+
+#ifndef FLATBUFFERS_MAX_ALIGNMENT
+#define FLATBUFFERS_MAX_ALIGNMENT 64
+#endif
+#include "converter/assemble.h"
+#include "dcloth_generated.h"
+#include "tests/unit/converter/bundle_builder.h"
+
+namespace dcloth::converter {
+namespace {
+
+TEST(WriteModelTest, StoredTypesAreTheSchemas) {
+  for (int type = 0; type < 6; ++type) {
+    std::string name = format::EnumNameDType(static_cast<format::DType>(type));
+    for (char& letter : name) letter = static_cast<char>(std::tolower(letter));
+    EXPECT_EQ(name, StoredTypeName(static_cast<StoredType>(type)));
+  }
+}
+
+ModelParts Parts(Precision precision) {
+  const Bundle bundle = BundleFrom(SafeFile::Parse(dcloth::testing::BuildBundle({}).Bytes(), "b"));
+  return Assemble(bundle, FoldBundle(bundle, 4, 4), precision);
+}
+
+// Read with FlatBuffers' own reader: identifier, alignment, every tensor's bytes in its place, nothing but zero between.
+TEST(WriteModelTest, TensorsLieInPlaceAndGapsAreZero) {
+  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+    const ModelParts parts = Parts(precision);
+    const AlignedBytes bytes = WriteModel(parts);
+    const auto* const data = reinterpret_cast<const uint8_t*>(bytes.data());
+    flatbuffers::Verifier verifier(data, bytes.size());
+    ASSERT_TRUE(format::VerifyModelBuffer(verifier));
+    const format::Model& model = *format::GetModel(data);
+    const uint8_t* const weights = model.weights()->data();
+    EXPECT_EQ((weights - data) % 64, 0);
+    std::vector<bool> used(model.weights()->size(), false);
+    uint64_t at = 0;
+    for (const PackedTensor* tensor : TensorsOf(parts)) {
+      ASSERT_LE(at + tensor->bytes.size(), used.size());
+      EXPECT_EQ(std::memcmp(weights + at, tensor->bytes.data(), tensor->bytes.size()), 0) << tensor->report.name;
+      std::fill_n(used.begin() + static_cast<std::ptrdiff_t>(at), tensor->bytes.size(), true);
+      at += (tensor->bytes.size() + 63) / 64 * 64;
+    }
+    EXPECT_EQ(at, used.size());
+    for (size_t i = 0; i < used.size(); ++i) {
+      if (!used[i]) {
+        ASSERT_EQ(weights[i], 0) << i;
+      }
+    }
+    // A spot check that fields were not swapped: the last tensors written are the garment's.
+    const format::Tensor& faces = *model.garment()->faces();
+    EXPECT_EQ(faces.offset() + (parts.faces.bytes.size() + 63) / 64 * 64, used.size());
+    EXPECT_EQ(faces.shape()->Get(1), 3u);
+    EXPECT_EQ(model.mesh_stage()->layers()->size(), 2u);
+    EXPECT_EQ(model.displacement()->skeleton_rows() + model.displacement()->mesh_rows(),
+              model.displacement()->basis()->weights()->shape()->Get(0));
+  }
+}
+
+TEST(WriteModelTest, TensorNamesAreUnique) {
+  const ModelParts parts = Parts(Precision::kInt8);
+  std::set<std::string> names;
+  for (const PackedTensor* tensor : TensorsOf(parts)) EXPECT_TRUE(names.insert(tensor->report.name).second) << tensor->report.name;
+  EXPECT_GT(names.size(), 50u);
+}
+
+}  // namespace
+}  // namespace dcloth::converter
