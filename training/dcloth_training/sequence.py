@@ -1,7 +1,8 @@
 """Sequences: a character's joint matrices a frame, and the cloth's true shape where known.
 
 One safetensors file: joint_matrices [T, J, 4, 4] f32 world, optional truth [T, n, 3] f32 world
-metres, metadata joint_names (JSON list), fps, clip, kind ("dynamic" or "static").
+metres, metadata joint_names (JSON list), fps, clip, kind ("dynamic" or "static"). A compact file
+stores truth as f16 about truth_origin [T, 3] f32; read() adds the origin.
 """
 import json
 from dataclasses import dataclass
@@ -48,6 +49,13 @@ def read(path):
                f"expected [T, {len(names)}, 4, 4]")
     if truth is not None and (truth.ndim != 3 or truth.shape[::2] != (len(matrices), 3)):
         refuse(f"truth {truth.shape}, expected [{len(matrices)}, n, 3]")
+    if truth is not None:
+        truth = truth.astype(np.float32)
+        origin = tensors.get("truth_origin")
+        if origin is not None:
+            if origin.shape != (len(matrices), 3):
+                refuse(f"truth_origin {origin.shape}, expected [{len(matrices)}, 3]")
+            truth += origin[:, None]
     if not all(np.isfinite(t).all() for t in (matrices, truth) if t is not None):
         refuse("joint_matrices or truth not finite")
     return Sequence(matrices, truth, names, fps, metadata.get("clip", ""),

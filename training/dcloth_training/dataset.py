@@ -1,0 +1,119 @@
+"""Clips for training: poses of every clip and its mirror image, residuals in template space.
+
+Layout of the folder: character.safetensors, dynamic/*.safetensors, static/*.safetensors. The
+held-out clips are never read here. What stays in memory is one float32 residual [T, n, 3] a clip
+and mirror image (95 kB a frame at n = 7,952).
+"""
+import glob
+import os
+from dataclasses import dataclass
+from typing import Optional
+
+import numpy as np
+import torch
+
+from . import features, network, sequence, unskin
+
+HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run",
+            "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1")
+# Taken from the training clips to choose when to stop: one of each kind of motion.
+VALIDATION = ("procedural/walk_weave", "procedural/spin_both_ways", "mocap/walk",
+              "game/game_running_a", "procedural/side_steps", "mocap/long_walk2@300")
+
+
+@dataclass
+class Clip:
+    name: str
+    path: str
+    mirrored: bool
+    pose: network.Pose                       # float32
+    residual: Optional[np.ndarray] = None    # [T, n, 3] template space, after unskin
+
+    def __len__(self):
+        return len(self.pose)
+
+
+def load_pose(item, rig, joint_mirror, mirrored):
+    matrices = item.joint_matrices.astype(np.float64)
+    if mirrored:
+        matrices = features.mirror_pose(matrices, joint_mirror)
+    return network.pose_of(matrices, rig, torch.float32)
+
+
+def load_truth(path, mirrored, vertex_mirror):
+    """World positions [T, n, 3] float32."""
+    truth = sequence.read(path).truth.astype(np.float32)
+    return features.mirror_cloth(truth, vertex_mirror) if mirrored else truth
+
+
+def find(folder, kind, exclude=()):
+    """Paths of a kind ("dynamic" or "static"), sorted, without excluded clip names."""
+    left_out = {name.replace("/", "-").replace("@", "-from") for name in exclude}
+    paths = sorted(glob.glob(os.path.join(folder, kind, "*.safetensors")))
+    return [p for p in paths if os.path.splitext(os.path.basename(p))[0] not in left_out]
+
+
+def load(paths, rig, character):
+    """Every clip and its mirror image, without residuals."""
+    clips = []
+    for path in paths:
+        item = sequence.read(path)
+        if list(item.joint_names) != list(rig.joint_names) or item.truth is None or \
+                item.truth.shape[1] != len(character.template):
+            raise ValueError(f"{path}: joints or cloth vertices differ from the character's")
+        if abs(item.fps - rig.rate) > 1e-6:
+            raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
+        for mirrored in (False, True):
+            clips.append(Clip(item.clip, path, mirrored,
+                              load_pose(item, rig, character.joint_mirror, mirrored)))
+    return clips
+
+
+def add_residuals(clips, static, standardise, character, progress=None):
+    """Fill clip.residual: the truth un-skinned by the frozen static stage, less the template."""
+    for index, clip in enumerate(clips):
+        if clip.residual is None:
+            truth = load_truth(clip.path, clip.mirrored, character.mirror)
+            clip.residual = unskin.residual(static, standardise, clip.pose, truth)
+        if progress:
+            progress(index + 1, len(clips))
+
+
+def split(clips, validation):
+    """(training, validation) clips by name; mirror images stay with their clip."""
+    return ([c for c in clips if c.name not in validation],
+            [c for c in clips if c.name in validation])
+
+
+@dataclass
+class Window:
+    """`frames` consecutive ticks of one clip, started from a reset."""
+    clip: Clip
+    first: int
+    warm_up: int     # leading ticks that do not count, since the cloth was already moving
+
+    def x(self, standardise, frames):
+        """Raw features with the reset's zero root motion in the first tick."""
+        x = self.clip.pose.x[self.first:self.first + frames].clone()
+        if self.first and x.shape[1] % 9:
+            x[0, -4:] = 0
+        return standardise(x)
+
+
+def windows(clips, frames, generator, warm_up=12):
+    """A random epoch of windows of `frames` ticks, about one for every `frames` of data.
+
+    Half of the windows start with the clip, where the cloth rests as the network's zero state says.
+    """
+    out = []
+    for clip in clips:
+        if len(clip) < frames:
+            continue
+        for _ in range(max(1, round(len(clip) / frames))):
+            last = len(clip) - frames
+            first = int(torch.randint(0, last + 1, (1,), generator=generator))
+            if torch.rand(1, generator=generator) < 0.5:
+                first = 0
+            out.append(Window(clip, first, warm_up if first else 0))
+    order = torch.randperm(len(out), generator=generator)
+    return [out[i] for i in order]

@@ -1,0 +1,67 @@
+"""From a training folder to a bundle, and sequences to their compact form.
+
+    python3 -m dcloth_training.export bundle TRAINING --data DIR -o BUNDLE [--float32]
+    python3 -m dcloth_training.export sequence SEQUENCE -o COMPACT
+"""
+import argparse
+import json
+import os
+import sys
+
+import numpy as np
+import torch
+
+from . import bundle, checkpoint, rig, safetensors_io, sequence, train
+
+
+def load_trained(folder, data):
+    """The finished network of a training folder -> (network, fitted, character, provenance)."""
+    path = os.path.join(folder, "network.pt")
+    saved = checkpoint.load(path)
+    if saved is None:
+        raise FileNotFoundError(f"{path}: not found; train.py writes it when it ends")
+    options = argparse.Namespace(**json.loads(saved["options"]))
+    character = rig.read_character(os.path.join(data, "character.safetensors"))
+    fitted = rig.fit(character, root_motion=not options.no_root_motion)
+    standard = {k: v.numpy() for k, v in saved["standard"].items()}
+    statistics = (torch.zeros(3), torch.ones(3))    # the state holds the real ones
+    net = train.build(fitted, character, standard, options, statistics, options.stages)
+    net.load_state_dict(saved["state"])
+    return net.eval(), fitted, character, json.loads(saved["provenance"])
+
+
+def compact(item, hips="Hips"):
+    """Tensors and metadata of a sequence: truth as F16 about truth_origin, the hips' position."""
+    tensors = {"joint_matrices": item.joint_matrices.astype(np.float32)}
+    if item.truth is not None:
+        origin = tensors["joint_matrices"][:, item.joint_names.index(hips), :3, 3].copy()
+        tensors["truth"] = (item.truth - origin[:, None]).astype(np.float16)
+        tensors["truth_origin"] = origin
+    return tensors, {"joint_names": json.dumps(list(item.joint_names)), "fps": f"{item.fps:g}",
+                     "clip": item.clip, "kind": item.kind}
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    one = verbs.add_parser("bundle")
+    one.add_argument("training")
+    one.add_argument("--data", required=True)
+    one.add_argument("-o", "--output", required=True)
+    one.add_argument("--float32", action="store_true", help="trained weights as F32, not F16")
+    one.add_argument("--garment", default="skirt")
+    two = verbs.add_parser("sequence")
+    two.add_argument("sequence")
+    two.add_argument("-o", "--output", required=True)
+    options = parser.parse_args(argv)
+    if options.verb == "bundle":
+        net, fitted, character, provenance = load_trained(options.training, options.data)
+        bundle.write(options.output, net, fitted, character, provenance, options.garment,
+                     not options.float32)
+    else:
+        safetensors_io.write(options.output, *compact(sequence.read(options.sequence)))
+    print(f"{options.output}: {os.path.getsize(options.output) / 1e6:.2f} MB", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

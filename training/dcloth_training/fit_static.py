@@ -1,0 +1,45 @@
+"""Stage 1: the static stage on quasi-static drapes and their mirror images."""
+import torch
+
+from . import dataset, losses, loop
+
+BATCH = 8
+HELD_EVERY = 7    # one drape in seven validates, together with its mirror image
+
+
+class Drapes:
+    """Poses and truths of all static files as tensors."""
+
+    def __init__(self, clips, character):
+        self.x = torch.cat([c.pose.x for c in clips])
+        self.linear = torch.cat([c.pose.linear for c in clips])
+        self.posed = torch.cat([c.pose.posed for c in clips])
+        self.truth = torch.cat([torch.from_numpy(dataset.load_truth(c.path, c.mirrored,
+                                                                    character.mirror))
+                                for c in clips])
+        if self.x.shape[1] % 9:
+            self.x[:, -4:] = 0    # each drape is a pose of its own, at rest
+        number = torch.cat([torch.arange(len(c)) for c in clips])
+        self.held = number % HELD_EVERY == HELD_EVERY - 1
+
+
+def train(static, standardise, drapes, options, folder, log=print):
+    """-> history. Loss: mean vertex distance of the skinned, undisplaced garment."""
+    free, held = torch.nonzero(~drapes.held)[:, 0], torch.nonzero(drapes.held)[:, 0]
+    x = standardise(drapes.x)
+
+    def predict(rows):
+        return static(x[rows], drapes.linear[rows], drapes.posed[rows])
+
+    def batches(generator):
+        for rows in free[torch.randperm(len(free), generator=generator)].split(BATCH):
+            yield losses.distance(predict(rows) - drapes.truth[rows])
+
+    @torch.no_grad()
+    def validate():
+        rows = held if len(held) else free
+        parts = [losses.distance(predict(r) - drapes.truth[r]) * len(r) for r in rows.split(BATCH)]
+        return float(sum(parts)) / len(rows)
+
+    return loop.fit("static", static, options.static_epochs, batches, validate, folder,
+                    seed=options.seed, rate=options.rate, validate_every=5, patience=60, log=log)

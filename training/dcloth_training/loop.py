@@ -1,0 +1,82 @@
+"""The training loop shared by the stages: Adam, schedule, clipping, checkpoints, best epoch.
+
+An epoch's random numbers depend on (seed, stage, epoch) alone, so a resumed run repeats an
+uninterrupted one bit for bit (same machine, same thread count).
+"""
+import copy
+import math
+import os
+import time
+
+import torch
+
+from . import checkpoint
+
+CLIP_NORM = 1.0
+FINAL_RATE = 0.02     # of the first learning rate, at the end of the cosine
+
+
+def seed_epoch(seed, stage, epoch):
+    """Seeds the global generator (dropout, noise) and returns one for drawing data."""
+    number = (seed * 1_000_003 + sum(map(ord, stage)) * 10_007 + epoch) % (1 << 31)
+    torch.manual_seed(number)
+    return torch.Generator().manual_seed(number + 1)
+
+
+def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, decay=0.0,
+        patience=None, validate_every=1, log=print):
+    """Train `module` and leave it at its best validated epoch -> history (list of dicts).
+
+    batches(generator): yields loss tensors, one a step. validate(): error in metres.
+    Resumes from folder/<stage>.pt and saves there after every validated epoch.
+    """
+    path = os.path.join(folder, stage + ".pt")
+    parameters = [p for p in module.parameters() if p.requires_grad]
+    optimiser = torch.optim.AdamW(parameters, lr=rate, weight_decay=decay)
+    state = checkpoint.load(path)
+    if state:
+        module.load_state_dict(state["module"])
+        optimiser.load_state_dict(state["optimiser"])
+        first, best, best_at, history = (state[k] for k in ("epoch", "best", "best_at", "history"))
+    else:
+        module.eval()
+        error = validate()
+        first, best, best_at = 0, copy.deepcopy(module.state_dict()), 0
+        history = [{"epoch": 0, "validation_mm": 1e3 * error}]
+        log(f"{stage}: before training {1e3 * error:.2f} mm on validation")
+    lowest = min(h["validation_mm"] for h in history)
+    for epoch in range(first, epochs):
+        if patience and epoch - best_at > patience:
+            break
+        began = time.monotonic()
+        for group in optimiser.param_groups:
+            share = 0.5 * (1 + math.cos(math.pi * epoch / epochs))
+            group["lr"] = rate * (FINAL_RATE + (1 - FINAL_RATE) * share)
+        module.train()
+        total, steps = 0.0, 0
+        for loss in batches(seed_epoch(seed, stage, epoch)):
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(parameters, CLIP_NORM)
+            optimiser.step()
+            total, steps = total + float(loss), steps + 1
+        if not math.isfinite(total):
+            raise FloatingPointError(f"{stage}: loss not finite in epoch {epoch + 1}; "
+                                     f"lower --rate, or resume from an older checkpoint")
+        if (epoch + 1) % validate_every and epoch + 1 != epochs:
+            continue
+        module.eval()
+        error = 1e3 * validate()
+        history.append({"epoch": epoch + 1, "training_mm": 1e3 * total / max(steps, 1),
+                        "validation_mm": error, "seconds": round(time.monotonic() - began, 2)})
+        if error < lowest:
+            lowest, best_at, best = error, epoch + 1, copy.deepcopy(module.state_dict())
+        checkpoint.save(path, {"module": module.state_dict(), "optimiser": optimiser.state_dict(),
+                               "epoch": epoch + 1, "best": best, "best_at": best_at,
+                               "history": history})
+        log(f"{stage}: epoch {epoch + 1}/{epochs} training {history[-1]['training_mm']:.2f} mm, "
+            f"validation {error:.2f} mm (best {lowest:.2f} at {best_at}), "
+            f"{history[-1]['seconds']:.1f} s")
+    module.load_state_dict(best)
+    module.eval()
+    return history

@@ -1,0 +1,24 @@
+"""Vertex distance, the loss of every stage (paper eq. 17), in metres."""
+import torch
+
+SMOOTHING = 1e-4   # metres: sqrt(d^2 + e^2) keeps the gradient finite at zero distance
+
+
+def distance(error):
+    """Mean Euclidean length of [..., 3]."""
+    return ((error * error).sum(-1) + SMOOTHING ** 2).sqrt().mean()
+
+
+def skinned_distance(linear, weights, error):
+    """Mean |L_v error_v|: `error` [..., v, 3] of template space as it shows after skinning.
+
+    linear [..., m, 3, 3] of the bones, weights [v, m] of the vertices: L_v = sum_j w_vj R_j.
+    """
+    blended = weights @ linear.reshape(*linear.shape[:-2], 9)
+    blended = blended.reshape(*error.shape[:-1], 3, 3)
+    return distance((blended @ error.unsqueeze(-1)).squeeze(-1))
+
+
+def pick_vertices(count, size, generator):
+    """A random subset of vertex numbers, without repetition."""
+    return torch.randperm(count, generator=generator)[:min(size, count)]

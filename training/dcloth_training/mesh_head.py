@@ -1,0 +1,145 @@
+"""Stage 3's vertex-level MLP, fitted in a reduced space while the graph layers stand still.
+
+The embedding s [n] of a tick follows a few joints, so its principal components u carry it. An MLP
+on u is small, cheap and hard to overfit; W_1 = W_u diag(1 / deviation) V^T unfolds it to n inputs.
+"""
+import numpy as np
+import torch
+from torch import nn
+
+from . import dataset, losses, loop, unskin
+
+BATCH = 256
+VERTICES = 128
+
+
+@torch.no_grad()
+def embed(mesh, body_points, clips, batch=8):
+    """s [T, n] float32 of every clip from a reset, several clips side by side."""
+    out = [None] * len(clips)
+    order = sorted(range(len(clips)), key=lambda i: len(clips[i]))
+    for at in range(0, len(order), batch):
+        some = order[at:at + batch]
+        longest = max(len(clips[i]) for i in some)
+        frames = torch.stack([clips[i].pose.body_frame[[min(t, len(clips[i]) - 1)
+                                                        for t in range(longest)]] for i in some])
+        rows = [np.empty((len(clips[i]), mesh.mlp[0].in_features), np.float32) for i in some]
+        states = mesh.reset(len(some), mesh.embed.weight)
+        for t in range(longest):
+            s, states = mesh.embedded(body_points(frames[:, t]), states)
+            for row, values in zip(rows, s.numpy()):
+                if t < len(row):
+                    row[t] = values
+        for i, row in zip(some, rows):
+            out[i] = row
+    return out
+
+
+class Embeddings:
+    """Mean, directions V [r, n] and deviations of training's s, and u of any clip."""
+
+    def __init__(self, embedded, rank, seed):
+        self.mean = np.mean([e.mean(0) for e in embedded], 0)
+        self.directions, deviation = unskin.principal(
+            lambda: (e - self.mean for e in embedded), sum(map(len, embedded)), rank, seed)
+        # Directions below a thousandth of the first are rounding: they must not be blown up.
+        self.deviation = np.maximum(deviation, 1e-3 * deviation[0]).astype(np.float32)
+
+    def reduce(self, s):
+        return torch.from_numpy((s - self.mean) @ self.directions.T / self.deviation)
+
+
+class Head(nn.Module):
+    """u [N, r] -> displacement coefficients of the components [k, 3 n]."""
+
+    def __init__(self, rank, hidden, components, deviations, options):
+        super().__init__()
+        self.mlp = nn.Sequential(nn.Linear(rank, hidden), nn.ReLU(),
+                                 nn.Linear(hidden, len(components)))
+        nn.init.zeros_(self.mlp[2].weight)
+        nn.init.zeros_(self.mlp[2].bias)
+        self.options = options
+        self.register_buffer("components", torch.from_numpy(components), persistent=False)
+        self.register_buffer("scale", torch.from_numpy(deviations.astype(np.float32)),
+                             persistent=False)
+
+    def forward(self, u):
+        if self.training:
+            u = u + self.options.head_noise * torch.randn_like(u)
+        hidden = self.mlp[1](self.mlp[0](u))
+        if self.training:
+            hidden = nn.functional.dropout(hidden, self.options.dropout)
+        return self.mlp[2](hidden) * self.scale
+
+    @torch.no_grad()
+    def unfold(self, mesh, embeddings, shrink=1.0):
+        """Write the head into a MeshStage; `shrink` multiplies the basis."""
+        first = self.mlp[0].weight / torch.from_numpy(embeddings.deviation)
+        mesh.mlp[0].weight.copy_(first @ torch.from_numpy(embeddings.directions))
+        mesh.mlp[0].bias.copy_(self.mlp[0].bias
+                               - mesh.mlp[0].weight @ torch.from_numpy(embeddings.mean))
+        mesh.mlp[2].load_state_dict(self.mlp[2].state_dict())
+        basis = shrink * self.scale[:, None] * self.components
+        mesh.basis.copy_(basis.reshape(mesh.basis.shape))
+
+
+@torch.no_grad()
+def best_shrink(weights, clips, predicted, every=8):
+    """(factor, error in metres) that makes `predicted` [T, v, 3] of each clip fit best."""
+    best = (0.0, float("inf"))
+    for factor in np.arange(0.0, 1.31, 0.1):
+        total = ticks = 0
+        for clip, delta in zip(clips, predicted):
+            error = float(factor) * delta - torch.from_numpy(clip.residual[:, ::every])
+            total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
+            ticks += len(clip)
+        if total / ticks < best[1]:
+            best = (float(factor), total / ticks)
+    return best
+
+
+def fit(stage, mesh, body_points, static, components, deviations, training, validation, options,
+        folder, log=print):
+    """Fit a fresh head to the standing graph layers and unfold it into `mesh` -> history."""
+    count, every = len(static.template), 8
+    embedded = embed(mesh, body_points, training)
+    embeddings = Embeddings(embedded, options.head_rank, options.seed)
+    u = torch.cat([embeddings.reduce(s) for s in embedded])
+    del embedded
+    held = [embeddings.reduce(s) for s in embed(mesh, body_points, validation)]
+    linear = torch.cat([c.pose.linear for c in training])
+    place = [(c, t) for c in training for t in range(len(c))]
+    weights = static.weights().detach()
+    torch.manual_seed(options.seed)
+    head = Head(u.shape[1], mesh.mlp[0].out_features, components, deviations, options)
+    coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
+
+    def batches(generator):
+        for ticks in torch.randperm(len(u), generator=generator).split(BATCH):
+            rows = losses.pick_vertices(count, VERTICES, generator)
+            at = rows.numpy()
+            target = np.stack([place[i][0].residual[place[i][1]].take(at, 0)
+                               for i in ticks.tolist()])
+            columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
+            delta = (head(u[ticks]) @ columns).reshape(target.shape)
+            yield losses.skinned_distance(linear[ticks], weights[rows],
+                                          delta - torch.from_numpy(target))
+
+    def predicted():
+        return [(head(v) @ coarse).reshape(len(v), -1, 3) for v in held]
+
+    @torch.no_grad()
+    def validate():
+        total = sum(float(losses.skinned_distance(
+            c.pose.linear, weights[::every], delta - torch.from_numpy(c.residual[:, ::every])))
+            * len(c) for c, delta in zip(validation, predicted()))
+        return total / sum(map(len, validation))
+
+    history = loop.fit(stage, head, options.head_epochs, batches, validate, folder,
+                       seed=options.seed, rate=options.rate, decay=options.head_decay,
+                       validate_every=options.validate_every, log=log)
+    with torch.no_grad():
+        shrink, error = best_shrink(weights[::every], validation, predicted())
+    log(f"{stage}: basis times {shrink:.1f}, {1e3 * error:.2f} mm on validation")
+    head.unfold(mesh, embeddings, shrink)
+    return history, error

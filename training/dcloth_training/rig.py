@@ -1,0 +1,82 @@
+"""The character and garment that training reads, and the rig that the network needs of them."""
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import features, geometry, safetensors_io
+
+
+@dataclass
+class Rig:
+    """Which joints mean what; indices into joint_names."""
+    joint_names: list
+    bind: np.ndarray            # [J, 4, 4]
+    hips: int
+    feature_joints: list
+    bones: list
+    rate: float = 30.0
+    root_motion: bool = True
+
+
+@dataclass
+class Character:
+    joint_names: list
+    joint_mirror: list
+    bind: np.ndarray
+    body_vertices: np.ndarray   # [b, 3]
+    body_faces: np.ndarray
+    body_weights: np.ndarray    # [b, J]
+    template: np.ndarray        # [n, 3]
+    faces: np.ndarray           # [c, 3]
+    mirror: np.ndarray          # [n]
+    collider: np.ndarray = field(repr=False, default=None)   # [b] bool
+
+
+def mirrored_joints(names):
+    """Index of the joint that takes each joint's place when left and right swap."""
+    def swapped(name):
+        return name.replace("Left", "\0").replace("Right", "Left").replace("\0", "Right")
+    return [names.index(swapped(name)) for name in names]
+
+
+def read_character(path):
+    tensors, metadata = safetensors_io.read(path)
+    try:
+        names = json.loads(metadata["joint_names"])
+        weights = tensors["body_weights"].astype(np.float64)
+        return Character(
+            names, mirrored_joints(names), tensors["joint_bind"].astype(np.float64),
+            tensors["body_vertices"], tensors["body_faces"],
+            (weights / weights.sum(1, keepdims=True)).astype(np.float32),
+            tensors["cloth_template"], tensors["cloth_faces"], tensors["mirror"],
+            tensors["body_collider"].astype(bool))
+    except (KeyError, ValueError) as error:
+        raise safetensors_io.SafetensorsError(
+            f"{path}: not a character: {error}; expected what simulate/run.py writes") from None
+
+
+@dataclass
+class Fit:
+    """The garment on the body by the nearest-point rule, float32."""
+    rig: Rig
+    nearest_points: np.ndarray      # [n, 3]
+    nearest_weights: np.ndarray     # [n, J]
+    initial_weights: np.ndarray     # [n, m] W_I
+
+
+def fit(character, hips="Hips", feature_joints=features.SKIRT_JOINTS, root_motion=True, rate=30.0,
+        threshold=0.05):
+    """Nearest points on the collider part of the skin, cloth bones and W_I."""
+    names = character.joint_names
+    missing = [j for j in (hips, *feature_joints) if j not in names]
+    if missing:
+        raise ValueError(f"joints {missing} not in the character, which has {names}")
+    points, weights = geometry.nearest_weights(
+        character.template, character.body_vertices, character.body_faces,
+        character.body_weights, character.collider)
+    bones, initial = geometry.choose_bones(weights, threshold)
+    rig = Rig(names, character.bind, names.index(hips), [names.index(j) for j in feature_joints],
+              [int(b) for b in bones], rate, root_motion)
+    return Fit(rig, points.astype(np.float32), weights.astype(np.float32),
+               initial.astype(np.float32))

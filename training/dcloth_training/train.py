@@ -1,0 +1,173 @@
+"""Train one garment in three stages.
+
+    python3 -m dcloth_training.train --data DIR --out DIR [--export BUNDLE]
+
+DIR/--data holds character.safetensors, dynamic/ and static/ (simulate/run.py makes them). Stops
+and resumes at any epoch; writes checkpoints, log.json, curves.png and network.pt under --out.
+"""
+import argparse
+import json
+import os
+import time
+
+import numpy as np
+import torch
+
+from . import (checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry,
+               network, plots, rig)
+from .stages.mesh_stage import MeshStage
+from .stages.skeleton_stage import SkeletonStage
+from .stages.static_stage import StaticStage
+
+
+def arguments(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("--data", required=True)
+    add("--out", required=True)
+    add("--export", help="bundle to write at the end")
+    add("--validation", default=",".join(dataset.VALIDATION), help="clips, comma separated")
+    add("--seed", type=int, default=1)
+    add("--threads", type=int, default=2)
+    add("--rate", type=float, default=1e-3)
+    add("--stages", choices=network.STAGES, default="mesh", help="last stage to train")
+    add("--no-root-motion", action="store_true")
+    add("--static-width", type=int, default=256)
+    add("--static-epochs", type=int, default=200)
+    add("--skeleton-size", type=int, default=128, help="k_S")
+    add("--skeleton-rank", type=int, default=128, help="principal components below S")
+    add("--skeleton-epochs", type=int, default=200)
+    add("--skeleton-rate", type=float, default=2e-3)
+    add("--window", type=int, default=64, help="ticks a training window")
+    add("--noise", type=float, default=0.05, help="of standardised features")
+    add("--dropout", type=float, default=0.1)
+    add("--decay", type=float, default=0.01)
+    add("--validate-every", type=int, default=5)
+    add("--mesh-size", type=int, default=64, help="k_M")
+    add("--mesh-width", type=int, default=8, help="F")
+    add("--mesh-layers", type=int, default=3, help="L")
+    add("--mesh-hidden", type=int, default=256, help="h")
+    add("--mesh-epochs", type=int, default=12)
+    add("--mesh-clips", type=int, default=24, help="clips drawn for one such epoch")
+    add("--mesh-rate", type=float, default=5e-4)
+    add("--chunk", type=int, default=16, help="ticks of truncated back-propagation")
+    add("--head-rank", type=int, default=128)
+    add("--head-epochs", type=int, default=60)
+    add("--head-noise", type=float, default=0.1)
+    add("--head-decay", type=float, default=0.05)
+    return parser.parse_args(argv)
+
+
+def build(fitted, character, standard, options, body_statistics=None, last="mesh"):
+    """A fresh network in float32; body_statistics (mean, deviation) of the mesh stage's input."""
+    n, d = len(character.template), len(standard["mean"])
+    torch.manual_seed(options.seed)
+    static = StaticStage(torch.from_numpy(np.asarray(character.template)),
+                         torch.from_numpy(character.bind[fitted.rig.bones, :3, 3]),
+                         torch.from_numpy(fitted.initial_weights), d, options.static_width)
+    skeleton = body = mesh = None
+    if last != "static":
+        skeleton = SkeletonStage(n, d, options.skeleton_size)
+    if last == "mesh":
+        body = network.BodyPoints(fitted.nearest_points, fitted.nearest_weights)
+        mean, deviation = body_statistics
+        mesh = MeshStage(*geometry.padded_neighbours(character.faces, n), mean, deviation,
+                         options.mesh_width, options.mesh_layers, options.mesh_hidden,
+                         options.mesh_size)
+    return network.DCloth(features.Standardise(**standard), static, skeleton, body, mesh).float()
+
+
+@torch.no_grad()
+def body_statistics(fitted, clips, every=10):
+    """Mean and deviation [3] of the posed nearest body points over training."""
+    body = network.BodyPoints(fitted.nearest_points, fitted.nearest_weights)
+    points = torch.cat([body(c.pose.body_frame[::every]).reshape(-1, 3) for c in clips]).double()
+    return points.mean(0).float(), points.std(0).float()
+
+
+class Log:
+    def __init__(self, folder):
+        self.began, self.path = time.monotonic(), os.path.join(folder, "train.log")
+
+    def __call__(self, text):
+        line = f"[{(time.monotonic() - self.began) / 60:6.2f} min] {text}"
+        print(line, flush=True)
+        with open(self.path, "a") as file:
+            file.write(line + "\n")
+
+
+def prepare(options, log):
+    """Character, fit and clips -> (character, fitted, static clips, training, validation)."""
+    character = rig.read_character(os.path.join(options.data, "character.safetensors"))
+    fitted = rig.fit(character, root_motion=not options.no_root_motion)
+    names = [character.joint_names[b] for b in fitted.rig.bones]
+    static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
+    dynamic = dataset.load(dataset.find(options.data, "dynamic", dataset.HELD_OUT), fitted.rig,
+                           character)
+    training, validation = dataset.split(dynamic, options.validation.split(","))
+    for what, clips in (("static", static), ("training", training), ("validation", validation)):
+        if not clips:
+            raise ValueError(f"{options.data}: no {what} clips; validation asked for "
+                             f"{options.validation}")
+        log(f"{what}: {len(clips)} clips with mirror images, {sum(map(len, clips))} frames")
+    log(f"bones: {', '.join(names)}")
+    return character, fitted, static, training, validation
+
+
+def run(options):
+    """Train all stages -> (network, fitted, character, provenance)."""
+    os.makedirs(options.out, exist_ok=True)
+    torch.set_num_threads(options.threads)
+    log = Log(options.out)
+    character, fitted, static_clips, training, validation = prepare(options, log)
+    rows = np.concatenate([c.pose.x.double().numpy() for c in training])
+    standard = features.fit_standard(rows)
+    statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
+    net = build(fitted, character, standard, options, statistics, options.stages)
+    drapes = fit_static.Drapes(static_clips, character)
+    histories = {"static": fit_static.train(net.static, net.standardise, drapes, options,
+                                            options.out, log)}
+    drapes = None
+    net.static.requires_grad_(False)
+    if options.stages != "static":
+        dataset.add_residuals(training + validation, net.static, net.standardise, character)
+        log("ground truth un-skinned")
+        histories["skeleton"] = fit_skeleton.train(net.skeleton, net.static, net.standardise,
+                                                   training, validation, options, options.out, log)
+        net.skeleton.requires_grad_(False)
+    if options.stages == "mesh":
+        fit_skeleton.subtract(net.skeleton, net.standardise, training + validation)
+        histories.update(fit_mesh.train(net.mesh, net.body_points, net.static, training,
+                                        validation, options, options.out, log))
+    provenance = {
+        "command": {k: v for k, v in vars(options).items() if k not in ("data", "out", "export")},
+        "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
+        "training_clips": sorted({c.name for c in training}),
+        "validation_clips": sorted({c.name for c in validation}),
+        "held_out_clips": list(dataset.HELD_OUT),
+        "frames": {"training": sum(map(len, training)) // 2,
+                   "validation": sum(map(len, validation)) // 2,
+                   "static": sum(map(len, static_clips)) // 2},
+        "validation_mm": {k: round(min(h["validation_mm"] for h in v), 3)
+                          for k, v in histories.items()},
+        "licence": "MIT"}
+    checkpoint.save(os.path.join(options.out, "network.pt"),
+                    {"state": net.state_dict(), "standard": {k: torch.from_numpy(v)
+                                                             for k, v in standard.items()},
+                     "options": json.dumps(vars(options)), "provenance": json.dumps(provenance)})
+    with open(os.path.join(options.out, "log.json"), "w") as file:
+        json.dump({"histories": histories, "provenance": provenance}, file, indent=1)
+    plots.curves(histories, os.path.join(options.out, "curves.png"))
+    return net, fitted, character, provenance
+
+
+def main(argv=None):
+    options = arguments(argv)
+    net, fitted, character, provenance = run(options)
+    if options.export:
+        from . import bundle
+        bundle.write(options.export, net, fitted, character, provenance)
+
+
+if __name__ == "__main__":
+    main()
