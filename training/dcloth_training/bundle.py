@@ -37,8 +37,9 @@ def _trained(net):
 def write(path, net, fitted, character, training, garment="skirt", half=True):
     """Write one garment. Trained weights as F16 when `half`, geometry as F32, indices as I32."""
     rig = fitted.rig
-    tensors = {name: value.astype(np.float16 if half else np.float32)
-               for name, value in _trained(net).items()}
+    with np.errstate(over="ignore"):    # an overflow is reported below, by name
+        tensors = {name: value.astype(np.float16 if half else np.float32)
+                   for name, value in _trained(net).items()}
     for name, value in tensors.items():
         if not np.isfinite(value).all():
             raise BundleError(f"{path}: tensor '{name}' is not finite as {value.dtype}; "
@@ -127,5 +128,5 @@ def read(path, dtype=torch.float64):
             _load(mesh, tensors, "mesh.")
             body = network.BodyPoints(tensor("nearest.points"), tensor("nearest.joint_weights"))
     except BundleError as error:
-        raise BundleError(f"{path}: {error}" if path not in str(error) else str(error)) from None
+        raise BundleError(f"{path}: {error}" if str(path) not in str(error) else str(error)) from None
     return network.DCloth(standardise, static, skeleton, body, mesh).to(dtype), rig, faces, metadata

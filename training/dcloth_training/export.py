@@ -16,7 +16,7 @@ from . import bundle, checkpoint, rig, safetensors_io, sequence, train
 
 def load_trained(folder, data):
     """The finished network of a training folder -> (network, fitted, character, provenance)."""
-    path = os.path.join(folder, "network.pt")
+    path = os.path.join(folder, "network.safetensors")
     saved = checkpoint.load(path)
     if saved is None:
         raise FileNotFoundError(f"{path}: not found; train.py writes it when it ends")

@@ -28,9 +28,9 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
     """Train `module` and leave it at its best validated epoch -> history (list of dicts).
 
     batches(generator): yields loss tensors, one a step. validate(): error in metres.
-    Resumes from folder/<stage>.pt and saves there after every validated epoch.
+    Resumes from folder/<stage>.safetensors and saves there after every validated epoch.
     """
-    path = os.path.join(folder, stage + ".pt")
+    path = os.path.join(folder, stage + ".safetensors")
     parameters = [p for p in module.parameters() if p.requires_grad]
     optimiser = torch.optim.AdamW(parameters, lr=rate, weight_decay=decay)
     state = checkpoint.load(path)

@@ -3,7 +3,7 @@
     python3 -m dcloth_training.train --data DIR --out DIR [--export BUNDLE]
 
 DIR/--data holds character.safetensors, dynamic/ and static/ (simulate/run.py makes them). Stops
-and resumes at any epoch; writes checkpoints, log.json, curves.png and network.pt under --out.
+and resumes at any epoch; writes checkpoints, log.json, curves.png and network.safetensors under --out.
 """
 import argparse
 import json
@@ -151,7 +151,7 @@ def run(options):
         "validation_mm": {k: round(min(h["validation_mm"] for h in v), 3)
                           for k, v in histories.items()},
         "licence": "MIT"}
-    checkpoint.save(os.path.join(options.out, "network.pt"),
+    checkpoint.save(os.path.join(options.out, "network.safetensors"),
                     {"state": net.state_dict(), "standard": {k: torch.from_numpy(v)
                                                              for k, v in standard.items()},
                      "options": json.dumps(vars(options)), "provenance": json.dumps(provenance)})

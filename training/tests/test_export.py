@@ -1,0 +1,117 @@
+"""Bundles: what is written is what runs; a wrong file is refused."""
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from conftest import train_tiny as run
+from dcloth_training import (bundle, evaluate, export, network, reference, safetensors_io,
+                             sequence)
+
+
+@pytest.fixture(scope="module")
+def files(tiny, trained, tmp_path_factory):
+    out = tmp_path_factory.mktemp("bundles")
+    for name, half in (("whole", False), ("half", True)):
+        net, fitted, character, provenance = export.load_trained(str(trained[1]), str(tiny))
+        bundle.write(out / name, net, fitted, character, provenance, half=half)
+    return out
+
+
+def item(tiny):
+    return sequence.read(tiny / "dynamic" / "a-held.safetensors")
+
+
+@pytest.mark.parametrize("stages", network.STAGES)
+def test_bundle_runs_as_the_trained_network(tiny, trained, files, stages):
+    net, fitted, *_ = trained[0]
+    read, rig, faces, _ = bundle.read(files / "whole")
+    assert rig.bones == fitted.rig.bones and rig.feature_joints == fitted.rig.feature_joints
+    matrices = item(tiny).joint_matrices
+    expected = net.double().run(network.pose_of(matrices, fitted.rig), stages)
+    net.float()
+    got = reference.run(read, rig, matrices, stages)
+    # Only W_I, statistics and geometry pass through float32, where they came from.
+    assert (got - expected).abs().max() < 1e-6
+
+
+def test_stages_differ_and_half_precision_stays_close(tiny, files):
+    matrices = item(tiny).joint_matrices
+    whole, rig, *_ = bundle.read(files / "whole")
+    half, *_ = bundle.read(files / "half")
+    by_stage = [reference.run(whole, rig, matrices, s) for s in network.STAGES]
+    assert all((a - b).abs().max() > 1e-5 for a, b in zip(by_stage, by_stage[1:]))
+    difference = (reference.run(half, rig, matrices) - by_stage[2]).abs().max()
+    assert 0 < difference < 1e-3        # metres; 2^-11 of displacements of some decimetres
+
+
+def test_recurrent_state_is_used(tiny, files):
+    net, rig, *_ = bundle.read(files / "whole")
+    matrices = item(tiny).joint_matrices
+    later = reference.run(net, rig, matrices[5:], "skeleton")
+    assert (later - reference.run(net, rig, matrices, "skeleton")[5:]).abs().max() > 1e-6
+
+
+def test_intermediates_have_one_row_a_tick(tiny, files, tmp_path):
+    path = tmp_path / "out.safetensors"
+    reference.main([str(files / "half"), str(tiny / "dynamic" / "a-held.safetensors"), "-o",
+                    str(path), "--intermediates", "--frames", "7"])
+    tensors, metadata = safetensors_io.read(path)
+    assert {k: v.shape for k, v in tensors.items()} == {
+        "positions": (7, 60, 3), "features": (7, 49), "pivots": (7, 5, 3), "h_S": (7, 16),
+        "Q": (7, 4)}
+    assert metadata == {"stages": "mesh"}
+
+
+def test_a_bundle_may_stop_after_stage_one(tiny, tmp_path):
+    net, fitted, character, provenance = run(tiny, tmp_path / "t", "--stages", "static")
+    bundle.write(tmp_path / "b", net, fitted, character, provenance)
+    read, rig, *_ = bundle.read(tmp_path / "b")
+    assert read.last_stage() == "static" and "skeleton.basis" not in safetensors_io.read(
+        tmp_path / "b")[0]
+    with pytest.raises(ValueError, match="stops after 'static'"):
+        reference.run(read, rig, item(tiny).joint_matrices, "mesh")
+
+
+@pytest.mark.parametrize("change,message", [
+    (lambda t, m: m.update(format="other"), "format 'other'"),
+    (lambda t, m: m.update(hips="Tail"), "Tail"),
+    (lambda t, m: t.pop("static.mlp.0.weight"), "static.mlp.0.weight"),
+    (lambda t, m: t.update({"skeleton.gru.bias_hh": np.zeros(3, np.float16)}), "found \\[3\\]"),
+    (lambda t, m: t.pop("nearest.points"), "nearest.points"),
+    (lambda t, m: t.update({"mesh.mlp.2.bias": np.zeros((4, 1), np.float32)}), "mesh.mlp.2.bias")])
+def test_wrong_bundles_are_refused_by_name(files, tmp_path, change, message):
+    tensors, metadata = safetensors_io.read(files / "half")
+    change(tensors, metadata)
+    safetensors_io.write(tmp_path / "bad", tensors, metadata)
+    with pytest.raises(bundle.BundleError, match=message):
+        bundle.read(tmp_path / "bad")
+
+
+def test_weights_beyond_half_precision_are_refused(tiny, trained, tmp_path):
+    net, fitted, character, provenance = export.load_trained(str(trained[1]), str(tiny))
+    with torch.no_grad():
+        net.mesh.mlp[0].bias[0] = 1e6
+    with pytest.raises(bundle.BundleError, match="mesh.mlp.0.bias.*--float32"):
+        bundle.write(tmp_path / "b", net, fitted, character, provenance)
+    assert not (tmp_path / "b").exists()
+
+
+def test_compact_sequences_keep_the_truth(tiny, tmp_path):
+    source = tiny / "dynamic" / "a-held.safetensors"
+    export.main(["sequence", str(source), "-o", str(tmp_path / "c")])
+    before, after = sequence.read(source), sequence.read(tmp_path / "c")
+    assert np.array_equal(before.joint_matrices, after.joint_matrices)
+    # Within 1 m of the hips: half a unit in the last place of float16 is 2^-12 m below 1 m.
+    assert np.abs(before.truth - after.truth).max() <= 2.0 ** -12 + 1e-7
+    assert (tmp_path / "c").stat().st_size < source.stat().st_size
+
+
+def test_evaluation_lists_every_level(tiny, files, tmp_path, capsys):
+    evaluate.main([str(files / "half"), str(tiny / "dynamic" / "a-held.safetensors"), "-o",
+                   str(tmp_path / "e")])
+    results = json.loads((tmp_path / "e.json").read_text())
+    assert list(results["a/held"]) == [evaluate.SCALE, evaluate.PLAIN, *evaluate.LEVELS.values()]
+    assert "a/held" in capsys.readouterr().out
+    assert (tmp_path / "e.png").exists() and (tmp_path / "e.txt").exists()

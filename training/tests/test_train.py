@@ -1,0 +1,102 @@
+"""Training on the tiny garment: it learns, it resumes bit for bit, it never reads held-out clips."""
+import json
+import shutil
+
+import numpy as np
+import pytest
+import torch
+
+from conftest import train_tiny as run
+from dcloth_training import checkpoint, dataset, loop
+
+def test_every_stage_lowers_the_validation_error(trained):
+    (_, _, _, provenance), out = trained
+    histories = json.loads((out / "log.json").read_text())["histories"]
+    for stage in ("static", "skeleton", "mesh_head"):
+        errors = [h["validation_mm"] for h in histories[stage]]
+        assert min(errors) < errors[0], stage
+    assert histories["skeleton"][-1]["training_mm"] < histories["skeleton"][1]["training_mm"]
+    assert provenance["training_clips"] == ["a/one", "a/two"]
+    assert provenance["validation_clips"] == ["a/held"]
+    assert (out / "curves.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_same_seed_gives_the_same_network_and_another_seed_another(tiny, trained, tmp_path):
+    again = run(tiny, tmp_path / "again")[0].state_dict()
+    other = run(tiny, tmp_path / "other", "--seed", "2", "--stages", "skeleton")[0].state_dict()
+    first = trained[0][0].state_dict()
+    assert all(torch.equal(first[k], again[k]) for k in first)
+    assert not torch.equal(first["skeleton.basis"], other["skeleton.basis"])
+
+
+@pytest.mark.parametrize("stage,epoch", [("static", 5), ("skeleton", 10), ("mesh_layers", 1)])
+def test_resumes_bit_for_bit(tiny, trained, tmp_path, monkeypatch, stage, epoch):
+    """Stop a run just after a checkpoint, start it again, compare with the unbroken one."""
+    class Stop(Exception):
+        pass
+
+    real = checkpoint.save
+
+    def save_then_stop(path, state):
+        real(path, state)
+        if path.endswith(f"{stage}.safetensors") and state["epoch"] == epoch:
+            raise Stop
+
+    monkeypatch.setattr(loop.checkpoint, "save", save_then_stop)
+    with pytest.raises(Stop):
+        run(tiny, tmp_path)
+    monkeypatch.setattr(loop.checkpoint, "save", real)
+    resumed, unbroken = run(tiny, tmp_path)[0].state_dict(), trained[0][0].state_dict()
+    assert all(torch.equal(resumed[k], unbroken[k]) for k in unbroken)
+
+
+def test_a_checkpoint_is_whole_or_absent(tmp_path):
+    path = str(tmp_path / "a.safetensors")
+    assert checkpoint.load(path) is None
+    checkpoint.save(path, {"a": torch.ones(2), "epoch": 3})
+    with pytest.raises(TypeError, match="function"):
+        checkpoint.save(path, {"a": torch.zeros(2), "b": lambda: None})
+    assert checkpoint.load(path)["epoch"] == 3 and len(list(tmp_path.iterdir())) == 1
+
+
+def test_checkpoints_keep_types_and_every_bit(tmp_path):
+    path = str(tmp_path / "a.safetensors")
+    state = {"a": [{"x": 0.1, 3: torch.tensor(2.0)}, (1, None, True)], "t": torch.randn(2, 3).half()}
+    checkpoint.save(path, state)
+    back = checkpoint.load(path)
+    assert back["a"][0]["x"] == 0.1 and back["a"][1] == (1, None, True)
+    assert back["a"][0][3] == 2.0 and back["a"][0][3].shape == torch.Size([])
+    assert torch.equal(back["t"], state["t"]) and back["t"].dtype == torch.float16
+
+
+def test_not_finite_loss_stops_training(tmp_path):
+    module = torch.nn.Linear(1, 1)
+    with pytest.raises(FloatingPointError, match="epoch 1"):
+        loop.fit("x", module, 3, lambda g: [module(torch.full((1, 1), float("nan"))).sum()],
+                 lambda: 1.0, str(tmp_path), log=lambda text: None)
+
+
+def test_held_out_clips_are_never_found(tiny, tmp_path):
+    shutil.copytree(tiny / "dynamic", tmp_path / "dynamic")
+    shutil.copy(tiny / "dynamic" / "a-one.safetensors",
+                tmp_path / "dynamic" / "mocap-run.safetensors")
+    names = [p.split("/")[-1] for p in dataset.find(str(tmp_path), "dynamic", dataset.HELD_OUT)]
+    assert names == ["a-held.safetensors", "a-one.safetensors", "a-two.safetensors"]
+    assert not set(dataset.HELD_OUT) & set(dataset.VALIDATION)
+
+
+def test_windows_begin_with_a_reset(tiny):
+    class Clip:
+        name, pose = "c", type("P", (), {"x": torch.ones(40, 13), "__len__": lambda s: 40})()
+
+        def __len__(self):
+            return 40
+
+    generator = torch.Generator().manual_seed(0)
+    found = dataset.windows([Clip()] * 20, 16, generator)
+    assert {w.first == 0 for w in found} == {True, False}
+    assert all(w.warm_up == (12 if w.first else 0) and w.first <= 24 for w in found)
+    late = next(w for w in found if w.first)
+    x = late.x(lambda v: v, 16)
+    assert not x[0, -4:].any() and x[1:, -4:].all() and x[0, :9].all()
+    assert np.shape(x) == (16, 13)
