@@ -1,0 +1,66 @@
+#include "tests/unit/engine/allocation_trap.h"
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+namespace {
+
+std::atomic<bool> armed{false};
+std::atomic<size_t> allocations{0};
+
+void Count() {
+  if (armed.load(std::memory_order_relaxed)) allocations.fetch_add(1, std::memory_order_relaxed);
+}
+
+}  // namespace
+
+#if defined(__SANITIZE_ADDRESS__)
+
+// AddressSanitizer owns malloc and tells a hook instead.
+extern "C" void __sanitizer_malloc_hook(const volatile void*, size_t) { Count(); }
+
+#else
+
+// glibc's own names, so that the replaced functions have something to call. operator new goes through malloc.
+extern "C" {
+void* __libc_malloc(size_t size);
+void* __libc_calloc(size_t count, size_t size);
+void* __libc_realloc(void* block, size_t size);
+void* __libc_memalign(size_t alignment, size_t size);
+
+void* malloc(size_t size) {
+  Count();
+  return __libc_malloc(size);
+}
+void* calloc(size_t count, size_t size) {
+  Count();
+  return __libc_calloc(count, size);
+}
+void* realloc(void* block, size_t size) {
+  Count();
+  return __libc_realloc(block, size);
+}
+void* aligned_alloc(size_t alignment, size_t size) {
+  Count();
+  return __libc_memalign(alignment, size);
+}
+int posix_memalign(void** block, size_t alignment, size_t size) {
+  Count();
+  *block = __libc_memalign(alignment, size);
+  return *block == nullptr ? 12 : 0;  // ENOMEM
+}
+}
+
+#endif
+
+namespace dcloth::testing {
+
+AllocationTrap::AllocationTrap() {
+  allocations = 0;
+  armed = true;
+}
+AllocationTrap::~AllocationTrap() { armed = false; }
+size_t AllocationTrap::count() const { return allocations; }
+
+}  // namespace dcloth::testing

@@ -1,0 +1,322 @@
+// A cloth's life: memory, reset, refused poses, stages, blending, precision far from the origin, sharing of a model.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "tests/unit/engine/allocation_trap.h"
+#include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/engine/reference_network.h"
+#include "tests/unit/kernels/guarded_buffer.h"
+
+namespace dcloth::testing {
+namespace {
+
+using kernels::GuardedBuffer;
+using kernels::Place;
+
+constexpr uint32_t kAll = DCLOTH_STAGES_MESH;
+
+class ClothTest : public ::testing::Test {
+ protected:
+  static TestModel Build() {
+    ModelSpec spec;
+    spec.precision = format::DType_I8;
+    return BuildModel(spec);
+  }
+  std::vector<float> Pose(double tick) const { return PoseAt(model_.numbers, tick / 30); }
+  void Advance(OwnedCloth* cloth, int begin, int end, uint32_t stages = kAll) const {
+    for (int tick = begin; tick < end; ++tick) ASSERT_EQ(cloth->Tick(Pose(tick), stages), DCLOTH_OK);
+  }
+  void ExpectSameFrame(OwnedCloth* a, OwnedCloth* b, double tick, float blend = 1) const {
+    ASSERT_EQ(a->Skin(Pose(tick), blend), DCLOTH_OK);
+    ASSERT_EQ(b->Skin(Pose(tick), blend), DCLOTH_OK);
+    EXPECT_EQ(a->positions(), b->positions());
+    EXPECT_EQ(a->normals(), b->normals());
+  }
+
+  TestModel model_ = Build();
+  OpenedModel opened_{model_};
+};
+
+TEST_F(ClothTest, ResetEqualsFresh) {
+  OwnedCloth used(opened_), fresh(opened_);
+  Advance(&used, 40, 60);
+  ASSERT_EQ(dcloth_cloth_reset(used.get()), DCLOTH_OK);
+  ExpectSameFrame(&used, &fresh, 0, 0.5f);
+  Advance(&used, 0, 5);
+  Advance(&fresh, 0, 5);
+  ExpectSameFrame(&used, &fresh, 4, 0.25f);
+}
+
+TEST_F(ClothTest, ExactStorageWorksAndOneByteLessIsRefused) {
+  const size_t size = dcloth_cloth_storage_size(opened_.get());
+  GuardedBuffer<uint8_t> storage(size, Place::kAligned64);
+  dcloth_cloth* cloth = nullptr;
+  dcloth_error error = EmptyError();
+  EXPECT_EQ(dcloth_cloth_create(opened_.get(), storage.data(), size - 1, &cloth, &error), DCLOTH_ERROR_MEMORY);
+  EXPECT_EQ(cloth, nullptr);
+  EXPECT_NE(std::string(error.text).find(std::to_string(size)), std::string::npos) << error.text;
+  EXPECT_EQ(dcloth_cloth_create(opened_.get(), storage.data() + 16, size, &cloth, nullptr), DCLOTH_ERROR_ALIGNMENT);
+  EXPECT_EQ(dcloth_cloth_create(opened_.get(), nullptr, size, &cloth, nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_cloth_create(nullptr, storage.data(), size, &cloth, nullptr), DCLOTH_ERROR_ARGUMENT);
+  ASSERT_EQ(dcloth_cloth_create(opened_.get(), storage.data(), size, &cloth, nullptr), DCLOTH_OK);
+  const std::vector<float> matrices = Pose(0);
+  const dcloth_pose pose = OwnedCloth::Pose(matrices);
+  for (int tick = 0; tick < 3; ++tick) ASSERT_EQ(dcloth_cloth_tick(cloth, &pose, kAll, nullptr), DCLOTH_OK);
+  EXPECT_TRUE(storage.SlackUntouched());
+  EXPECT_EQ(dcloth_cloth_storage_size(nullptr), 0u);
+}
+
+// Pinned, so that growth is a decision: scratch and state of the default model.
+TEST_F(ClothTest, StorageSizeIsPinned) {
+  EXPECT_EQ(dcloth_cloth_storage_size(opened_.get()), 29760u);
+  EXPECT_EQ(dcloth_model_storage_size(), 1216u);
+}
+
+TEST_F(ClothTest, HostBuffersAreReadAndWrittenWithinTheirBounds) {
+  OwnedCloth cloth(opened_);
+  Advance(&cloth, 0, 2);
+  const GuardedBuffer<float> matrices(Pose(2));
+  const size_t n = model_.numbers.n;
+  for (const uint32_t stride : {12u, 16u, 28u}) {
+    GuardedBuffer<float> positions((n - 1) * stride / 4 + 3), normals((n - 1) * stride / 4 + 3);
+    const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(matrices.size() / 16), matrices.data(), 0};
+    const dcloth_output output = {sizeof(output), static_cast<uint32_t>(n), positions.data(), stride, stride, normals.data()};
+    ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, nullptr), DCLOTH_OK);
+    ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
+    for (size_t i = 0; i < positions.size(); ++i) {
+      const bool inside = i % (stride / 4) < 3;
+      EXPECT_EQ(std::isfinite(positions[i]), inside) << i;
+      EXPECT_EQ(std::isfinite(normals[i]), inside) << i;
+    }
+  }
+}
+
+TEST_F(ClothTest, InterleavedAndTightBuffersAgreeAndNormalsAreOptional) {
+  OwnedCloth cloth(opened_);
+  Advance(&cloth, 0, 2);
+  ASSERT_EQ(cloth.Skin(Pose(2), 0.5f), DCLOTH_OK);
+  const auto n = static_cast<uint32_t>(model_.numbers.n);
+  std::vector<float> vertices(6 * n), alone(3 * n);
+  const std::vector<float> matrices = Pose(2);
+  const dcloth_pose pose = OwnedCloth::Pose(matrices);
+  const dcloth_output interleaved = {sizeof(interleaved), n, vertices.data(), 24, 24, vertices.data() + 3};
+  const dcloth_output positions_only = {sizeof(positions_only), n, alone.data(), 12, 0, nullptr};
+  ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &interleaved, nullptr), DCLOTH_OK);
+  ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &positions_only, nullptr), DCLOTH_OK);
+  EXPECT_EQ(alone, cloth.positions());
+  for (size_t i = 0; i < 3 * n; ++i) {
+    EXPECT_EQ(vertices[6 * (i / 3) + i % 3], cloth.positions()[i]);
+    EXPECT_EQ(vertices[6 * (i / 3) + 3 + i % 3], cloth.normals()[i]);
+  }
+}
+
+TEST_F(ClothTest, ColumnMajorPosesAreTheSamePose) {
+  OwnedCloth rows(opened_), columns(opened_);
+  const std::vector<float> matrices = Pose(3);
+  std::vector<float> transposed(matrices.size());
+  for (size_t i = 0; i < matrices.size(); ++i) transposed[i / 16 * 16 + i % 4 * 4 + i % 16 / 4] = matrices[i];
+  dcloth_pose pose = OwnedCloth::Pose(transposed);
+  pose.column_major = 1;
+  ASSERT_EQ(rows.Tick(matrices, kAll), DCLOTH_OK);
+  ASSERT_EQ(dcloth_cloth_tick(columns.get(), &pose, kAll, nullptr), DCLOTH_OK);
+  ExpectSameFrame(&rows, &columns, 3);
+}
+
+// Every element of the pose, with each kind of bad number: refused, and the next ticks are those of an undisturbed twin.
+TEST_F(ClothTest, BadPosesAreRefusedWithoutTrace) {
+  OwnedCloth disturbed(opened_), twin(opened_);
+  Advance(&disturbed, 0, 3);
+  Advance(&twin, 0, 3);
+  ASSERT_EQ(disturbed.Skin(Pose(3), 1), DCLOTH_OK);
+  const std::vector<float> before = disturbed.positions();
+  const std::vector<float> good = Pose(3);
+  for (size_t i = 0; i < good.size(); ++i) {
+    for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(),
+                            -std::numeric_limits<float>::infinity(), 2e9f}) {
+      std::vector<float> pose = good;
+      pose[i] = bad;
+      ASSERT_EQ(disturbed.Tick(pose, kAll), DCLOTH_ERROR_POSE) << i;
+      ASSERT_EQ(disturbed.Skin(pose, 1), DCLOTH_ERROR_POSE) << i;
+    }
+  }
+  EXPECT_EQ(disturbed.positions(), before) << "outputs of a refused frame stay";
+  std::vector<float> few = good;
+  few.resize(good.size() - 16);
+  EXPECT_EQ(disturbed.Tick(few, kAll), DCLOTH_ERROR_POSE);
+  EXPECT_EQ(disturbed.Skin(few, 1), DCLOTH_ERROR_POSE);
+  Advance(&disturbed, 3, 8);
+  Advance(&twin, 3, 8);
+  ExpectSameFrame(&disturbed, &twin, 7, 0.5f);
+}
+
+// Zero matrices and the largest allowed numbers: clamped features keep the state finite, so the garment recovers.
+TEST_F(ClothTest, ExtremePosesLeaveAFiniteState) {
+  OwnedCloth cloth(opened_);
+  for (const float value : {0.0f, 1e9f, -1e9f}) {
+    ASSERT_EQ(cloth.Tick(std::vector<float>(Pose(0).size(), value), kAll), DCLOTH_OK);
+  }
+  Advance(&cloth, 0, 2);
+  ASSERT_EQ(cloth.Skin(Pose(2), 1), DCLOTH_OK);
+  for (const float x : cloth.positions()) ASSERT_TRUE(std::isfinite(x));
+}
+
+TEST_F(ClothTest, BadArgumentsAreRefused) {
+  OwnedCloth cloth(opened_);
+  const std::vector<float> matrices = Pose(0);
+  std::vector<float> out(3 * model_.numbers.n);
+  const dcloth_pose good_pose = OwnedCloth::Pose(matrices);
+  const dcloth_output good_output = {sizeof(good_output), static_cast<uint32_t>(model_.numbers.n), out.data(), 12, 12, out.data()};
+  const auto tick = [&](const dcloth_pose* pose, uint32_t stages) { return dcloth_cloth_tick(cloth.get(), pose, stages, nullptr); };
+  EXPECT_EQ(dcloth_cloth_tick(nullptr, &good_pose, kAll, nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_cloth_reset(nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(tick(nullptr, kAll), DCLOTH_ERROR_ARGUMENT);
+  for (const uint32_t stages : {0u, 2u, 4u, 5u, 6u, 8u, 15u, ~0u}) EXPECT_EQ(tick(&good_pose, stages), DCLOTH_ERROR_ARGUMENT) << stages;
+  dcloth_pose pose = good_pose;
+  pose.struct_size = 4;
+  EXPECT_EQ(tick(&pose, kAll), DCLOTH_ERROR_ARGUMENT);
+  pose = good_pose;
+  pose.joint_matrices = nullptr;
+  EXPECT_EQ(tick(&pose, kAll), DCLOTH_ERROR_ARGUMENT);
+  pose = good_pose;
+  pose.column_major = 2;
+  EXPECT_EQ(tick(&pose, kAll), DCLOTH_ERROR_ARGUMENT);
+  dcloth_timer small_timer = {};
+  EXPECT_EQ(dcloth_cloth_tick(cloth.get(), &good_pose, kAll, &small_timer), DCLOTH_ERROR_ARGUMENT);
+
+  const auto skin = [&](float blend, auto change) {
+    dcloth_output output = good_output;
+    change(&output);
+    return dcloth_cloth_skin(cloth.get(), &good_pose, blend, &output, nullptr);
+  };
+  const auto nothing = [](dcloth_output*) {};
+  EXPECT_EQ(skin(1, nothing), DCLOTH_OK);
+  for (const float blend : {-0.01f, 1.01f, std::numeric_limits<float>::quiet_NaN()}) EXPECT_EQ(skin(blend, nothing), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(skin(1, [](dcloth_output* o) { o->vertex_count += 1; }), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(skin(1, [](dcloth_output* o) { o->positions = nullptr; }), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(skin(1, [](dcloth_output* o) { o->position_stride_bytes = 8; }), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(skin(1, [](dcloth_output* o) { o->normal_stride_bytes = 13; }), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(skin(1, [](dcloth_output* o) { o->struct_size = 0; }), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_cloth_skin(cloth.get(), &good_pose, 1, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
+
+  ModelSpec spec;
+  spec.mesh = false;
+  const OpenedModel skeleton_only(BuildModel(spec));
+  OwnedCloth smaller(skeleton_only);
+  EXPECT_EQ(smaller.Tick(matrices, kAll), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(smaller.Tick(matrices, DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+}
+
+// Against the reference through changes of detail: a stage that rested starts from zero state.
+TEST_F(ClothTest, StagesMayChangeFromTickToTick) {
+  OwnedCloth cloth(opened_);
+  ReferenceNetwork reference(model_.numbers);
+  const uint32_t plan[] = {7, 7, 3, 7, 1, 1, 7, 3, 3, 1, 3, 7};
+  int tick = 0;
+  for (const uint32_t stages : plan) {
+    ASSERT_EQ(cloth.Tick(Pose(tick), stages), DCLOTH_OK);
+    reference.Tick(Pose(tick), stages);
+    ASSERT_EQ(cloth.Skin(Pose(tick), 0.75f), DCLOTH_OK);
+    const Vector world = reference.Skin(Pose(tick), 0.75).world;
+    for (size_t i = 0; i < world.size(); ++i) {
+      ASSERT_NEAR(static_cast<double>(cloth.positions()[i]), world[i].value, world[i].error) << "tick " << tick;
+      ASSERT_LT(world[i].error, 5e-4);
+    }
+    ++tick;
+  }
+}
+
+// Ten kilometres out floats are a millimetre apart: each coordinate of the result is within half a step of the host's
+// matrices and half a step of its own, and normals, taken before the move, only see the former.
+TEST_F(ClothTest, KeepsItsShapeFarFromTheOrigin) {
+  OwnedCloth near(opened_), far(opened_);
+  constexpr double kFar = 8192;  // a power of two, so that a float step there is 2^-10 m
+  constexpr double kStep = 0x1p-10;
+  for (int tick = 0; tick < 3; ++tick) {
+    std::vector<float> pose = Pose(tick);
+    // Positions on the coarse grid, so that the far pose is the near one moved exactly.
+    for (size_t i = 3; i < pose.size(); i += 4) {
+      if (i % 16 != 15) pose[i] = static_cast<float>(std::round(static_cast<double>(pose[i]) / kStep) * kStep);
+    }
+    std::vector<float> moved = pose;
+    for (size_t j = 0; j < moved.size(); j += 16) moved[j + 3] += static_cast<float>(kFar), moved[j + 11] += static_cast<float>(kFar);
+    ASSERT_EQ(near.Tick(pose, kAll), DCLOTH_OK);
+    ASSERT_EQ(far.Tick(moved, kAll), DCLOTH_OK);
+    ASSERT_EQ(near.Skin(pose, 1), DCLOTH_OK);
+    ASSERT_EQ(far.Skin(moved, 1), DCLOTH_OK);
+    for (size_t i = 0; i < near.positions().size(); ++i) {
+      const double offset = i % 3 == 1 ? 0 : kFar;
+      const double expected = static_cast<double>(near.positions()[i]) + offset;
+      // The near world position carries its own rounding, at most 2^-24 * 8 m.
+      EXPECT_NEAR(static_cast<double>(far.positions()[i]), expected, (i % 3 == 1 ? 0 : kStep / 2) + 0x1p-20) << i;
+    }
+    EXPECT_EQ(near.normals(), far.normals()) << "relative poses are equal to the bit, so normals are";
+  }
+}
+
+TEST_F(ClothTest, TwoClothsShareAModel) {
+  const AlignedBytes before = opened_.bytes();
+  OwnedCloth a(opened_), b(opened_), alone(opened_);
+  for (int tick = 0; tick < 6; ++tick) {
+    ASSERT_EQ(a.Tick(Pose(tick), kAll), DCLOTH_OK);
+    ASSERT_EQ(b.Tick(Pose(50 + 3 * tick), kAll), DCLOTH_OK);
+    ASSERT_EQ(alone.Tick(Pose(tick), kAll), DCLOTH_OK);
+  }
+  ExpectSameFrame(&a, &alone, 5, 0.5f);
+  EXPECT_EQ(std::memcmp(before.data(), opened_.bytes().data(), before.size()), 0) << "model bytes are only read";
+}
+
+TEST_F(ClothTest, NothingAllocatesInAThousandTicks) {
+  OwnedCloth cloth(opened_);
+  std::vector<std::vector<float>> poses;
+  for (int tick = 0; tick < 100; ++tick) poses.push_back(Pose(tick));
+  size_t seen = 0;
+  {
+    AllocationTrap trap;
+    const std::vector<float> allocated(poses.size());
+    seen = trap.count() * allocated.size();
+  }
+  ASSERT_GT(seen, 0u) << "the trap sees nothing";
+  dcloth_status worst = DCLOTH_OK;
+  {
+    AllocationTrap trap;
+    for (int tick = 0; tick < 1000; ++tick) {
+      const std::vector<float>& pose = poses[static_cast<size_t>(tick) % poses.size()];
+      worst = std::max({worst, cloth.Tick(pose, kAll), cloth.Skin(pose, 0.5f)});
+    }
+    seen = trap.count();
+  }
+  EXPECT_EQ(seen, 0u);
+  EXPECT_EQ(worst, DCLOTH_OK);
+}
+
+struct FakeClock {
+  uint64_t ticks = 0;
+};
+
+TEST_F(ClothTest, TimersCountEveryStepAndNothingTwice) {
+  OwnedCloth cloth(opened_);
+  FakeClock clock;
+  dcloth_timer timer = {};
+  timer.struct_size = sizeof(timer);
+  timer.context = &clock;
+  timer.now = [](void* context) { return ++static_cast<FakeClock*>(context)->ticks; };
+  const std::vector<float> matrices = Pose(0);
+  const dcloth_pose pose = OwnedCloth::Pose(matrices);
+  std::vector<float> out(6 * model_.numbers.n);
+  const dcloth_output output = {sizeof(output), static_cast<uint32_t>(model_.numbers.n), out.data(), 24, 24, out.data() + 3};
+  ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, &timer), DCLOTH_OK);
+  ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, &timer), DCLOTH_OK);
+  uint64_t total = 0;
+  for (int step = 0; step < DCLOTH_STEP_COUNT; ++step) {
+    EXPECT_GT(timer.elapsed[step], 0u) << step;
+    total += timer.elapsed[step];
+  }
+  EXPECT_EQ(total, clock.ticks - 2) << "all time between the first and the last reading of each call";
+  timer.now = nullptr;
+  EXPECT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, &timer), DCLOTH_OK);
+}
+
+}  // namespace
+}  // namespace dcloth::testing
