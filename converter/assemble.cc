@@ -12,8 +12,8 @@ namespace {
 constexpr const char* kProducer = "dcloth converter";
 
 std::string ProducerText() {
-  return std::string(kProducer) + " " + std::to_string(DCLOTH_VERSION_MAJOR) + "." + std::to_string(DCLOTH_VERSION_MINOR) +
-         "." + std::to_string(DCLOTH_VERSION_PATCH);
+  return std::string(kProducer) + " " + std::to_string(DCLOTH_VERSION_MAJOR) + "." +
+         std::to_string(DCLOTH_VERSION_MINOR) + "." + std::to_string(DCLOTH_VERSION_PATCH);
 }
 
 Vector Reciprocal(const Vector& values) { return values.cast<double>().cwiseInverse().cast<float>(); }
@@ -102,8 +102,10 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision 
   parts.influences = static_cast<uint8_t>(folded.skin.influences);
 
   parts.template_positions = PackFloats("garment.template_positions", bundle.template_positions);
-  std::vector<uint32_t> corners(bundle.template_faces.data(), bundle.template_faces.data() + bundle.template_faces.size());
-  parts.faces = PackIndices("garment.faces", StoredType::kU16, {static_cast<uint32_t>(bundle.template_faces.rows()), 3}, corners);
+  std::vector<uint32_t> corners(bundle.template_faces.data(),
+                                bundle.template_faces.data() + bundle.template_faces.size());
+  parts.faces =
+      PackIndices("garment.faces", StoredType::kU16, {static_cast<uint32_t>(bundle.template_faces.rows()), 3}, corners);
   parts.inverse_bind = PackFloats("character.inverse_bind", InverseBinds(bundle, folded.joints.joints));
   parts.mean = PackFloats("features.mean", bundle.feature_mean);
   parts.inverse_deviation = PackFloats("features.inverse_deviation", Reciprocal(bundle.feature_deviation));
@@ -113,7 +115,8 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision 
   parts.pivots = PackFloats("static_stage.pivots", Matrix(BindPositions(bundle, bundle.bones).cast<float>()));
   parts.influence_bones =
       PackIndices("static_stage.influence_bones", StoredType::kU8, {n, folded.skin.influences}, folded.skin.columns);
-  parts.influence_weights = PackFloats("static_stage.influence_weights", {n, folded.skin.influences}, folded.skin.weights);
+  parts.influence_weights =
+      PackFloats("static_stage.influence_weights", {n, folded.skin.influences}, folded.skin.weights);
   parts.static_hidden = Pack("static_stage.hidden", bundle.static_hidden, static_precision);
   parts.static_increments = Pack("static_stage.increments", bundle.static_increments, static_precision);
 

@@ -12,17 +12,17 @@ namespace dcloth::converter {
 
 // What does not depend on the precision.
 struct FoldedBundle {
-  MatrixD skin_weights;   // [n, m], folded
-  PrunedWeights skin;     // columns index bundle.bones
-  MatrixD body_weights;   // [n, J], empty without a mesh stage
-  PrunedWeights body;     // columns index bundle.joint_names; empty without a mesh stage
+  MatrixD skin_weights;  // [n, m], folded
+  PrunedWeights skin;    // columns index bundle.bones
+  MatrixD body_weights;  // [n, J], empty without a mesh stage
+  PrunedWeights body;    // columns index bundle.joint_names; empty without a mesh stage
   JointSubset joints;
 };
 FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences);
 
-// `precision` applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size. The static MLP
-// (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8 would save 0.1 MB. All else
-// (geometry, gates, mesh layers, embedding, biases) stays f32. Throws Error where fp16 overflows.
+// `precision` applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size. The static
+// MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8 would save 0.1 MB. All
+// else (geometry, gates, mesh layers, embedding, biases) stays f32. Throws Error where fp16 overflows.
 ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision precision);
 
 }  // namespace dcloth::converter

@@ -2,164 +2,23 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <cstring>
-#include <set>
 #include <utility>
 
 #include "converter/bundle_metadata.h"
 #include "converter/error.h"
+#include "converter/tensor_reader.h"
 
 namespace dcloth::converter {
 namespace {
 
-constexpr uint64_t kAny = UINT64_MAX;  // a free dimension: this tensor defines it
-// Above any dimension that makes sense, so that products of two stay far from 64 bits and indices from 32.
-constexpr uint64_t kMaxExtent = uint64_t{1} << 24;
-
-// Hands tensors out once each, checked, and knows which were never asked for.
-class Reader {
- public:
-  explicit Reader(const SafeFile& file) : file_(file) {}
-
-  bool Has(std::string_view prefix) const {
-    for (const SafeTensor& tensor : file_.tensors()) {
-      if (std::string_view(tensor.name).substr(0, prefix.size()) == prefix) return true;
-    }
-    return false;
-  }
-
-  // `expected` holds kAny where any extent from 1 up (0 up for the leading one of `may_be_empty`) is good.
-  const SafeTensor& Take(const std::string& name, const Shape& expected, const char* names, bool may_be_empty = false) {
-    const SafeTensor& tensor = file_.Require(name);
-    taken_.insert(name);
-    bool good = tensor.shape.size() == expected.size();
-    for (size_t i = 0; good && i < expected.size(); ++i) {
-      const uint64_t least = may_be_empty && i == 0 ? 0 : 1;
-      good = expected[i] == kAny ? tensor.shape[i] >= least && tensor.shape[i] <= kMaxExtent : tensor.shape[i] == expected[i];
-    }
-    if (good) return tensor;
-    std::string text = "[";
-    for (size_t i = 0; i < expected.size(); ++i) {
-      text += (i == 0 ? "" : ", ") + (expected[i] == kAny ? std::string("any") : std::to_string(expected[i]));
-    }
-    Refuse(name, "shape " + ShapeText(tensor.shape), text + "] = " + names);
-  }
-
-  Matrix TakeMatrix(const std::string& name, uint64_t rows, uint64_t columns, const char* names) {
-    return ToMatrix(Take(name, {rows, columns}, names));
-  }
-
-  Vector TakeVector(const std::string& name, uint64_t size, const char* names) {
-    const std::vector<float> values = FloatsOf(file_, Take(name, {size}, names));
-    return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
-  }
-
-  // Geometry: F32 only, since half floats would move it.
-  Matrix TakeGeometry(const std::string& name, uint64_t rows, uint64_t columns, const char* names) {
-    RequireType(Take(name, {rows, columns}, names), SafeType::kF32);
-    return TakeMatrix(name, rows, columns, names);
-  }
-
-  LinearWeights TakeLinear(const std::string& name, uint64_t out, uint64_t in, const char* names) {
-    LinearWeights linear;
-    linear.weight = TakeMatrix(name + ".weight", out, in, names);
-    linear.bias = TakeVector(name + ".bias", static_cast<uint64_t>(linear.weight.rows()), "the rows of its weight");
-    return linear;
-  }
-
-  // [k, n, 3] as [k, 3n].
-  Matrix TakeBasis(const std::string& name, uint64_t rows, uint64_t vertices, const char* names) {
-    const SafeTensor& tensor = Take(name, {rows, vertices, 3}, names);
-    return ToMatrix(tensor, tensor.shape[0], 3 * tensor.shape[1]);
-  }
-
-  std::vector<Matrix> TakeStack(const std::string& name, uint64_t rows, uint64_t columns, const char* names) {
-    const SafeTensor& tensor = Take(name, {kAny, rows, columns}, names, /*may_be_empty=*/true);
-    const std::vector<float> values = FloatsOf(file_, tensor);
-    std::vector<Matrix> stack;
-    for (uint64_t i = 0; i < tensor.shape[0]; ++i) {
-      stack.emplace_back(Eigen::Map<const Matrix>(values.data() + i * rows * columns, static_cast<Eigen::Index>(rows),
-                                                  static_cast<Eigen::Index>(columns)));
-    }
-    return stack;
-  }
-
-  Faces TakeFaces(const std::string& name, uint64_t vertices) {
-    const SafeTensor& tensor = Take(name, {kAny, 3}, "[c, 3]");
-    RequireType(tensor, SafeType::kI32);
-    Faces faces(static_cast<Eigen::Index>(tensor.shape[0]), 3);
-    std::memcpy(faces.data(), tensor.bytes.data(), tensor.bytes.size());
-    for (Eigen::Index i = 0; i < faces.rows(); ++i) {
-      for (Eigen::Index corner = 0; corner < 3; ++corner) {
-        const int32_t vertex = faces(i, corner);
-        if (vertex < 0 || static_cast<uint64_t>(vertex) >= vertices) {
-          Refuse(name, "vertex " + std::to_string(vertex) + " in face " + std::to_string(i),
-                 "indices from 0 to " + std::to_string(vertices - 1));
-        }
-      }
-      if (faces(i, 0) == faces(i, 1) || faces(i, 1) == faces(i, 2) || faces(i, 0) == faces(i, 2)) {
-        Refuse(name, "a vertex twice in face " + std::to_string(i), "three different vertices");
-      }
-    }
-    return faces;
-  }
-
-  // Nonnegative, rows sum to 1 within kRowSumTolerance.
-  Matrix TakeSkinWeights(const std::string& name, uint64_t rows, uint64_t columns, const char* names) {
-    Matrix weights = TakeGeometry(name, rows, columns, names);
-    for (Eigen::Index i = 0; i < weights.rows(); ++i) {
-      const double sum = weights.row(i).cast<double>().sum();
-      if (weights.row(i).minCoeff() < 0) Refuse(name, "a negative weight in row " + std::to_string(i), "0 or more");
-      if (std::abs(sum - 1) > kRowSumTolerance) {
-        Refuse(name, "a sum of " + std::to_string(sum) + " in row " + std::to_string(i), "1 within 0.0001");
-      }
-    }
-    return weights;
-  }
-
-  Vector TakePositive(const std::string& name, uint64_t size, const char* names) {
-    Vector values = TakeVector(name, size, names);
-    for (Eigen::Index i = 0; i < values.size(); ++i) {
-      // Its reciprocal is stored as a float.
-      if (!(values[i] >= 1e-30f && values[i] <= 1e30f)) {
-        Refuse(name, std::to_string(values[i]) + " at element " + std::to_string(i), "1e-30 to 1e30");
-      }
-    }
-    return values;
-  }
-
-  void RequireType(const SafeTensor& tensor, SafeType type) const {
-    if (tensor.type != type) Refuse(tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), SafeTypeName(type));
-  }
-
-  void RefuseUnknown() const {
-    for (const SafeTensor& tensor : file_.tensors()) {
-      if (taken_.count(tensor.name) == 0) {
-        Refuse(tensor.name, "a tensor that a bundle does not have", "the names in converter/BUNDLE.md");
-      }
-    }
-  }
-
-  [[noreturn]] void Refuse(const std::string& name, const std::string& found, const std::string& expected) const {
-    throw Error({file_.path(), name, found, expected, "export the bundle again"});
-  }
-
- private:
-  Matrix ToMatrix(const SafeTensor& tensor) { return ToMatrix(tensor, tensor.shape[0], tensor.shape[1]); }
-  Matrix ToMatrix(const SafeTensor& tensor, uint64_t rows, uint64_t columns) {
-    const std::vector<float> values = FloatsOf(file_, tensor);
-    return Eigen::Map<const Matrix>(values.data(), static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns));
-  }
-
-  const SafeFile& file_;
-  std::set<std::string> taken_;
-};
+constexpr uint64_t kAny = TensorReader::kAny;
 
 uint64_t Rows(const Matrix& matrix) { return static_cast<uint64_t>(matrix.rows()); }
 
 void ReadMetadata(const SafeFile& file, Bundle* bundle) {
   if (file.RequireMetadata("format") != "dcloth-bundle") {
-    throw Error({file.path(), "", "metadata format '" + file.RequireMetadata("format") + "'", "dcloth-bundle", "pass a bundle"});
+    throw Error({file.path(), "", "metadata format '" + file.RequireMetadata("format") + "'", "dcloth-bundle",
+                 "pass a bundle"});
   }
   if (file.RequireMetadata("format_version") != "1") {
     throw Error({file.path(), "", "format_version '" + file.RequireMetadata("format_version") + "'", "1",
@@ -182,7 +41,7 @@ void ReadMetadata(const SafeFile& file, Bundle* bundle) {
   bundle->training = JsonObject(file, "training");
 }
 
-void ReadBind(Reader* reader, const SafeFile& file, Bundle* bundle) {
+void ReadBind(TensorReader* reader, const SafeFile& file, Bundle* bundle) {
   const SafeTensor& tensor = reader->Take("character.bind", {bundle->joint_names.size(), 4, 4}, "[J, 4, 4]");
   reader->RequireType(tensor, SafeType::kF32);
   const std::vector<float> values = FloatsOf(file, tensor);
@@ -195,13 +54,14 @@ void ReadBind(Reader* reader, const SafeFile& file, Bundle* bundle) {
                      "row-major matrices that act on column vectors");
     }
     if (!(std::abs(determinant) >= 1e-9)) {
-      reader->Refuse(tensor.name, "a matrix without inverse in joint '" + bundle->joint_names[j] + "'", "invertible ones");
+      reader->Refuse(tensor.name, "a matrix without inverse in joint '" + bundle->joint_names[j] + "'",
+                     "invertible ones");
     }
     bundle->bind.push_back(bind);
   }
 }
 
-void ReadFeatures(Reader* reader, Bundle* bundle) {
+void ReadFeatures(TensorReader* reader, Bundle* bundle) {
   const uint64_t d = 9 * bundle->feature_joints.size() + (bundle->root_motion ? 4 : 0);
   const char* const names = "[d] = [9 feature joints + 4 with root motion]";
   bundle->feature_mean = reader->TakeVector("features.mean", d, names);
@@ -215,7 +75,7 @@ void ReadFeatures(Reader* reader, Bundle* bundle) {
   }
 }
 
-SkeletonWeights ReadSkeleton(Reader* reader, uint64_t n, uint64_t d) {
+SkeletonWeights ReadSkeleton(TensorReader* reader, uint64_t n, uint64_t d) {
   SkeletonWeights skeleton;
   skeleton.basis = reader->TakeBasis("skeleton.basis", kAny, n, "[k_S, n, 3]");
   const uint64_t k = Rows(skeleton.basis);
@@ -227,7 +87,7 @@ SkeletonWeights ReadSkeleton(Reader* reader, uint64_t n, uint64_t d) {
   return skeleton;
 }
 
-MeshLayerWeights ReadMeshLayer(Reader* reader, size_t index, uint64_t width) {
+MeshLayerWeights ReadMeshLayer(TensorReader* reader, size_t index, uint64_t width) {
   const std::string name = "mesh.layers." + std::to_string(index) + ".";
   MeshLayerWeights layer;
   layer.w_p = reader->TakeMatrix(name + "w_p", index == 0 ? 3 : width, width, index == 0 ? "[3, F]" : "[F, F]");
@@ -242,7 +102,7 @@ MeshLayerWeights ReadMeshLayer(Reader* reader, size_t index, uint64_t width) {
   return layer;
 }
 
-MeshWeights ReadMesh(Reader* reader, uint64_t n) {
+MeshWeights ReadMesh(TensorReader* reader, uint64_t n) {
   MeshWeights mesh;
   mesh.input_mean = reader->TakeVector("mesh.input_mean", 3, "[3]");
   mesh.input_deviation = reader->TakePositive("mesh.input_deviation", 3, "[3]");
@@ -261,7 +121,7 @@ MeshWeights ReadMesh(Reader* reader, uint64_t n) {
   return mesh;
 }
 
-void ReadBody(Reader* reader, Bundle* bundle) {
+void ReadBody(TensorReader* reader, Bundle* bundle) {
   bundle->body_positions = reader->TakeGeometry("body.positions", kAny, 3, "[b, 3]");
   const uint64_t b = Rows(bundle->body_positions);
   bundle->body_faces = reader->TakeFaces("body.faces", b);
@@ -274,7 +134,7 @@ Bundle BundleFrom(const SafeFile& file) {
   Bundle bundle;
   bundle.path = file.path();
   ReadMetadata(file, &bundle);
-  Reader reader(file);
+  TensorReader reader(file);
   bundle.template_positions = reader.TakeGeometry("template.positions", kAny, 3, "[n, 3]");
   const uint64_t n = Rows(bundle.template_positions);
   if (n < 3 || n > 65535) {

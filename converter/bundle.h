@@ -19,7 +19,8 @@ using MatrixD = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Row
 using VectorD = Eigen::VectorXd;
 using Faces = Eigen::Matrix<int32_t, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-// A row of skin weights sums to 1 within this: a point 2 m from the origin moves by at most 0.2 mm when it is renormalised.
+// A row of skin weights sums to 1 within this: a point 2 m from the origin moves by at most 0.2 mm when it is
+// renormalised.
 constexpr double kRowSumTolerance = 1e-4;
 
 struct LinearWeights {
@@ -40,12 +41,12 @@ struct SkeletonWeights {
 };
 
 struct MeshWeights {
-  Matrix nearest_points;         // [n, 3]
-  Matrix nearest_joint_weights;  // [n, J]
+  Matrix nearest_points;               // [n, 3]
+  Matrix nearest_joint_weights;        // [n, J]
   Vector input_mean, input_deviation;  // [3]
   std::vector<MeshLayerWeights> layers;
-  LinearWeights embed;   // [1, F]
-  LinearWeights hidden;  // [h, n]
+  LinearWeights embed;         // [1, F]
+  LinearWeights hidden;        // [h, n]
   LinearWeights coefficients;  // [k_M, h]
   Matrix basis;                // [k_M, 3n]
 };
@@ -69,10 +70,10 @@ struct Bundle {
   Matrix body_joint_weights;  // [b, J]
 
   Vector feature_mean, feature_deviation, feature_low, feature_high;  // [d]
-  LinearWeights static_hidden;      // [h, d]
-  LinearWeights static_increments;  // [3m, h]
-  Matrix initial_weights;                // [n, m]
-  std::vector<Matrix> residual_weights;  // r of [n, m]
+  LinearWeights static_hidden;                                        // [h, d]
+  LinearWeights static_increments;                                    // [3m, h]
+  Matrix initial_weights;                                             // [n, m]
+  std::vector<Matrix> residual_weights;                               // r of [n, m]
 
   std::optional<SkeletonWeights> skeleton;
   std::optional<MeshWeights> mesh;  // only with skeleton

@@ -11,12 +11,15 @@
 namespace dcloth::converter {
 namespace {
 
-[[noreturn]] void Refuse(const SafeFile& file, std::string_view key, const std::string& found, const std::string& expected) {
+[[noreturn]] void Refuse(const SafeFile& file, std::string_view key, const std::string& found,
+                         const std::string& expected) {
   throw Error({file.path(), "", "metadata '" + std::string(key) + "' " + found, expected, "see converter/BUNDLE.md"});
 }
 
 // Long values are cut: a message is for people.
-std::string Quoted(const std::string& value) { return "'" + (value.size() > 60 ? value.substr(0, 60) + "..." : value) + "'"; }
+std::string Quoted(const std::string& value) {
+  return "'" + (value.size() > 60 ? value.substr(0, 60) + "..." : value) + "'";
+}
 
 // Lists and objects here are shallow; a hostile one must not exhaust the stack or the memory of later users.
 nlohmann::json ParseJson(const std::string& text) {
@@ -36,8 +39,9 @@ nlohmann::json ParseJson(const std::string& text) {
 std::vector<std::string> UniqueNames(const SafeFile& file, std::string_view key) {
   const std::string& text = file.RequireMetadata(key);
   const nlohmann::json list = ParseJson(text);
-  const bool names_only = list.is_array() && !list.empty() &&
-                          std::all_of(list.begin(), list.end(), [](const nlohmann::json& name) { return name.is_string(); });
+  const bool names_only =
+      list.is_array() && !list.empty() &&
+      std::all_of(list.begin(), list.end(), [](const nlohmann::json& name) { return name.is_string(); });
   if (!names_only) Refuse(file, key, Quoted(text), "a JSON list of one or more names");
   std::vector<std::string> names;
   std::set<std::string> seen;
@@ -75,7 +79,8 @@ std::string JsonObject(const SafeFile& file, std::string_view key) {
   return found->second;
 }
 
-uint32_t IndexOf(const SafeFile& file, std::string_view key, const std::string& name, const std::vector<std::string>& names) {
+uint32_t IndexOf(const SafeFile& file, std::string_view key, const std::string& name,
+                 const std::vector<std::string>& names) {
   const auto found = std::find(names.begin(), names.end(), name);
   if (found == names.end()) Refuse(file, key, "with " + Quoted(name), "a name out of joint_names");
   return static_cast<uint32_t>(found - names.begin());

@@ -12,13 +12,15 @@
 namespace dcloth::converter {
 
 // All throw Error with the key, what it holds and what is allowed.
-std::vector<std::string> UniqueNames(const SafeFile& file, std::string_view key);  // JSON list, not empty, no name twice
-double PositiveNumber(const SafeFile& file, std::string_view key, double limit);   // in (0, limit]
+std::vector<std::string> UniqueNames(const SafeFile& file,
+                                     std::string_view key);                       // JSON list, not empty, no name twice
+double PositiveNumber(const SafeFile& file, std::string_view key, double limit);  // in (0, limit]
 bool TrueOrFalse(const SafeFile& file, std::string_view key);
 std::string JsonObject(const SafeFile& file, std::string_view key);  // "{}" where absent
 
 // Index of a name that `key` holds among `names`.
-uint32_t IndexOf(const SafeFile& file, std::string_view key, const std::string& name, const std::vector<std::string>& names);
+uint32_t IndexOf(const SafeFile& file, std::string_view key, const std::string& name,
+                 const std::vector<std::string>& names);
 
 }  // namespace dcloth::converter
 

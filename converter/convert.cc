@@ -24,10 +24,12 @@ void CheckOptions(const ConvertOptions& options) {
     throw Error({"", "", "an error bound of " + std::to_string(*options.max_error_mm) + " mm", "0 or more", ""});
   }
   if (options.max_error_mm && options.motion.empty()) {
-    throw Error({"", "", "an error bound but no motion to measure it on", "a sequence of the character", "pass --motion SEQ"});
+    throw Error(
+        {"", "", "an error bound but no motion to measure it on", "a sequence of the character", "pass --motion SEQ"});
   }
   if (!options.precision && !options.max_error_mm) {
-    throw Error({"", "", "precision auto without a bound", "a bound and motion", "pass --max-error-mm E and --motion SEQ"});
+    throw Error(
+        {"", "", "precision auto without a bound", "a bound and motion", "pass --max-error-mm E and --motion SEQ"});
   }
 }
 
@@ -97,14 +99,14 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   const FoldedBundle folded = FoldBundle(bundle, options.influences, options.body_influences);
   ConvertResult result;
   ConvertReport& report = result.report;
-  report.influences = MeasurePruning(folded.skin_weights, folded.skin, bundle.template_positions,
-                                     BindPositions(bundle, bundle.bones), SkinningPoses(bundle, bundle.bones, options.motion));
+  report.influences =
+      MeasurePruning(folded.skin_weights, folded.skin, bundle.template_positions, BindPositions(bundle, bundle.bones),
+                     SkinningPoses(bundle, bundle.bones, options.motion));
   if (bundle.mesh) {
     std::vector<uint32_t> all(bundle.joint_names.size());
     for (uint32_t joint = 0; joint < all.size(); ++joint) all[joint] = joint;
-    report.body_influences =
-        MeasurePruning(folded.body_weights, folded.body, bundle.mesh->nearest_points, BindPositions(bundle, all),
-                       SkinningPoses(bundle, all, options.motion));
+    report.body_influences = MeasurePruning(folded.body_weights, folded.body, bundle.mesh->nearest_points,
+                                            BindPositions(bundle, all), SkinningPoses(bundle, all, options.motion));
   }
   report.joint_count = static_cast<uint32_t>(folded.joints.joints.size());
   report.dropped_joints = static_cast<uint32_t>(bundle.joint_names.size()) - report.joint_count;
@@ -135,7 +137,8 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   throw ThresholdError({bundle.path, "",
                         std::string(PrecisionName(last.precision)) + " to differ from fp32 by up to " +
                             Millimetres(last.error.position_mm.max),
-                        "at most " + Millimetres(*options.max_error_mm), "raise --max-error-mm or pass --precision auto"});
+                        "at most " + Millimetres(*options.max_error_mm),
+                        "raise --max-error-mm or pass --precision auto"});
 }
 
 }  // namespace dcloth::converter

@@ -19,7 +19,8 @@
 namespace dcloth::converter {
 
 struct ConvertOptions {
-  // Empty is `auto`: the first of int8, fp16, fp32 whose difference to the fp32 model stays within max_error_mm on motion.
+  // Empty is `auto`: the first of int8, fp16, fp32 whose difference to the fp32 model stays within max_error_mm on
+  // motion.
   std::optional<Precision> precision = Precision::kFp32;
   std::optional<double> max_error_mm;  // bound on position_mm.max; needs motion
   std::span<const Sequence> motion;

@@ -25,12 +25,29 @@ size_t Utf8Length(const std::string& text, size_t at) {
   return 0;
 }
 
+// Bytes that are not UTF-8 and control characters become '?': names come out of untrusted files and go to terminals.
+std::string Printable(const std::string& raw) {
+  std::string text;
+  for (size_t at = 0; at < raw.size();) {
+    const size_t length = Utf8Length(raw, at);
+    const auto byte = static_cast<uint8_t>(raw[at]);
+    if (length == 0 || byte < 0x20 || byte == 0x7F) {
+      text += '?';
+      ++at;
+    } else {
+      text.append(raw, at, length);
+      at += length;
+    }
+  }
+  return text;
+}
+
 std::string Compose(const ErrorParts& parts) {
   std::string text = PathText(parts.path);
   auto join = [&](const char* separator, const char* label, const std::string& more) {
     if (more.empty()) return;
     if (!text.empty()) text.append(separator);
-    text.append(label).append(more);
+    text.append(label).append(Printable(more));
   };
   join(": ", "tensor ", parts.tensor);
   join(": ", "found ", parts.found);
@@ -48,18 +65,7 @@ std::string PathText(const std::filesystem::path& path) {
 #else
   const std::string& raw = path.native();
 #endif
-  std::string text;
-  for (size_t at = 0; at < raw.size();) {
-    const size_t length = Utf8Length(raw, at);
-    if (length == 0) {
-      text += '?';
-      ++at;
-    } else {
-      text.append(raw, at, length);
-      at += length;
-    }
-  }
-  return text;
+  return Printable(raw);
 }
 
 Error::Error(ErrorParts parts) : std::runtime_error(Compose(parts)), parts_(std::move(parts)) {}

@@ -1,5 +1,5 @@
-// What the converter throws: what was found, where, what is allowed and how to mend it. Tools print what() and exit with
-// 2 for an Error and 1 for a ThresholdError.
+// What the converter throws: what was found, where, what is allowed and how to mend it. Tools print what() and exit
+// with 2 for an Error and 1 for a ThresholdError.
 #ifndef DCLOTH_CONVERTER_ERROR_H_
 #define DCLOTH_CONVERTER_ERROR_H_
 
@@ -14,7 +14,7 @@ struct ErrorParts {
   std::string tensor;          // empty where no tensor is concerned
   std::string found;
   std::string expected;
-  std::string mend;            // may be empty where `expected` says it all
+  std::string mend;  // may be empty where `expected` says it all
 };
 
 class Error : public std::runtime_error {
@@ -32,7 +32,8 @@ class ThresholdError : public Error {
   using Error::Error;
 };
 
-// The path as UTF-8 for messages; bytes that are not UTF-8 become '?'.
+// The path as UTF-8 for messages; control characters and bytes that are not UTF-8 become '?'. what() treats every part
+// so.
 std::string PathText(const std::filesystem::path& path);
 
 }  // namespace dcloth::converter

@@ -49,7 +49,9 @@ bool Rename(const fs::path& from, const fs::path& to, std::string* reason) {
 bool Writable(const fs::path&) { return true; }
 #else
 int OpenExclusive(const fs::path& path) { return ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666); }
-long long WriteSome(int file, const void* bytes, size_t size) { return ::write(file, bytes, std::min(size, size_t{1} << 30)); }
+long long WriteSome(int file, const void* bytes, size_t size) {
+  return ::write(file, bytes, std::min(size, size_t{1} << 30));
+}
 int Flush(int file) { return ::fsync(file); }
 int Close(int file) { return ::close(file); }
 int ProcessId() { return static_cast<int>(::getpid()); }
@@ -59,7 +61,8 @@ bool Rename(const fs::path& from, const fs::path& to, std::string* reason) {
     return false;
   }
   // Makes the new name itself durable. A directory that cannot be flushed is no reason to undo a finished file.
-  const int directory = ::open(to.has_parent_path() ? to.parent_path().c_str() : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const int directory =
+      ::open(to.has_parent_path() ? to.parent_path().c_str() : ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (directory >= 0) {
     ::fsync(directory);
     ::close(directory);
@@ -175,7 +178,8 @@ AlignedBytes ReadFile(const fs::path& path, uint64_t limit_bytes) {
   }
   std::fclose(file);
   if (read != size) {
-    throw Error({path, "", std::to_string(read) + " readable bytes", std::to_string(size), "was it changed while reading?"});
+    throw Error(
+        {path, "", std::to_string(read) + " readable bytes", std::to_string(size), "was it changed while reading?"});
   }
   return bytes;
 }

@@ -15,7 +15,8 @@ MatrixD FoldSkinWeights(const Bundle& bundle) {
     const double total = sum.row(i).sum();
     // Below this a normalised row is noise of the cancelled sum.
     if (!(total > 1e-6)) {
-      throw Error({bundle.path, "static.residual_weights", "no positive skin weight left for vertex " + std::to_string(i),
+      throw Error({bundle.path, "static.residual_weights",
+                   "no positive skin weight left for vertex " + std::to_string(i),
                    "max(W_I + sum W_i, 0) above 0 in every row", "train the static stage again"});
     }
     sum.row(i) /= total;
@@ -59,8 +60,8 @@ JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body) {
   }
   // Body points and influences name joints in one byte.
   if (subset.joints.size() > 256) {
-    throw Error({bundle.path, "", std::to_string(subset.joints.size()) + " joints that the garment needs", "at most 256",
-                 "use fewer feature joints or bones"});
+    throw Error({bundle.path, "", std::to_string(subset.joints.size()) + " joints that the garment needs",
+                 "at most 256", "use fewer feature joints or bones"});
   }
   return subset;
 }

@@ -19,9 +19,10 @@ uint16_t FloatToHalf(float value) {
   const uint32_t bits = std::bit_cast<uint32_t>(value);
   const uint16_t sign = static_cast<uint16_t>((bits >> 16) & 0x8000u);
   const uint32_t magnitude = bits & 0x7FFFFFFFu;
-  if (magnitude > 0x7F800000u) return sign | 0x7E00u;  // NaN
+  if (magnitude > 0x7F800000u) return sign | 0x7E00u;   // NaN
   if (magnitude >= 0x477FF000u) return sign | 0x7C00u;  // 65520 and beyond round to infinity
-  // Below 2^-14 halves are multiples of 2^-24: adding 0.5, whose float ulp is 2^-24, rounds to even in the FPU's own way.
+  // Below 2^-14 halves are multiples of 2^-24: adding 0.5, whose float ulp is 2^-24, rounds to even in the FPU's own
+  // way.
   if (magnitude < 0x38800000u) {
     const float rounded = std::bit_cast<float>(magnitude) + 0.5f;
     return sign | static_cast<uint16_t>(std::bit_cast<uint32_t>(rounded) - 0x3F000000u);

@@ -11,8 +11,8 @@ namespace dcloth::converter {
 
 // Percentiles are nearest-rank over all vertices of all frames.
 struct PositionError {
-  double mean = 0;  // mm: over frames, of a frame's mean distance
-  double std = 0;   // mm: of a frame's mean distance over frames (population)
+  double mean = 0;                            // mm: over frames, of a frame's mean distance
+  double std = 0;                             // mm: of a frame's mean distance over frames (population)
   double p50 = 0, p95 = 0, p99 = 0, max = 0;  // mm
 };
 

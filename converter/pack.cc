@@ -19,7 +19,8 @@ std::vector<std::byte> BytesOf(const auto& values) {
   return {bytes.begin(), bytes.end()};
 }
 
-PackedTensor Finish(const std::string& name, StoredType type, std::vector<uint32_t> shape, std::vector<std::byte> bytes) {
+PackedTensor Finish(const std::string& name, StoredType type, std::vector<uint32_t> shape,
+                    std::vector<std::byte> bytes) {
   PackedTensor packed;
   packed.report = {name, StoredTypeName(type), std::move(shape), bytes.size(), 0, 0};
   packed.type = type;
@@ -101,19 +102,21 @@ PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Ve
     linear.weights = Finish(field, StoredType::kI8, ShapeOf(weights), BytesOf(packed));
     linear.row_scales = PackFloats(name + ".row_scales", {static_cast<uint32_t>(rows)}, quantized.row_scales);
     linear.column_scales = PackColumns(name + ".column_scales", quantized.column_scales, 1.0f);
-    Compare(weights,
-            [&](size_t j, size_t c) {
-              return static_cast<double>(quantized.row_scales[j]) * static_cast<double>(quantized.column_scales[c]) *
-                     quantized.values[j * columns + c];
-            },
-            &linear.weights.report);
+    Compare(
+        weights,
+        [&](size_t j, size_t c) {
+          return static_cast<double>(quantized.row_scales[j]) * static_cast<double>(quantized.column_scales[c]) *
+                 quantized.values[j * columns + c];
+        },
+        &linear.weights.report);
   } else if (precision == Precision::kFp16) {
     const std::vector<uint16_t> halves = QuantizeHalf(field, weights);  // for its overflow check and the report
     std::vector<uint16_t> packed(kernels::PanelElements(rows, columns));
     kernels::PackPanelsF16(weights.data(), shape, packed.data());
     linear.weights = Finish(field, StoredType::kF16, ShapeOf(weights), BytesOf(packed));
-    Compare(weights, [&](size_t j, size_t c) { return static_cast<double>(HalfToFloat(halves[j * columns + c])); },
-            &linear.weights.report);
+    Compare(
+        weights, [&](size_t j, size_t c) { return static_cast<double>(HalfToFloat(halves[j * columns + c])); },
+        &linear.weights.report);
   } else {
     std::vector<float> packed(kernels::PanelElements(rows, columns));
     kernels::PackPanelsF32(weights.data(), shape, packed.data());

@@ -25,8 +25,8 @@ PrunedWeights Prune(const MatrixD& dense, uint32_t influences) {
   return pruned;
 }
 
-PruneReport MeasurePruning(const MatrixD& dense, const PrunedWeights& pruned, const Matrix& points, const MatrixD& pivots,
-                           std::span<const std::vector<Eigen::Matrix4d>> poses) {
+PruneReport MeasurePruning(const MatrixD& dense, const PrunedWeights& pruned, const Matrix& points,
+                           const MatrixD& pivots, std::span<const std::vector<Eigen::Matrix4d>> poses) {
   PruneReport report;
   report.influences = pruned.influences;
   const Eigen::Index n = dense.rows(), columns = dense.cols();

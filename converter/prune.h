@@ -21,7 +21,7 @@ struct PrunedWeights {
 
 struct PruneReport {
   uint32_t influences = 0;
-  double removed_mean = 0;   // weight taken away per vertex, of 1
+  double removed_mean = 0;  // weight taken away per vertex, of 1
   double removed_worst = 0;
   // While joints stay no further apart than at bind, no vertex moves by more: removed weight times the largest
   // distance that two of its bones' images of it can have.
@@ -32,14 +32,14 @@ struct PruneReport {
   double worst_mm = 0;
 };
 
-// Rows of `dense` [n, columns] are nonnegative and sum to 1. Ties go to the lower column. K is at least 1 and is lowered to
-// the number of columns.
+// Rows of `dense` [n, columns] are nonnegative and sum to 1. Ties go to the lower column. K is at least 1 and is
+// lowered to the number of columns.
 PrunedWeights Prune(const MatrixD& dense, uint32_t influences);
 
-// What pruning does to plain linear blend skinning of `points` [n, 3] (bind pose). `pivots` [columns, 3] are the joints'
-// bind positions. `poses` holds per pose one skinning matrix G B^-1 per column.
-PruneReport MeasurePruning(const MatrixD& dense, const PrunedWeights& pruned, const Matrix& points, const MatrixD& pivots,
-                           std::span<const std::vector<Eigen::Matrix4d>> poses);
+// What pruning does to plain linear blend skinning of `points` [n, 3] (bind pose). `pivots` [columns, 3] are the
+// joints' bind positions. `poses` holds per pose one skinning matrix G B^-1 per column.
+PruneReport MeasurePruning(const MatrixD& dense, const PrunedWeights& pruned, const Matrix& points,
+                           const MatrixD& pivots, std::span<const std::vector<Eigen::Matrix4d>> poses);
 
 }  // namespace dcloth::converter
 

@@ -115,8 +115,10 @@ std::vector<uint16_t> QuantizeHalf(const std::string& name, const Matrix& weight
     for (Eigen::Index c = 0; c < weights.cols(); ++c) {
       halves.push_back(FloatToHalf(weights(j, c)));
       if ((halves.back() & 0x7C00u) == 0x7C00u) {
-        throw Error({"", name, "the weight " + std::to_string(weights(j, c)) + " at row " + std::to_string(j) + ", column " +
-                     std::to_string(c), "magnitudes below 65520 for fp16", "convert with --precision fp32"});
+        throw Error({"", name,
+                     "the weight " + std::to_string(weights(j, c)) + " at row " + std::to_string(j) + ", column " +
+                         std::to_string(c),
+                     "magnitudes below 65520 for fp16", "convert with --precision fp32"});
       }
     }
   }

@@ -25,10 +25,12 @@ struct QuantizedMatrix {
 // with the smallest weighted squared error wins, so the result is never worse than per-column scales; ties go to the
 // earlier start. `row_weights` [rows] are the inputs' mean squares, or empty for equal ones. Deterministic.
 // Throws Error with `name` for an empty matrix or magnitudes that leave no positive float scale (above 1e30).
-QuantizedMatrix QuantizeTwoSided(const std::string& name, const Matrix& weights, std::span<const double> row_weights = {});
+QuantizedMatrix QuantizeTwoSided(const std::string& name, const Matrix& weights,
+                                 std::span<const double> row_weights = {});
 
 // Row scales 1: the plain scheme, and the start that QuantizeTwoSided has to beat.
-QuantizedMatrix QuantizePerColumn(const std::string& name, const Matrix& weights, std::span<const double> row_weights = {});
+QuantizedMatrix QuantizePerColumn(const std::string& name, const Matrix& weights,
+                                  std::span<const double> row_weights = {});
 
 // Nearest halves; throws Error with `name` where a magnitude rounds past 65504.
 std::vector<uint16_t> QuantizeHalf(const std::string& name, const Matrix& weights);

@@ -10,7 +10,8 @@ namespace dcloth::converter {
 namespace {
 
 void Require(dcloth_status status, const std::filesystem::path& path, const std::string& what) {
-  if (status != DCLOTH_OK) throw Error({path, "", what + " refused with status " + std::to_string(status), "success", ""});
+  if (status != DCLOTH_OK)
+    throw Error({path, "", what + " refused with status " + std::to_string(status), "success", ""});
 }
 
 dcloth_error EmptyError() {
@@ -24,7 +25,8 @@ dcloth_error EmptyError() {
 OpenModel::OpenModel(AlignedBytes bytes, std::filesystem::path path)
     : bytes_(std::move(bytes)), model_memory_(dcloth_model_storage_size()) {
   dcloth_error error = EmptyError();
-  if (dcloth_model_open(bytes_.data(), bytes_.size(), model_memory_.data(), model_memory_.size(), &model_, &error) != DCLOTH_OK) {
+  if (dcloth_model_open(bytes_.data(), bytes_.size(), model_memory_.data(), model_memory_.size(), &model_, &error) !=
+      DCLOTH_OK) {
     std::string where = error.offset_bytes == UINT64_MAX ? "" : " at byte " + std::to_string(error.offset_bytes);
     throw Error({path, "", std::string(error.text) + where, "", "convert the bundle again"});
   }

@@ -39,10 +39,11 @@ class OpenModel {
   std::vector<std::string> joint_names_;
 };
 
-using FrameVisitor = std::function<void(size_t frame, std::span<const float> positions, std::span<const float> normals)>;
+using FrameVisitor =
+    std::function<void(size_t frame, std::span<const float> positions, std::span<const float> normals)>;
 
-// Resets the cloth, then per frame: tick, skin at blend 1, visit. The sequence's fps must be the model's tick rate within
-// 1 %: resampling poses belongs to the caller. `timer` may be null. Throws Error.
+// Resets the cloth, then per frame: tick, skin at blend 1, visit. The sequence's fps must be the model's tick rate
+// within 1 %: resampling poses belongs to the caller. `timer` may be null. Throws Error.
 void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, const FrameVisitor& visit,
              dcloth_timer* timer = nullptr);
 

@@ -23,11 +23,11 @@ struct TypeInfo {
   const char* name;
   size_t size;
 };
-constexpr TypeInfo kTypes[] = {
-    {SafeType::kBool, "BOOL", 1}, {SafeType::kU8, "U8", 1},   {SafeType::kI8, "I8", 1},   {SafeType::kU16, "U16", 2},
-    {SafeType::kI16, "I16", 2},   {SafeType::kF16, "F16", 2}, {SafeType::kBF16, "BF16", 2}, {SafeType::kU32, "U32", 4},
-    {SafeType::kI32, "I32", 4},   {SafeType::kF32, "F32", 4}, {SafeType::kU64, "U64", 8}, {SafeType::kI64, "I64", 8},
-    {SafeType::kF64, "F64", 8}};
+constexpr TypeInfo kTypes[] = {{SafeType::kBool, "BOOL", 1}, {SafeType::kU8, "U8", 1},   {SafeType::kI8, "I8", 1},
+                               {SafeType::kU16, "U16", 2},   {SafeType::kI16, "I16", 2}, {SafeType::kF16, "F16", 2},
+                               {SafeType::kBF16, "BF16", 2}, {SafeType::kU32, "U32", 4}, {SafeType::kI32, "I32", 4},
+                               {SafeType::kF32, "F32", 4},   {SafeType::kU64, "U64", 8}, {SafeType::kI64, "I64", 8},
+                               {SafeType::kF64, "F64", 8}};
 
 // Ranges must tile the data: sorted, each begins where the one before it ended, and the last ends with the file.
 void CheckTiling(const std::filesystem::path& path, const std::vector<HeaderTensor>& tensors, uint64_t data_bytes) {
@@ -50,7 +50,8 @@ void CheckTiling(const std::filesystem::path& path, const std::vector<HeaderTens
     at = tensor->end;
   }
   if (at != data_bytes) {
-    throw Error({path, "", std::to_string(data_bytes - at) + " bytes after the last tensor", "none", "is it one file?"});
+    throw Error(
+        {path, "", std::to_string(data_bytes - at) + " bytes after the last tensor", "none", "is it one file?"});
   }
 }
 
@@ -102,7 +103,8 @@ SafeFile SafeFile::Parse(AlignedBytes bytes, std::filesystem::path path) {
 }
 
 const SafeTensor* SafeFile::Find(std::string_view name) const {
-  const auto found = std::find_if(tensors_.begin(), tensors_.end(), [&](const SafeTensor& t) { return t.name == name; });
+  const auto found =
+      std::find_if(tensors_.begin(), tensors_.end(), [&](const SafeTensor& t) { return t.name == name; });
   return found == tensors_.end() ? nullptr : &*found;
 }
 
@@ -135,8 +137,9 @@ std::vector<float> FloatsOf(const SafeFile& file, const SafeTensor& tensor) {
   }
   for (size_t i = 0; i < values.size(); ++i) {
     if (!std::isfinite(values[i])) {
-      throw Error({file.path(), tensor.name, (std::isnan(values[i]) ? "NaN" : "infinity") + std::string(" at element ") +
-                   std::to_string(i), "finite numbers", "did training or simulation diverge?"});
+      throw Error({file.path(), tensor.name,
+                   (std::isnan(values[i]) ? "NaN" : "infinity") + std::string(" at element ") + std::to_string(i),
+                   "finite numbers", "did training or simulation diverge?"});
     }
   }
   return values;
@@ -172,7 +175,8 @@ std::string SafeHeader(std::span<const SafeTensor> tensors, const Metadata& meta
   return text;
 }
 
-void WriteSafetensors(const std::filesystem::path& path, std::span<const SafeTensor> tensors, const Metadata& metadata) {
+void WriteSafetensors(const std::filesystem::path& path, std::span<const SafeTensor> tensors,
+                      const Metadata& metadata) {
   const std::string header = SafeHeader(tensors, metadata);
   const uint64_t header_bytes = header.size();
   std::vector<std::span<const std::byte>> pieces = {std::as_bytes(std::span(&header_bytes, 1)),

@@ -1,6 +1,7 @@
 // Safetensors: an 8-byte header length, a JSON header, then tensors without holes. The reader treats a file as hostile:
 // truncation, overlap, holes, trailing bytes, duplicate names, unknown dtypes, sizes that do not match shapes, products
-// that wrap, headers beyond 100 MB, bad UTF-8 and unknown fields are all refused. Files are little-endian, as the host is.
+// that wrap, headers beyond 100 MB, bad UTF-8 and unknown fields are all refused. Files are little-endian, as the host
+// is.
 #ifndef DCLOTH_CONVERTER_SAFETENSORS_H_
 #define DCLOTH_CONVERTER_SAFETENSORS_H_
 
@@ -67,7 +68,8 @@ class SafeFile {
 std::vector<float> FloatsOf(const SafeFile& file, const SafeTensor& tensor);
 
 // The file's header, spaces added so that data start on 8 bytes; tensors follow in the order given (widest dtypes first
-// keeps each on its own width). The same input gives the same bytes. Throws Error for names or shapes the reader refuses.
+// keeps each on its own width). The same input gives the same bytes. Throws Error for names or shapes the reader
+// refuses.
 std::string SafeHeader(std::span<const SafeTensor> tensors, const Metadata& metadata);
 
 // Writes atomically. Throws Error.

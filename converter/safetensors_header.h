@@ -30,8 +30,8 @@ struct Header {
   Metadata metadata;
 };
 
-// Throws Error: syntax, bad UTF-8, unknown or missing fields, duplicates, sizes that do not match shapes. Whether ranges
-// tile the data is the caller's question.
+// Throws Error: syntax, bad UTF-8, unknown or missing fields, duplicates, sizes that do not match shapes. Whether
+// ranges tile the data is the caller's question.
 Header ParseHeader(const std::filesystem::path& path, std::string_view json);
 
 std::optional<SafeType> ParseSafeType(std::string_view name);

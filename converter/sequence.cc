@@ -12,7 +12,8 @@
 namespace dcloth::converter {
 namespace {
 
-[[noreturn]] void Refuse(const SafeFile& file, const std::string& name, const std::string& found, const std::string& expected) {
+[[noreturn]] void Refuse(const SafeFile& file, const std::string& name, const std::string& found,
+                         const std::string& expected) {
   throw Error({file.path(), name, found, expected, "see converter/BUNDLE.md, 'Sequences'"});
 }
 
@@ -23,7 +24,8 @@ void ReadMatrices(const SafeFile& file, Sequence* sequence) {
   if (shape.size() != 4 || shape[0] == 0 || shape[1] != joints || shape[2] != 4 || shape[3] != 4) {
     Refuse(file, tensor.name, "shape " + ShapeText(shape), "[T, " + std::to_string(joints) + ", 4, 4], T at least 1");
   }
-  if (tensor.type != SafeType::kF32) Refuse(file, tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), "F32");
+  if (tensor.type != SafeType::kF32)
+    Refuse(file, tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), "F32");
   sequence->frame_count = static_cast<size_t>(shape[0]);
   sequence->joint_matrices = FloatsOf(file, tensor);
   for (size_t i = 0; i < sequence->frame_count * joints; ++i) {
@@ -32,8 +34,10 @@ void ReadMatrices(const SafeFile& file, Sequence* sequence) {
     constexpr float kSlack = 1e-5f;
     if (std::abs(bottom[0]) > kSlack || std::abs(bottom[1]) > kSlack || std::abs(bottom[2]) > kSlack ||
         std::abs(bottom[3] - 1) > kSlack) {
-      Refuse(file, tensor.name, "another last row than 0 0 0 1 in frame " + std::to_string(i / joints) + ", joint '" +
-             sequence->joint_names[i % joints] + "'", "row-major matrices that act on column vectors");
+      Refuse(file, tensor.name,
+             "another last row than 0 0 0 1 in frame " + std::to_string(i / joints) + ", joint '" +
+                 sequence->joint_names[i % joints] + "'",
+             "row-major matrices that act on column vectors");
     }
   }
 }
@@ -43,7 +47,8 @@ void ReadTruth(const SafeFile& file, Sequence* sequence) {
   if (tensor == nullptr) return;
   const Shape& shape = tensor->shape;
   if (shape.size() != 3 || shape[0] != sequence->frame_count || shape[1] == 0 || shape[2] != 3) {
-    Refuse(file, tensor->name, "shape " + ShapeText(shape), "[" + std::to_string(sequence->frame_count) + ", n, 3]");
+    Refuse(file, tensor->name, "shape " + ShapeText(shape),
+           std::string("[").append(std::to_string(sequence->frame_count)).append(", n, 3]"));
   }
   sequence->truth_vertex_count = static_cast<size_t>(shape[1]);
   sequence->truth = FloatsOf(file, *tensor);
@@ -77,7 +82,8 @@ Sequence ReadSequence(const std::filesystem::path& path) { return SequenceFrom(S
 
 std::vector<uint32_t> MapJoints(const Sequence& sequence, std::span<const std::string> wanted) {
   std::unordered_map<std::string, uint32_t> index;
-  for (size_t j = 0; j < sequence.joint_names.size(); ++j) index.emplace(sequence.joint_names[j], static_cast<uint32_t>(j));
+  for (size_t j = 0; j < sequence.joint_names.size(); ++j)
+    index.emplace(sequence.joint_names[j], static_cast<uint32_t>(j));
   std::vector<uint32_t> map;
   std::string missing;
   for (const std::string& name : wanted) {
@@ -105,14 +111,15 @@ void GatherPose(const Sequence& sequence, size_t frame, std::span<const uint32_t
 void WriteRunOutput(const std::filesystem::path& path, const RunOutput& output) {
   const Shape shape = {output.frame_count, output.vertex_count, 3};
   const std::vector<int32_t> faces(output.triangles.begin(), output.triangles.end());
-  std::vector<SafeTensor> tensors = {
-      {"positions", SafeType::kF32, shape, std::as_bytes(output.positions)},
-      {"faces", SafeType::kI32, {faces.size() / 3, 3}, std::as_bytes(std::span(faces))}};
+  std::vector<SafeTensor> tensors = {{"positions", SafeType::kF32, shape, std::as_bytes(output.positions)},
+                                     {"faces", SafeType::kI32, {faces.size() / 3, 3}, std::as_bytes(std::span(faces))}};
   if (!output.normals.empty()) tensors.push_back({"normals", SafeType::kF32, shape, std::as_bytes(output.normals)});
   char fps[32];
   char* const end = std::to_chars(fps, fps + sizeof(fps), output.fps).ptr;
   WriteSafetensors(path, tensors,
-                   {{"format", "dcloth-run"}, {"garment", output.garment}, {"fps", std::string(fps, static_cast<size_t>(end - fps))}});
+                   {{"format", "dcloth-run"},
+                    {"garment", output.garment},
+                    {"fps", std::string(fps, static_cast<size_t>(end - fps))}});
 }
 
 }  // namespace dcloth::converter

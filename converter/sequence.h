@@ -46,8 +46,8 @@ struct RunOutput {
   double fps = 0;
   size_t frame_count = 0;
   size_t vertex_count = 0;
-  std::span<const float> positions;   // [frame_count, vertex_count, 3] world, metres
-  std::span<const float> normals;     // the same shape, or empty
+  std::span<const float> positions;     // [frame_count, vertex_count, 3] world, metres
+  std::span<const float> normals;       // the same shape, or empty
   std::span<const uint16_t> triangles;  // [c, 3]
 };
 

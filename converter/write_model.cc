@@ -50,8 +50,9 @@ class Writer {
     const auto displacement = parts_.basis ? Displacement(*parts_.basis) : fb::Offset<format::Displacement>();
     const auto producer = String(parts_.producer);
     const auto precision = String(parts_.precision);
-    const auto model = format::CreateModel(builder_, format::kFormatMajor, kFormatMinor, producer, precision, parts_.tick_rate,
-                                           garment, character, features, static_stage, skeleton, mesh, displacement, weights);
+    const auto model =
+        format::CreateModel(builder_, format::kFormatMajor, kFormatMinor, producer, precision, parts_.tick_rate,
+                            garment, character, features, static_stage, skeleton, mesh, displacement, weights);
     builder_.Finish(model, format::ModelIdentifier());
     AlignedBytes bytes(builder_.GetSize());
     std::memcpy(bytes.data(), builder_.GetBufferPointer(), bytes.size());
@@ -59,8 +60,8 @@ class Writer {
   }
 
  private:
-  // Children are made in named steps, never inside an argument list: its order of evaluation is the compiler's choice, and
-  // the file's bytes must not depend on it.
+  // Children are made in named steps, never inside an argument list: its order of evaluation is the compiler's choice,
+  // and the file's bytes must not depend on it.
   fb::Offset<fb::String> String(const std::string& text) { return builder_.CreateString(text); }
 
   fb::Offset<fb::Vector<uint8_t>> Weights(const std::vector<const PackedTensor*>& tensors) {
@@ -69,7 +70,8 @@ class Writer {
     const auto vector = builder_.CreateUninitializedVector(layout_.size, &weights);
     std::memset(weights, 0, layout_.size);
     for (const PackedTensor* tensor : tensors) {
-      if (!tensor->bytes.empty()) std::memcpy(weights + layout_.offsets[tensor], tensor->bytes.data(), tensor->bytes.size());
+      if (!tensor->bytes.empty())
+        std::memcpy(weights + layout_.offsets[tensor], tensor->bytes.data(), tensor->bytes.size());
     }
     return vector;
   }
@@ -138,8 +140,8 @@ class Writer {
     const auto output_bias = Tensor(layer.output_bias);
     const auto norm_gain = Tensor(layer.norm_gain);
     const auto norm_offset = Tensor(layer.norm_offset);
-    return format::CreateMeshLayer(builder_, input_gates, gate_bias, hidden_gates, hidden_candidate, output, output_bias,
-                                   norm_gain, norm_offset, layer.prelu_slope);
+    return format::CreateMeshLayer(builder_, input_gates, gate_bias, hidden_gates, hidden_candidate, output,
+                                   output_bias, norm_gain, norm_offset, layer.prelu_slope);
   }
 
   fb::Offset<format::MeshStage> Mesh(const MeshStageParts& mesh) {
@@ -157,8 +159,8 @@ class Writer {
     const auto hidden = Linear(mesh.hidden);
     const auto coefficients = Linear(mesh.coefficients);
     return format::CreateMeshStage(builder_, mesh.body_influences, body_points, body_joints, body_weights, input_mean,
-                                   input_inverse_deviation, row_starts, columns, mesh.feature_width, layer_vector, embed,
-                                   mesh.embed_bias, hidden, coefficients);
+                                   input_inverse_deviation, row_starts, columns, mesh.feature_width, layer_vector,
+                                   embed, mesh.embed_bias, hidden, coefficients);
   }
 
   fb::Offset<format::Displacement> Displacement(const PackedLinear& basis) {
@@ -194,8 +196,8 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
     add(mesh.input_mean, mesh.input_inverse_deviation, mesh.body_points, mesh.body_joints, mesh.body_weights,
         mesh.row_starts, mesh.columns);
     for (const MeshLayerParts& layer : mesh.layers) {
-      add(layer.input_gates, layer.gate_bias, layer.hidden_gates, layer.hidden_candidate, layer.output, layer.output_bias,
-          layer.norm_gain, layer.norm_offset);
+      add(layer.input_gates, layer.gate_bias, layer.hidden_gates, layer.hidden_candidate, layer.output,
+          layer.output_bias, layer.norm_gain, layer.norm_offset);
     }
     add(mesh.embed);
     add_linear(mesh.hidden);

@@ -52,8 +52,8 @@ struct ModelParts {
   std::optional<PackedLinear> basis;
 };
 
-// The file's bytes. Tensors lie in the order in which a tick reads them, each on 64 bytes, gaps zero. The same parts give
-// the same bytes. Throws Error beyond 2 GB, where FlatBuffers' offsets end.
+// The file's bytes. Tensors lie in the order in which a tick reads them, each on 64 bytes, gaps zero. The same parts
+// give the same bytes. Throws Error beyond 2 GB, where FlatBuffers' offsets end.
 AlignedBytes WriteModel(const ModelParts& parts);
 
 // Every tensor of the parts in file order.

@@ -52,9 +52,9 @@ constexpr float kTop = 1.0f;            // height of joint 0
 
 // A chain that hangs down, each joint turned a little, so that no inverse is trivial.
 Eigen::Matrix4f BindMatrix(uint32_t joint) {
-  Eigen::Affine3f bind = Eigen::Translation3f(0.02f * static_cast<float>(joint % 3),
-                                              kTop - kJointSpacing * static_cast<float>(joint), 0) *
-                         Eigen::AngleAxisf(0.1f * static_cast<float>(joint), Eigen::Vector3f::UnitX());
+  Eigen::Affine3f bind =
+      Eigen::Translation3f(0.02f * static_cast<float>(joint % 3), kTop - kJointSpacing * static_cast<float>(joint), 0) *
+      Eigen::AngleAxisf(0.1f * static_cast<float>(joint), Eigen::Vector3f::UnitX());
   return bind.matrix();
 }
 
@@ -87,7 +87,9 @@ class Builder {
     }
     file_.tensors.push_back(std::move(tensor));
   }
-  void AddRandom(const std::string& name, const Shape& shape, float size) { Add(name, shape, random_.Values(shape, size)); }
+  void AddRandom(const std::string& name, const Shape& shape, float size) {
+    Add(name, shape, random_.Values(shape, size));
+  }
 
   // PyTorch's own start: uniform within 1 / sqrt(inputs).
   void AddLinear(const std::string& name, uint64_t out, uint64_t in) {
@@ -169,7 +171,8 @@ class Builder {
     for (int32_t i = 0; i + 2 < static_cast<int32_t>(b); ++i) corners.insert(corners.end(), {i, i + 1, i + 2});
     AddFaces("body.faces", corners);
     Add("body.joint_weights", {b, spec_.joints}, SkinRows(b, spec_.joints), false);
-    if (spec_.mesh) Add("nearest.joint_weights", {spec_.vertices, spec_.joints}, SkinRows(spec_.vertices, spec_.joints), false);
+    if (spec_.mesh)
+      Add("nearest.joint_weights", {spec_.vertices, spec_.joints}, SkinRows(spec_.vertices, spec_.joints), false);
   }
 
   void Features() {
@@ -214,7 +217,8 @@ class Builder {
       const std::string name = "mesh.layers." + std::to_string(l) + ".";
       const float size = 1 / std::sqrt(static_cast<float>(width));
       AddRandom(name + "w_p", {l == 0 ? 3 : width, width}, 0.5f);
-      for (const char* square : {"w_z", "w_r", "w", "u_z", "u_r", "u", "w_o"}) AddRandom(name + square, {width, width}, size);
+      for (const char* square : {"w_z", "w_r", "w", "u_z", "u_r", "u", "w_o"})
+        AddRandom(name + square, {width, width}, size);
       for (const char* row : {"b", "b_o", "norm.bias"}) AddRandom(name + row, {width}, 0.2f);
       std::vector<float> gain(width);
       for (float& value : gain) value = random_.Uniform(0.7f, 1.3f);
@@ -286,7 +290,9 @@ converter::AlignedBytes RawFile::Bytes() const {
   return bytes;
 }
 
-void RawFile::Write(const std::filesystem::path& path) const { converter::WriteSafetensors(path, Views(*this), metadata); }
+void RawFile::Write(const std::filesystem::path& path) const {
+  converter::WriteSafetensors(path, Views(*this), metadata);
+}
 
 RawFile BuildBundle(const BundleSpec& spec) { return Builder(spec).Build(); }
 
@@ -312,7 +318,8 @@ RawFile BuildSequence(const BundleSpec& spec, uint32_t frames, bool truth, doubl
     }
     for (uint32_t i = 0; truth && i < spec.vertices; ++i) {
       const float angle = 0.7f * static_cast<float>(i);
-      positions.insert(positions.end(), {std::cos(t) + 0.25f * std::cos(angle), 0.6f, std::sin(t) + 0.25f * std::sin(angle)});
+      positions.insert(positions.end(),
+                       {std::cos(t) + 0.25f * std::cos(angle), 0.6f, std::sin(t) + 0.25f * std::sin(angle)});
     }
   }
   RawFile file;

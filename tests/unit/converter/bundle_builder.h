@@ -13,11 +13,11 @@
 namespace dcloth::testing {
 
 struct BundleSpec {
-  uint32_t vertices = 60;        // n, at least 9
-  uint32_t joints = 6;           // J
-  uint32_t feature_joints = 3;   // first ones of the joints; d = 9 feature_joints (+ 4)
+  uint32_t vertices = 60;       // n, at least 9
+  uint32_t joints = 6;          // J
+  uint32_t feature_joints = 3;  // first ones of the joints; d = 9 feature_joints (+ 4)
   bool root_motion = true;
-  uint32_t bones = 4;            // m, the last ones of the joints
+  uint32_t bones = 4;  // m, the last ones of the joints
   uint32_t body_vertices = 12;
   uint32_t residuals = 2;
   uint32_t static_width = 12;
@@ -50,7 +50,8 @@ struct RawFile {
   void Erase(std::string_view name);
   void SetFloat(std::string_view name, size_t index, float value);  // F32 only
   void SetInt(std::string_view name, size_t index, int32_t value);  // I32 only
-  void Replace(std::string_view name, converter::Shape shape, const std::vector<float>& values);  // adds or replaces, F32
+  void Replace(std::string_view name, converter::Shape shape,
+               const std::vector<float>& values);  // adds or replaces, F32
 
   converter::AlignedBytes Bytes() const;
   void Write(const std::filesystem::path& path) const;
@@ -58,7 +59,8 @@ struct RawFile {
 
 RawFile BuildBundle(const BundleSpec& spec);
 
-// A character with the bundle's joints that walks in a curve and bends; `truth` adds noise-free positions near the tube.
+// A character with the bundle's joints that walks in a curve and bends; `truth` adds noise-free positions near the
+// tube.
 RawFile BuildSequence(const BundleSpec& spec, uint32_t frames, bool truth = false, double fps = 30);
 
 }  // namespace dcloth::testing

@@ -21,7 +21,9 @@ using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
 
-Bundle ParseBundle(const BundleSpec& spec) { return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b.safetensors")); }
+Bundle ParseBundle(const BundleSpec& spec) {
+  return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b.safetensors"));
+}
 Sequence ParseSequence(const BundleSpec& spec, uint32_t frames) {
   return SequenceFrom(SafeFile::Parse(BuildSequence(spec, frames).Bytes(), "s.safetensors"));
 }
@@ -38,7 +40,8 @@ TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
   std::vector<BundleSpec> specs(8);
   specs[1].mesh = false;
   specs[2].mesh = specs[2].skeleton = false;
-  specs[3].vertices = 331, specs[3].joints = 20, specs[3].bones = 17, specs[3].skeleton_basis = 33, specs[3].mesh_basis = 1;
+  specs[3].vertices = 331, specs[3].joints = 20, specs[3].bones = 17, specs[3].skeleton_basis = 33,
+  specs[3].mesh_basis = 1;
   specs[4].feature_width = 24, specs[4].layers = 1, specs[4].mesh_width = 1;
   specs[5].root_motion = false, specs[5].bones = 1, specs[5].skeleton_basis = 1;
   specs[6].half_weights = true, specs[6].static_width = 1, specs[6].feature_joints = 1;
@@ -94,17 +97,18 @@ TEST(ConvertTest, PlainSkinningAgreesWithDouble) {
       const ConvertResult result = Convert(bundle, options);
       EXPECT_EQ(result.report.influences.removed_worst, 0);
       const OpenModel model(result.bytes);
-      Rollout(model, sequence, DCLOTH_STAGES_MESH, [&](size_t frame, std::span<const float> positions, std::span<const float>) {
-        const MatrixD expected = dcloth::testing::SkinFrame(bundle, sequence, frame);
-        for (Eigen::Index i = 0; i < expected.rows(); ++i) {
-          for (Eigen::Index axis = 0; axis < 3; ++axis) {
-            const auto got = static_cast<double>(positions[static_cast<size_t>(3 * i + axis)]);
-            // Numbers below 4 in size (world within 3 m, entries of G B^-1 likewise), 5 bones of 4 products each and a few
-            // roundings before and after: 40 roundings of half an ulp of 4.
-            ASSERT_NEAR(got, expected(i, axis), 40 * 4 * 0x1p-24) << "frame " << frame << " vertex " << i;
-          }
-        }
-      });
+      Rollout(model, sequence, DCLOTH_STAGES_MESH,
+              [&](size_t frame, std::span<const float> positions, std::span<const float>) {
+                const MatrixD expected = dcloth::testing::SkinFrame(bundle, sequence, frame);
+                for (Eigen::Index i = 0; i < expected.rows(); ++i) {
+                  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+                    const auto got = static_cast<double>(positions[static_cast<size_t>(3 * i + axis)]);
+                    // Numbers below 4 in size (world within 3 m, entries of G B^-1 likewise), 5 bones of 4 products
+                    // each and a few roundings before and after: 40 roundings of half an ulp of 4.
+                    ASSERT_NEAR(got, expected(i, axis), 40 * 4 * 0x1p-24) << "frame " << frame << " vertex " << i;
+                  }
+                }
+              });
     }
   }
 }
@@ -118,15 +122,16 @@ TEST(ConvertTest, NetworksMoveTheCloth) {
   std::vector<double> distance;
   for (const uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
     double sum = 0;
-    Rollout(model, sequence, stages, [&](size_t frame, std::span<const float> positions, std::span<const float> normals) {
-      const MatrixD plain = dcloth::testing::SkinFrame(bundle, sequence, frame);
-      for (Eigen::Index i = 0; i < plain.rows(); ++i) {
-        const float* const p = positions.data() + 3 * i;
-        sum += (plain.row(i) - Eigen::RowVector3d(p[0], p[1], p[2])).norm();
-        const float* const normal = normals.data() + 3 * i;
-        ASSERT_NEAR(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2], 1, 1e-5);
-      }
-    });
+    Rollout(model, sequence, stages,
+            [&](size_t frame, std::span<const float> positions, std::span<const float> normals) {
+              const MatrixD plain = dcloth::testing::SkinFrame(bundle, sequence, frame);
+              for (Eigen::Index i = 0; i < plain.rows(); ++i) {
+                const float* const p = positions.data() + 3 * i;
+                sum += (plain.row(i) - Eigen::RowVector3d(p[0], p[1], p[2])).norm();
+                const float* const normal = normals.data() + 3 * i;
+                ASSERT_NEAR(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2], 1, 1e-5);
+              }
+            });
     distance.push_back(sum);
   }
   EXPECT_GT(distance[0], 0);
@@ -210,7 +215,8 @@ TEST(ConvertTest, BadOptionsAreRefused) {
     change(&options);
     return ErrorText([&] { Convert(bundle, options); });
   };
-  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->influences = 0; }), "0 influences per vertex, expected 1 to 8"));
+  EXPECT_TRUE(
+      Mentions(refusal([](ConvertOptions* o) { o->influences = 0; }), "0 influences per vertex, expected 1 to 8"));
   EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->body_influences = 9; }), "9 influences"));
   EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = 1; }), "pass --motion"));
   EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = -1; }), "0 or more"));
@@ -225,7 +231,8 @@ TEST(ConvertTest, BadOptionsAreRefused) {
 TEST(ConvertTest, HalfOverflowNamesBundleTensorAndWayOut) {
   Bundle bundle = ParseBundle({});
   bundle.mesh->basis(2, 5) = 7e4f;
-  EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, With(Precision::kFp16)); }), "b.safetensors", "displacement.basis.weights", "row 12, column 5", "--precision fp32"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, With(Precision::kFp16)); }), "b.safetensors",
+                       "displacement.basis.weights", "row 12, column 5", "--precision fp32"));
   EXPECT_EQ(ErrorText([&] { Convert(bundle, With(Precision::kFp32)); }), "");
 }
 

@@ -1,7 +1,6 @@
 #include "converter/file.h"
 
 #include <gtest/gtest.h>
-
 #include <unistd.h>
 
 #include <fstream>
@@ -97,8 +96,8 @@ TEST_F(FileTest, FollowsALinkAndRefusesADanglingOne) {
 }
 
 TEST_F(FileTest, FailedWriteLeavesNothingBehind) {
-  // /dev/full refuses every write; a file system does the same when it is full. Only the error path of Write is the same,
-  // so the temporary file is what is looked at: a name too long for it must leave the folder as it was.
+  // /dev/full refuses every write; a file system does the same when it is full. Only the error path of Write is the
+  // same, so the temporary file is what is looked at: a name too long for it must leave the folder as it was.
   Put(folder_ / "x", "old");
   const std::string name(255, 'n');  // legal itself, its temporary name is not
   EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / name, "new"); }), "too long"));

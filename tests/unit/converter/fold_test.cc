@@ -64,15 +64,17 @@ TEST(FoldTest, MeshLayerGivesTheSamePreActivations) {
     MatrixD mean = MatrixD::Random(20, inputs);  // the mean of x over N(i); any values will do
     const MatrixD a = (mean * layer.w_p.cast<double>()).rowwise() + layer.b.cast<double>().transpose();
     const Matrix* gates[] = {&layer.w_z, &layer.w_r, &layer.w};
-    const MatrixD got = (mean * folded.input_gates.cast<double>()).rowwise() + folded.gate_bias.cast<double>().transpose();
+    const MatrixD got =
+        (mean * folded.input_gates.cast<double>()).rowwise() + folded.gate_bias.cast<double>().transpose();
     for (int gate = 0; gate < 3; ++gate) {
       const MatrixD expected = a * gates[gate]->cast<double>();
       for (Eigen::Index i = 0; i < expected.rows(); ++i) {
         for (Eigen::Index c = 0; c < width; ++c) {
           const Eigen::Index column = gate * width + c;
           // Only the folded matrices were rounded, each entry by half an ulp.
-          const double bound = kHalfUlp * (mean.row(i).cwiseAbs() * folded.input_gates.col(column).cast<double>().cwiseAbs()).value() +
-                               kHalfUlp * std::abs(static_cast<double>(folded.gate_bias[column])) + 1e-13;
+          const double bound =
+              kHalfUlp * (mean.row(i).cwiseAbs() * folded.input_gates.col(column).cast<double>().cwiseAbs()).value() +
+              kHalfUlp * std::abs(static_cast<double>(folded.gate_bias[column])) + 1e-13;
           ASSERT_LE(std::abs(got(i, column) - expected(i, c)), bound);
         }
       }
@@ -118,7 +120,8 @@ TEST(FoldTest, InverseBindsInvert) {
     // Entries of the inverse are at most 2 here, each rounded by half an ulp, and a product sums four of them.
     const double bound = 4 * 2 * kHalfUlp * bind.cwiseAbs().maxCoeff();
     EXPECT_LE((rows * bind - Eigen::Matrix4d::Identity()).cwiseAbs().maxCoeff(), bound);
-    EXPECT_EQ(BindPositions(bundle, joints).row(static_cast<Eigen::Index>(j)).transpose(), (bind.topRightCorner<3, 1>()));
+    EXPECT_EQ(BindPositions(bundle, joints).row(static_cast<Eigen::Index>(j)).transpose(),
+              (bind.topRightCorner<3, 1>()));
   }
 }
 

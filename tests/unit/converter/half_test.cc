@@ -41,7 +41,7 @@ TEST(HalfTest, EveryHalfWidensExactlyAndComesBack) {
 TEST(HalfTest, RoundsToNearestEven) {
   for (uint16_t low = 0; low < 0x7C00u; ++low) {
     const auto high = static_cast<uint16_t>(low + 1);
-    const double upper = high == 0x7C00u ? 65536 : Decode(high);  // what the next half would be
+    const double upper = high == 0x7C00u ? 65536 : Decode(high);        // what the next half would be
     const auto middle = static_cast<float>((Decode(low) + upper) / 2);  // exact: 12 bits
     const uint16_t even = (low & 1) == 0 ? low : high;
     for (const uint16_t sign : {uint16_t{0}, uint16_t{0x8000}}) {

@@ -9,7 +9,6 @@
 namespace dcloth::converter {
 namespace {
 
-
 TEST(MeshGraphTest, TwoTrianglesAndAVertexAlone) {
   Faces faces(2, 3);
   faces << 0, 1, 2, 2, 1, 3;
@@ -32,7 +31,8 @@ TEST(MeshGraphTest, AgreesWithSetsOnATube) {
   const MeshGraph graph = BuildMeshGraph(bundle.template_faces, spec.vertices);
   ASSERT_EQ(graph.row_starts.size(), spec.vertices + 1);
   for (size_t i = 0; i < spec.vertices; ++i) {
-    const std::vector<int> row(graph.columns.begin() + graph.row_starts[i], graph.columns.begin() + graph.row_starts[i + 1]);
+    const std::vector<int> row(graph.columns.begin() + graph.row_starts[i],
+                               graph.columns.begin() + graph.row_starts[i + 1]);
     ASSERT_EQ(row, std::vector<int>(neighbours[i].begin(), neighbours[i].end())) << i;
   }
   EXPECT_EQ(graph.row_starts.back(), graph.columns.size());

@@ -66,7 +66,8 @@ TEST(MetricsTest, NormalAngleByHand) {
     ErrorMeter meter(kTriangle, 3);
     meter.AddFrame(turned, kFlat);
     // Coordinates up to 1 are rounded to 2^-25 each.
-    EXPECT_NEAR(meter.Result().normal_deg.mean, degrees, std::min(degrees, 4.0) * 0x1p-24 + 180 / std::numbers::pi * 0x1p-24);
+    EXPECT_NEAR(meter.Result().normal_deg.mean, degrees,
+                std::min(degrees, 4.0) * 0x1p-24 + 180 / std::numbers::pi * 0x1p-24);
   }
 }
 
@@ -96,7 +97,8 @@ TEST(MetricsTest, SeededFaultsShow) {
   std::vector<float> truth(3000);
   for (size_t i = 0; i < truth.size(); ++i) truth[i] = std::sin(static_cast<float>(i));
   std::vector<uint16_t> faces;
-  for (uint16_t i = 0; i + 2 < 1000; ++i) faces.insert(faces.end(), {i, static_cast<uint16_t>(i + 1), static_cast<uint16_t>(i + 2)});
+  for (uint16_t i = 0; i + 2 < 1000; ++i)
+    faces.insert(faces.end(), {i, static_cast<uint16_t>(i + 1), static_cast<uint16_t>(i + 2)});
   auto error = [&](auto change) {
     std::vector<float> predicted = truth;
     change(&predicted);
@@ -104,12 +106,15 @@ TEST(MetricsTest, SeededFaultsShow) {
     meter.AddFrame(predicted, truth);
     return meter.Result();
   };
-  const MeshError one = error([](std::vector<float>* p) { (*p)[2999] -= 0.001f; });  // one coordinate by 1 mm, downwards
-  EXPECT_NEAR(one.position_mm.max, 1, 1e-4);                                          // float steps near 1: 6e-5 mm
+  const MeshError one =
+      error([](std::vector<float>* p) { (*p)[2999] -= 0.001f; });  // one coordinate by 1 mm, downwards
+  EXPECT_NEAR(one.position_mm.max, 1, 1e-4);                       // float steps near 1: 6e-5 mm
   EXPECT_NEAR(one.position_mm.mean, 1e-3, 1e-7);
   EXPECT_EQ(one.position_mm.p99, 0);
   EXPECT_GT(one.normal_deg.mean, 0);
-  const MeshError negated = error([](std::vector<float>* p) { for (float& x : *p) x = -x; });
+  const MeshError negated = error([](std::vector<float>* p) {
+    for (float& x : *p) x = -x;
+  });
   EXPECT_GT(negated.position_mm.mean, 1000);
   const MeshError shifted = error([](std::vector<float>* p) { std::rotate(p->begin(), p->begin() + 3, p->end()); });
   EXPECT_GT(shifted.position_mm.mean, 100);  // vertices off by one
@@ -121,7 +126,8 @@ TEST(MetricsTest, BadInputIsRefused) {
   nan[4] = NAN;
   EXPECT_TRUE(Mentions(ErrorText([&] { meter.AddFrame(nan, kFlat); }), "NaN or infinity in the prediction"));
   EXPECT_TRUE(Mentions(ErrorText([&] { meter.AddFrame(kFlat, nan); }), "NaN or infinity in the truth"));
-  EXPECT_TRUE(Mentions(ErrorText([&] { meter.AddFrame(kFlat, std::span(kFlat).first(6)); }), "2 vertices in the truth, expected 3"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { meter.AddFrame(kFlat, std::span(kFlat).first(6)); }),
+                       "2 vertices in the truth, expected 3"));
   EXPECT_EQ(meter.Result().frame_count, 0u);
   EXPECT_TRUE(Mentions(ErrorText([&] { ErrorMeter(kTriangle, 2); }), "do not fit 2 vertices"));
 }

@@ -5,15 +5,14 @@
 #include <cmath>
 #include <cstring>
 
-#include "converter/half.h"
 #include "converter/file.h"
+#include "converter/half.h"
 #include "kernels/kernels.h"
 #include "kernels/matvec/matvec_pack.h"
 #include "tests/unit/converter/error_text.h"
 
 namespace dcloth::converter {
 namespace {
-
 
 template <typename T>
 std::vector<T> As(const PackedTensor& tensor) {
@@ -44,13 +43,15 @@ Problem Make(Eigen::Index rows, Eigen::Index columns) {
 // sum_j |x_j| |w_jc| + |b_c|: what a rounding is relative to.
 double Magnitude(const Problem& p, Eigen::Index c) {
   double sum = std::abs(static_cast<double>(p.bias[c]));
-  for (Eigen::Index j = 0; j < p.x.size(); ++j) sum += std::abs(static_cast<double>(p.x[j]) * static_cast<double>(p.weights(j, c)));
+  for (Eigen::Index j = 0; j < p.x.size(); ++j)
+    sum += std::abs(static_cast<double>(p.x[j]) * static_cast<double>(p.weights(j, c)));
   return sum;
 }
 
 double Exact(const Problem& p, Eigen::Index c) {
   double sum = static_cast<double>(p.bias[c]);
-  for (Eigen::Index j = 0; j < p.x.size(); ++j) sum += static_cast<double>(p.x[j]) * static_cast<double>(p.weights(j, c));
+  for (Eigen::Index j = 0; j < p.x.size(); ++j)
+    sum += static_cast<double>(p.x[j]) * static_cast<double>(p.weights(j, c));
   return sum;
 }
 
@@ -68,7 +69,8 @@ TEST(PackTest, FloatPanelsThroughTheScalarKernel) {
                                 static_cast<size_t>(rows), kernels::PanelCount(static_cast<size_t>(columns)), false});
     for (Eigen::Index c = 0; c < columns; ++c) {
       // rows products and rows sums, each rounded once (Higham, Accuracy and Stability, 3.1).
-      ASSERT_LE(std::abs(static_cast<double>(y[static_cast<size_t>(c)]) - Exact(p, c)), (rows + 2) * 0x1p-24 * Magnitude(p, c));
+      ASSERT_LE(std::abs(static_cast<double>(y[static_cast<size_t>(c)]) - Exact(p, c)),
+                (rows + 2) * 0x1p-24 * Magnitude(p, c));
     }
     for (size_t c = static_cast<size_t>(columns); c < y.size(); ++c) ASSERT_EQ(y[c], 0);  // padding is zero
     EXPECT_EQ(linear.weights.report.relative_rms, 0);
@@ -114,8 +116,8 @@ TEST(PackTest, Int8PairPanelsThroughTheScalarKernels) {
     AlignedVector<float> y(bias.size(), NAN);
     float x_scale = 0;
     kernels::scalar::QuantizeI16({p.x.data(), row_scales.data(), q.data(), &x_scale, static_cast<size_t>(rows)});
-    kernels::scalar::MatvecI8({q.data(), weights.data(), column_scales.data(), bias.data(), y.data(), x_scale, stored_rows, 0,
-                               stored_rows, kernels::PanelCount(static_cast<size_t>(columns)), false});
+    kernels::scalar::MatvecI8({q.data(), weights.data(), column_scales.data(), bias.data(), y.data(), x_scale,
+                               stored_rows, 0, stored_rows, kernels::PanelCount(static_cast<size_t>(columns)), false});
     for (Eigen::Index c = 0; c < columns; ++c) {
       // Weights err by half a step s_j t_c, inputs by half of x_scale (in units of s_j x_j) times 127 t_c at most.
       double bound = 0;
@@ -125,7 +127,8 @@ TEST(PackTest, Int8PairPanelsThroughTheScalarKernels) {
         bound += std::abs(static_cast<double>(p.x[j])) * s * t * 0.501 + 0.501 * static_cast<double>(x_scale) * 127 * t;
       }
       bound += 8 * 0x1p-24 * (Magnitude(p, c) + bound);  // the few float roundings at the end
-      ASSERT_LE(std::abs(static_cast<double>(y[static_cast<size_t>(c)]) - Exact(p, c)), bound) << rows << " x " << columns;
+      ASSERT_LE(std::abs(static_cast<double>(y[static_cast<size_t>(c)]) - Exact(p, c)), bound)
+          << rows << " x " << columns;
     }
     // Half a step of the largest weight is 1 / 254 of it.
     EXPECT_LE(linear.weights.report.relative_max, 1.001 / 254);

@@ -9,15 +9,16 @@
 namespace dcloth::converter {
 namespace {
 
-
 TEST(PruneTest, KeepsTheStrongestAndRenormalises) {
   MatrixD dense(3, 4);
   dense << 0.1, 0.5, 0.15, 0.25,  //
       1, 0, 0, 0,                 //
       0.25, 0.25, 0.25, 0.25;
   const PrunedWeights pruned = Prune(dense, 2);
-  EXPECT_EQ(pruned.columns, (std::vector<uint32_t>{1, 3, 0, 0, 0, 1}));  // an unused one repeats the first; ties to the lower column
-  EXPECT_EQ(pruned.weights, (std::vector<float>{static_cast<float>(0.5 / 0.75), static_cast<float>(0.25 / 0.75), 1, 0, 0.5f, 0.5f}));
+  EXPECT_EQ(pruned.columns,
+            (std::vector<uint32_t>{1, 3, 0, 0, 0, 1}));  // an unused one repeats the first; ties to the lower column
+  EXPECT_EQ(pruned.weights,
+            (std::vector<float>{static_cast<float>(0.5 / 0.75), static_cast<float>(0.25 / 0.75), 1, 0, 0.5f, 0.5f}));
 }
 
 TEST(PruneTest, KIsLoweredToTheColumns) {
@@ -49,11 +50,13 @@ TEST(PruneTest, MeasuresAKnownError) {
   MatrixD pivots(2, 3);
   pivots << 0, 0, 0, 0, -1, 0;
   Eigen::Affine3d bent = Eigen::Translation3d(0, -1, 0) *
-                         Eigen::AngleAxisd(std::numbers::pi / 2, Eigen::Vector3d::UnitZ()) * Eigen::Translation3d(0, 1, 0);
+                         Eigen::AngleAxisd(std::numbers::pi / 2, Eigen::Vector3d::UnitZ()) *
+                         Eigen::Translation3d(0, 1, 0);
   const std::vector<Eigen::Matrix4d> rest(2, Eigen::Matrix4d::Identity());
   const std::vector<std::vector<Eigen::Matrix4d>> poses = {rest, {Eigen::Matrix4d::Identity(), bent.matrix()}};
   const PruneReport report = MeasurePruning(dense, Prune(dense, 1), points, pivots, poses);
-  // Bone 1 takes the point to (0.5, -1, 0), 0.25 of the way is lost: 0.25 |(0.5, 0.5, 0)| in the second pose, none in the first.
+  // Bone 1 takes the point to (0.5, -1, 0), 0.25 of the way is lost: 0.25 |(0.5, 0.5, 0)| in the second pose, none in
+  // the first.
   const double expected_mm = 250 * std::sqrt(0.5);
   EXPECT_TRUE(report.measured);
   EXPECT_NEAR(report.worst_mm, expected_mm, 1e-9);

@@ -131,7 +131,8 @@ TEST(QuantizeTest, HalvesAreNearestAndOverflowIsRefusedWithItsPlace) {
     EXPECT_LE(std::abs(HalfToFloat(halves[i]) - weight), std::abs(weight) * 0x1p-11f + 0x1p-25f);
   }
   weights(3, 2) = -65520;
-  EXPECT_TRUE(Mentions(ErrorText([&] { QuantizeHalf("mesh.basis", weights); }), "mesh.basis", "at row 3, column 2", "--precision fp32"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { QuantizeHalf("mesh.basis", weights); }), "mesh.basis", "at row 3, column 2",
+                       "--precision fp32"));
   weights(3, 2) = -65519;
   EXPECT_EQ(ErrorText([&] { QuantizeHalf("w", weights); }), "");
 }

@@ -29,12 +29,13 @@ TEST(RolloutTest, VisitsEveryFrameAndForgetsBetweenRuns) {
   std::vector<std::vector<float>> runs(2);
   for (std::vector<float>& run : runs) {
     size_t next = 0;
-    Rollout(model, sequence, DCLOTH_STAGES_MESH, [&](size_t frame, std::span<const float> positions, std::span<const float> normals) {
-      EXPECT_EQ(frame, next++);
-      EXPECT_EQ(positions.size(), 3 * spec.vertices);
-      EXPECT_EQ(normals.size(), 3 * spec.vertices);
-      run.insert(run.end(), positions.begin(), positions.end());
-    });
+    Rollout(model, sequence, DCLOTH_STAGES_MESH,
+            [&](size_t frame, std::span<const float> positions, std::span<const float> normals) {
+              EXPECT_EQ(frame, next++);
+              EXPECT_EQ(positions.size(), 3 * spec.vertices);
+              EXPECT_EQ(normals.size(), 3 * spec.vertices);
+              run.insert(run.end(), positions.begin(), positions.end());
+            });
     EXPECT_EQ(next, 9u);
   }
   EXPECT_EQ(runs[0], runs[1]);
@@ -71,7 +72,8 @@ TEST(RolloutTest, AModelDiffersFromItselfByNothing) {
   other.seed = 5;
   EXPECT_GT(CompareModels(OpenModel(Model(other)), a, motion).position_mm.mean, 1);
   other.vertices = 61;
-  EXPECT_TRUE(Mentions(ErrorText([&] { CompareModels(OpenModel(Model(other)), a, motion); }), "61 vertices in the prediction"));
+  EXPECT_TRUE(
+      Mentions(ErrorText([&] { CompareModels(OpenModel(Model(other)), a, motion); }), "61 vertices in the prediction"));
 }
 
 }  // namespace

@@ -117,7 +117,8 @@ const BadHeader kBadHeaders[] = {
     {"Trailing", "{}x", 0, "not JSON"},
     {"BadUtf8", "{\"a\xFF\":{}}", 0, "not JSON"},
     {"ZeroByte", std::string("{}\0x", 4), 0, "a zero byte"},
-    {"NameTwice", "{\"a\":" + Tensor("U8", "[1]", "[0,1]") + ",\"a\":" + Tensor("U8", "[1]", "[1,2]") + "}", 2, "the name twice"},
+    {"NameTwice", "{\"a\":" + Tensor("U8", "[1]", "[0,1]") + ",\"a\":" + Tensor("U8", "[1]", "[1,2]") + "}", 2,
+     "the name twice"},
     {"FieldTwice", R"({"a":{"dtype":"U8","dtype":"U8","shape":[1],"data_offsets":[0,1]}})", 1, "'dtype' twice"},
     {"MetadataTwice", R"({"__metadata__":{"k":"v","k":"w"}})", 0, "'k' twice"},
     {"MetadataNumber", R"({"__metadata__":{"k":1}})", 0, "expected texts only"},
@@ -135,7 +136,8 @@ const BadHeader kBadHeaders[] = {
     {"NullExtent", "{\"a\":" + Tensor("U8", "[null]", "[0,1]") + "}", 1, "null"},
     {"DtypeList", R"({"a":{"dtype":["U8"],"shape":[1],"data_offsets":[0,1]}})", 1, "a list"},
     {"ShapeText", R"({"a":{"dtype":"U8","shape":"[1]","data_offsets":[0,1]}})", 1, "the text"},
-    {"ManyDimensions", "{\"a\":" + Tensor("U8", "[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[0,1]") + "}", 1, "more numbers in shape"},
+    {"ManyDimensions", "{\"a\":" + Tensor("U8", "[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[0,1]") + "}", 1,
+     "more numbers in shape"},
     {"OneOffset", "{\"a\":" + Tensor("U8", "[0]", "[0]") + "}", 0, "1 data_offsets"},
     {"ThreeOffsets", "{\"a\":" + Tensor("U8", "[1]", "[0,1,2]") + "}", 1, "more numbers in data_offsets"},
     {"OffsetsBackwards", "{\"a\":" + Tensor("U8", "[1]", "[1,0]") + "}", 1, "bytes 1 to 0"},
@@ -144,7 +146,8 @@ const BadHeader kBadHeaders[] = {
     {"WrappedProduct", "{\"a\":" + Tensor("F32", "[8589934592,2147483648]", "[0,0]") + "}", 0, "fits in 64 bits"},
     {"WrappedBeforeZero", "{\"a\":" + Tensor("F32", "[8589934592,2147483648,0]", "[0,0]") + "}", 0, "fits in 64 bits"},
     {"PastTheEnd", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + "}", 1, "the file is truncated"},
-    {"Overlap", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + ",\"b\":" + Tensor("U8", "[2]", "[1,3]") + "}", 3, "overlap"},
+    {"Overlap", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + ",\"b\":" + Tensor("U8", "[2]", "[1,3]") + "}", 3,
+     "overlap"},
     {"Shared", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + ",\"b\":" + Tensor("U8", "[2]", "[0,2]") + "}", 2, "overlap"},
     {"Hole", "{\"a\":" + Tensor("U8", "[1]", "[0,1]") + ",\"b\":" + Tensor("U8", "[1]", "[2,3]") + "}", 3, "a hole"},
     {"LeadingHole", "{\"a\":" + Tensor("U8", "[1]", "[1,2]") + "}", 2, "a hole"},
@@ -163,7 +166,8 @@ TEST(SafetensorsTest, HeaderLengthIsBounded) {
   for (const uint64_t length : {uint64_t{3}, uint64_t{100'000'001}, UINT64_MAX, UINT64_MAX - 7}) {
     AlignedBytes bytes = File("{}", 0);
     std::memcpy(bytes.data(), &length, 8);
-    EXPECT_TRUE(Mentions(ErrorText([&] { SafeFile::Parse(bytes, "f"); }), "a header of " + std::to_string(length))) << length;
+    EXPECT_TRUE(Mentions(ErrorText([&] { SafeFile::Parse(bytes, "f"); }), "a header of " + std::to_string(length)))
+        << length;
   }
   AlignedBytes large(8 + kMaxHeaderBytes + 1, std::byte{' '});
   const uint64_t length = kMaxHeaderBytes + 1;
@@ -179,7 +183,8 @@ TEST(SafetensorsTest, NumbersThatAreNoneAreRefusedWithTheirPlace) {
   EXPECT_TRUE(Mentions(ErrorText([&] { FloatsOf(file, file.Require("a")); }), "tensor a: found NaN at element 1"));
   EXPECT_TRUE(Mentions(ErrorText([&] { FloatsOf(file, file.Require("b")); }), "infinity at element 1"));
   const SafeFile integers = SafeFile::Parse(File("{\"i\":" + Tensor("I32", "[1]", "[0,4]") + "}", 4), "f");
-  EXPECT_TRUE(Mentions(ErrorText([&] { FloatsOf(integers, integers.Require("i")); }), "dtype I32, expected F32 or F16"));
+  EXPECT_TRUE(
+      Mentions(ErrorText([&] { FloatsOf(integers, integers.Require("i")); }), "dtype I32, expected F32 or F16"));
 }
 
 TEST(SafetensorsTest, WriterRefusesWhatTheReaderWould) {

@@ -121,7 +121,10 @@ TEST(SequenceTest, RunOutputReadsBack) {
   EXPECT_EQ(FloatsOf(file, file.Require("normals")), normals);
   EXPECT_EQ(file.Require("faces").shape, (Shape{1, 3}));
   EXPECT_EQ(file.Require("faces").bytes[4], std::byte{2});
-  EXPECT_TRUE(Mentions(ErrorText([&] { WriteRunOutput(path, {"skirt", 30, 2, 3, positions, {}, triangles}); }), "positions: found 36 bytes"));
+  EXPECT_TRUE(Mentions(ErrorText([&] {
+                         WriteRunOutput(path, {"skirt", 30, 2, 3, positions, {}, triangles});
+                       }),
+                       "positions: found 36 bytes"));
   EXPECT_FALSE(std::filesystem::exists(path));
 }
 

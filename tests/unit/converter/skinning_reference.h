@@ -13,15 +13,16 @@
 namespace dcloth::testing {
 
 // World positions [n, 3] of one frame with all influences.
-inline converter::MatrixD SkinFrame(const converter::Bundle& bundle, const converter::Sequence& sequence, size_t frame) {
+inline converter::MatrixD SkinFrame(const converter::Bundle& bundle, const converter::Sequence& sequence,
+                                    size_t frame) {
   const converter::MatrixD weights = converter::FoldSkinWeights(bundle);
   converter::MatrixD positions = converter::MatrixD::Zero(weights.rows(), 3);
   for (size_t bone = 0; bone < bundle.bones.size(); ++bone) {
     const size_t joint = bundle.bones[bone];  // the sequence's joints are the bundle's
     Eigen::Matrix4d world;
     for (int i = 0; i < 16; ++i) {
-      world(i / 4, i % 4) = static_cast<double>(sequence.joint_matrices[(frame * bundle.joint_names.size() + joint) * 16 +
-                                                                       static_cast<size_t>(i)]);
+      world(i / 4, i % 4) = static_cast<double>(
+          sequence.joint_matrices[(frame * bundle.joint_names.size() + joint) * 16 + static_cast<size_t>(i)]);
     }
     const Eigen::Matrix4d skin = world * bundle.bind[joint].cast<double>().inverse();
     const converter::MatrixD moved =

@@ -29,7 +29,8 @@ ModelParts Parts(Precision precision) {
   return Assemble(bundle, FoldBundle(bundle, 4, 4), precision);
 }
 
-// Read with FlatBuffers' own reader: identifier, alignment, every tensor's bytes in its place, nothing but zero between.
+// Read with FlatBuffers' own reader: identifier, alignment, every tensor's bytes in its place, nothing but zero
+// between.
 TEST(WriteModelTest, TensorsLieInPlaceAndGapsAreZero) {
   for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
     const ModelParts parts = Parts(precision);
@@ -67,7 +68,8 @@ TEST(WriteModelTest, TensorsLieInPlaceAndGapsAreZero) {
 TEST(WriteModelTest, TensorNamesAreUnique) {
   const ModelParts parts = Parts(Precision::kInt8);
   std::set<std::string> names;
-  for (const PackedTensor* tensor : TensorsOf(parts)) EXPECT_TRUE(names.insert(tensor->report.name).second) << tensor->report.name;
+  for (const PackedTensor* tensor : TensorsOf(parts))
+    EXPECT_TRUE(names.insert(tensor->report.name).second) << tensor->report.name;
   EXPECT_GT(names.size(), 50u);
 }
 
