@@ -1,0 +1,86 @@
+"""convert and inspect: what they write and say."""
+import json
+
+import pytest
+
+import small_garment
+from checks import refused
+
+
+@pytest.mark.parametrize("precision", ["fp32", "fp16", "int8"])
+def test_convert_then_inspect(dcloth, files, tmp_path, precision):
+    out = tmp_path / "m.dcloth"
+    result = dcloth("convert", files.bundle, "-o", out, "--precision", precision, "--json")
+    assert result.returncode == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert said["precision"] == precision and said["model_bytes"] == out.stat().st_size
+    assert sum(t["size_bytes"] for t in said["tensors"]) <= said["model_bytes"]
+    names = {t["name"]: t for t in said["tensors"]}
+    assert len(names) == len(said["tensors"]) > 10
+    wanted = {"fp32": "f32", "fp16": "f16", "int8": "i8"}[precision]
+    assert wanted in {t["dtype"] for t in said["tensors"]}
+    worst = max(t["relative_max"] for t in said["tensors"])
+    assert (worst < 1e-6) == (precision == "fp32")
+
+    seen = json.loads(dcloth("inspect", out, "--json").stdout)
+    assert seen["garment"] == "cone skirt" and seen["precision"] == precision
+    assert seen["model_bytes"] == said["model_bytes"] and seen["instance_bytes"] == said["instance_bytes"]
+    assert seen["vertices"] == small_garment.VERTICES and seen["stages"] == ["static", "skeleton", "mesh"]
+    assert seen["tick_rate"] == 30 and set(seen["joints"]) <= set(small_garment.JOINTS)
+    assert out.read_bytes()[4:8] == b"DCLO"
+
+
+def test_smaller_precisions_make_smaller_models(dcloth, files, tmp_path):
+    sizes = []
+    for precision in ("fp32", "fp16", "int8"):
+        out = tmp_path / precision
+        assert dcloth("convert", files.bundle, "-o", out, "--precision", precision).returncode == 0
+        sizes.append(out.stat().st_size)
+    assert sizes[0] > sizes[1] > sizes[2]
+
+
+def test_convert_is_repeatable(dcloth, files, tmp_path):
+    outs = [tmp_path / "a", tmp_path / "b"]
+    for out in outs:
+        dcloth("convert", files.bundle, "-o", out, "--precision", "int8")
+    assert outs[0].read_bytes() == outs[1].read_bytes()
+
+
+def test_auto_keeps_its_bound(dcloth, files, tmp_path):
+    out = tmp_path / "m.dcloth"
+    arguments = ["convert", files.bundle, "-o", out, "--precision", "auto", "--motion", files.walk, "--motion", files.run, "--json"]
+    loose = json.loads(dcloth(*arguments, "--max-error-mm", "1000").stdout)
+    assert loose["precision"] == "int8"
+    int8_max = loose["trials"][0]["error"]["position_mm"]["max"]
+    tight = dcloth(*arguments, "--max-error-mm", int8_max / 2)
+    assert tight.returncode == 0
+    said = json.loads(tight.stdout)
+    assert said["precision"] in ("fp16", "fp32")
+    assert [t for t in said["trials"] if t["precision"] == said["precision"]][0]["error"]["position_mm"]["max"] <= int8_max / 2
+
+
+def test_missed_bound_is_exit_1_and_writes_nothing(dcloth, files, tmp_path):
+    out = tmp_path / "m.dcloth"
+    result = dcloth("convert", files.bundle, "-o", out, "--precision", "int8", "--max-error-mm", "1e-6", "--motion", files.walk)
+    refused(result, "int8", code=1)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("drop, stages", [(("mesh.",), ["static", "skeleton"]),
+                                          (("mesh.", "skeleton.", "nearest."), ["static"])])
+def test_models_may_stop_early(dcloth, files, tmp_path, drop, stages):
+    bundle, out = tmp_path / "b.safetensors", tmp_path / "m.dcloth"
+    small_garment.write_bundle(bundle, drop=drop)
+    result = dcloth("convert", bundle, "-o", out)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(dcloth("inspect", out, "--json").stdout)["stages"] == stages
+    refused(dcloth("run", out, files.walk, "-o", tmp_path / "x.pc2", "--stages", "mesh"), "mesh", stages[-1])
+
+
+def test_tables_for_people(dcloth, files, tmp_path):
+    text = dcloth("convert", files.bundle, "-o", tmp_path / "m", "--precision", "int8").stdout
+    assert "basis" in text and "i8" in text
+    assert "MB" in text and "per instance" in text
+    text = dcloth("inspect", files.model).stdout
+    for word in ("cone skirt", "fp32", "30 Hz", "thigh_l", "static skeleton mesh"):
+        assert word in text

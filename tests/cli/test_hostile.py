@@ -1,0 +1,112 @@
+"""Broken and wrong inputs: refused by name, never a crash, nothing left behind."""
+import numpy as np
+import pytest
+
+import safetensors_file
+import small_garment
+from checks import leftovers, refused
+
+
+@pytest.mark.parametrize("part", [0, 1, 3, 8, 100, 0.25, 0.5, 0.9, -1])
+def test_truncated_model(dcloth, files, tmp_path, part):
+    data = files.model.read_bytes()
+    length = int(len(data) * part) if isinstance(part, float) else part if part >= 0 else len(data) + part
+    cut = tmp_path / "cut.dcloth"
+    cut.write_bytes(data[:length])
+    refused(dcloth("inspect", cut), cut)
+    out = tmp_path / "out.safetensors"
+    refused(dcloth("run", cut, files.walk, "-o", out), cut)
+    assert leftovers(tmp_path, {"cut.dcloth"}) == []
+
+
+def test_flipped_bits_are_refused_or_harmless(dcloth, files, tmp_path):
+    """One flipped bit may hit a weight and stay a valid model; it must never kill the tool."""
+    data = bytearray(files.model.read_bytes())
+    random = np.random.default_rng(3)
+    head = min(len(data), 6000)  # tables lie at an end of the file: flip there, and across
+    places = np.concatenate([random.integers(0, head, 40), len(data) - 1 - random.integers(0, head, 40),
+                             random.integers(0, len(data), 20)])
+    codes = set()
+    for at in places:
+        flipped = bytearray(data)
+        flipped[at] ^= 1 << int(random.integers(8))
+        path = tmp_path / "flipped.dcloth"
+        path.write_bytes(flipped)
+        result = dcloth("inspect", path)
+        assert result.returncode in (0, 2)
+        if result.returncode == 2:
+            refused(result, path)
+        codes.add(result.returncode)
+    assert 2 in codes, "no flip was refused: the flips missed every table"
+
+
+def test_a_bundle_is_no_model_and_a_model_no_bundle(dcloth, files, tmp_path):
+    refused(dcloth("inspect", files.bundle), files.bundle)
+    refused(dcloth("convert", files.model, "-o", tmp_path / "x.dcloth"), files.model)
+    refused(dcloth("run", files.model, files.bundle, "-o", tmp_path / "x.pc2"), files.bundle)
+    assert leftovers(tmp_path, set()) == []
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_bad_numbers_in_poses(dcloth, files, tmp_path, bad):
+    poses = small_garment.motion(10, 30)
+    poses[5, 2, 1, 3] = bad
+    path = tmp_path / "bad.safetensors"
+    small_garment.write_sequence(path, poses, truth=False)
+    refused(dcloth("run", files.model, path, "-o", tmp_path / "x.pc2"), path, "joint_matrices")
+    refused(dcloth("profile", files.model, path), path, "joint_matrices")
+    assert leftovers(tmp_path, {"bad.safetensors"}) == []
+
+
+def test_joints_of_another_character(dcloth, files, tmp_path):
+    path = tmp_path / "other.safetensors"
+    small_garment.write_sequence(path, small_garment.motion(10, 30), names=["bone_" + n for n in small_garment.JOINTS], truth=False)
+    for arguments in (["run", files.model, path, "-o", tmp_path / "x.pc2"], ["profile", files.model, path],
+                      ["evaluate", files.bundle, path]):
+        refused(dcloth(*arguments), path, "hips")
+    assert leftovers(tmp_path, {"other.safetensors"}) == []
+
+
+def test_joint_order_does_not_matter(dcloth, files, tmp_path):
+    poses = small_garment.motion(10, 30)
+    order = [6, 2, 0, 5, 1, 4, 3]
+    straight, shuffled = tmp_path / "a.safetensors", tmp_path / "b.safetensors"
+    small_garment.write_sequence(straight, poses, truth=False)
+    small_garment.write_sequence(shuffled, poses[:, order], names=[small_garment.JOINTS[i] for i in order], truth=False)
+    outputs = []
+    for path in (straight, shuffled):
+        out = tmp_path / (path.stem + "_out.safetensors")
+        assert dcloth("run", files.model, path, "-o", out).returncode == 0
+        outputs.append(safetensors_file.read(out)[0]["positions"])
+    assert np.array_equal(*outputs)
+
+
+def test_truth_of_another_garment(dcloth, files, tmp_path):
+    poses = small_garment.motion(10, 30)
+    path = tmp_path / "other.safetensors"
+    small_garment.write_sequence(path, poses, changes={"truth": np.zeros((10, 77, 3), np.float32)})
+    for arguments in (["evaluate", files.bundle, path], ["profile", files.model, path]):
+        refused(dcloth(*arguments), path, "77", str(small_garment.VERTICES))
+
+
+def test_frame_rate_that_is_no_multiple(dcloth, files, tmp_path):
+    path = tmp_path / "slow.safetensors"
+    small_garment.write_sequence(path, small_garment.motion(10, 24), fps=24)
+    html = tmp_path / "x.html"
+    refused(dcloth("evaluate", files.bundle, path, "--html", html), path, "24", "tick rate")
+    assert not html.exists()
+
+
+def test_an_existing_output_survives_a_failure(dcloth, files, tmp_path):
+    out = tmp_path / "kept.dcloth"
+    out.write_bytes(b"precious")
+    broken = tmp_path / "broken.safetensors"
+    broken.write_bytes(files.bundle.read_bytes()[:-7])
+    refused(dcloth("convert", broken, "-o", out), broken)
+    assert out.read_bytes() == b"precious"
+
+
+def test_wrong_shape_in_a_bundle_is_named(dcloth, tmp_path):
+    path = tmp_path / "wrong.safetensors"
+    small_garment.write_bundle(path, changes={"skeleton.basis": np.zeros((5, 7, 3), np.float32)})
+    refused(dcloth("convert", path, "-o", tmp_path / "x.dcloth"), path, "skeleton.basis", "[5, 7, 3]")

@@ -1,0 +1,96 @@
+"""run: outputs parse, frame rates agree by the documented rule, stages differ as they should."""
+import struct
+
+import numpy as np
+import pytest
+
+import safetensors_file
+import small_garment
+
+
+def positions(dcloth, tmp_path, model, sequence, *arguments):
+    out = tmp_path / "out.safetensors"
+    result = dcloth("run", model, sequence, "-o", out, *arguments)
+    assert result.returncode == 0, result.stderr
+    tensors, metadata = safetensors_file.read(out)
+    return tensors["positions"], metadata
+
+
+def test_safetensors_output(dcloth, files, tmp_path):
+    values, metadata = positions(dcloth, tmp_path, files.model, files.walk)
+    assert values.shape == (40, small_garment.VERTICES, 3) and values.dtype == np.float32
+    assert np.isfinite(values).all() and float(metadata["fps"]) == 30
+    truth = safetensors_file.read(files.walk)[0]["truth"]
+    assert np.linalg.norm(values - truth, axis=-1).mean() < 0.2  # metres: on the character, not at the origin
+
+
+def test_pc2_output(dcloth, files, tmp_path):
+    values, _ = positions(dcloth, tmp_path, files.model, files.walk)
+    out = tmp_path / "out.pc2"
+    assert dcloth("run", files.model, files.walk, "-o", out).returncode == 0
+    data = out.read_bytes()
+    signature, version, points, start, rate, samples = struct.unpack("<12siiffi", data[:32])
+    assert signature == b"POINTCACHE2\0" and version == 1 and start == 0 and rate == 1
+    assert (samples, points) == values.shape[:2] and len(data) == 32 + 12 * points * samples
+    assert np.array_equal(np.frombuffer(data[32:], np.float32).reshape(values.shape), values)
+
+
+def test_repeatable(dcloth, files, tmp_path):
+    first, _ = positions(dcloth, tmp_path, files.model, files.run)
+    second, _ = positions(dcloth, tmp_path, files.model, files.run)
+    assert np.array_equal(first, second)
+
+
+def test_stages_build_on_each_other(dcloth, files, tmp_path):
+    stages = [positions(dcloth, tmp_path, files.model, files.walk, "--stages", s)[0] for s in ("static", "skeleton", "mesh")]
+    full, _ = positions(dcloth, tmp_path, files.model, files.walk)
+    assert np.array_equal(stages[2], full)
+    for a, b in zip(stages, stages[1:]):
+        assert np.abs(a - b).max() > 1e-4
+
+
+@pytest.mark.parametrize("stages", ["static", "mesh"])
+def test_60_hz_agrees_with_30_hz_at_rest(dcloth, files, tmp_path, stages):
+    """With a pose that stands still only the displacement changes, and skinning is linear in it. Frame 2k is drawn as
+    tick k starts (blend 1/2, between ticks k - 1 and k), frame 2k + 1 half a tick later (blend 1)."""
+    still = np.repeat(small_garment.motion(1, 30), 12, axis=0)
+    path = tmp_path / "still.safetensors"
+    small_garment.write_sequence(path, still, truth=False)
+    slow, _ = positions(dcloth, tmp_path, files.model, path, "--stages", stages)
+    fast, metadata = positions(dcloth, tmp_path, files.model, path, "--stages", stages, "--fps", "60")
+    assert float(metadata["fps"]) == 60 and len(fast) == 2 * len(slow) - 1
+    # A coordinate of at most 2 m passes about 50 float roundings on the way (blend, 4 influences of 4 products).
+    bound = 50 * 2.0 * np.finfo(np.float32).eps
+    assert np.abs(fast[1::2] - slow[:-1]).max() <= bound
+    assert np.abs(fast[2::2] - (slow[1:] + slow[:-1]) / 2).max() <= bound
+    if stages == "mesh":
+        assert np.abs(np.diff(slow, axis=0)).max() > 1e-4, "the network stands still: the test shows nothing"
+
+
+def test_static_stage_agrees_at_tick_times_in_motion(dcloth, files, tmp_path):
+    """Without displacement, frame 2k at 60 Hz is frame k at 30 Hz: the same pose, the same pivots."""
+    slow, _ = positions(dcloth, tmp_path, files.model, files.walk, "--stages", "static")
+    fast, _ = positions(dcloth, tmp_path, files.model, files.walk, "--stages", "static", "--fps", "60")
+    assert np.array_equal(fast[::2], slow)
+
+
+def test_between_two_frames_rotations_turn_on_the_arc(dcloth, files, tmp_path):
+    """The whole character turns by 90 degrees in one frame: half-way it stands at 45 and keeps its size."""
+    poses = np.repeat(small_garment.motion(1, 30), 2, axis=0)
+    turn = np.eye(4)
+    turn[:3, :3] = small_garment.rotation([0, 1, 0], np.pi / 2)
+    poses[1] = turn @ poses[0]
+    path = tmp_path / "turn.safetensors"
+    small_garment.write_sequence(path, poses, truth=False)
+    fast, _ = positions(dcloth, tmp_path, files.model, path, "--stages", "static", "--fps", "60")
+    hips = poses[0, 0, :3, 3]
+    radius = [np.linalg.norm((frame - hips)[:, ::2], axis=1).mean() for frame in fast]
+    # Joints off the axis move on the chord: thighs 0.1 m out lose 0.1 (1 - cos 45) = 29 mm of their place, not of their size.
+    assert abs(radius[1] - radius[0]) < 0.03
+
+
+def test_frames_slower_than_ticks_run_every_tick(dcloth, files, tmp_path):
+    fast, _ = positions(dcloth, tmp_path, files.model, files.walk)
+    slow, _ = positions(dcloth, tmp_path, files.model, files.walk, "--fps", "10")
+    assert np.array_equal(slow, fast[::3][:len(slow)])
+    assert len(slow) == 14

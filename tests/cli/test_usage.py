@@ -1,0 +1,64 @@
+"""Bad usage: exit code 2, the reason on stderr, no output file."""
+import pytest
+
+from checks import leftovers, refused
+
+
+@pytest.mark.parametrize("command", ["convert", "inspect", "run", "profile", "evaluate"])
+def test_help_of_every_command(dcloth, command):
+    result = dcloth(command, "--help")
+    assert result.returncode == 0 and command in result.stdout
+
+
+def test_version(dcloth):
+    assert dcloth("--version").stdout.strip().count(".") == 2
+
+
+@pytest.mark.parametrize("arguments, word", [
+    ([], "subcommand"), (["inspcet"], "inspcet"), (["inspect"], "MODEL"), (["convert", "x"], "--output"),
+    (["convert", "x", "-o", "y", "--precision", "int4"], "int4"), (["convert", "x", "-o", "y", "--max-error-mm", "-1"], "-1"),
+    (["run", "m", "s", "-o", "x.pc2", "--fps", "0"], "--fps"), (["run", "m", "s", "-o", "x.pc2", "--stages", "cloth"], "cloth"),
+    (["profile", "m", "s", "--budget-ms", "fast"], "fast"), (["evaluate", "b"], "SEQ"),
+    (["evaluate", "b", "s", "--precision", "auto"], "auto")])
+def test_bad_arguments(dcloth, arguments, word):
+    refused(dcloth(*arguments), word)
+
+
+@pytest.mark.parametrize("command", ["inspect", "profile", "run", "convert", "evaluate"])
+def test_missing_file_is_named(dcloth, files, tmp_path, command):
+    missing = tmp_path / "no_such_file"
+    tail = {"inspect": [], "profile": [files.walk], "run": [files.walk, "-o", tmp_path / "x.pc2"],
+            "convert": ["-o", tmp_path / "x.dcloth"], "evaluate": [files.walk]}[command]
+    refused(dcloth(command, missing, *tail), missing)
+    assert leftovers(tmp_path, set()) == []
+
+
+def test_a_folder_is_not_a_file(dcloth, tmp_path):
+    refused(dcloth("inspect", tmp_path), tmp_path)
+
+
+def test_auto_needs_a_bound_and_motion(dcloth, files, tmp_path):
+    out = tmp_path / "x.dcloth"
+    refused(dcloth("convert", files.bundle, "-o", out, "--precision", "auto"), "--max-error-mm", "--motion")
+    refused(dcloth("convert", files.bundle, "-o", out, "--max-error-mm", "1"), "--motion")
+    assert not out.exists()
+
+
+def test_output_may_not_be_the_bundle(dcloth, files):
+    before = files.bundle.read_bytes()
+    refused(dcloth("convert", files.bundle, "-o", files.bundle), "bundle itself")
+    assert files.bundle.read_bytes() == before
+
+
+def test_output_into_no_folder(dcloth, files, tmp_path):
+    out = tmp_path / "nowhere" / "x.dcloth"
+    refused(dcloth("convert", files.bundle, "-o", out), out)
+
+
+def test_unknown_output_kind(dcloth, files, tmp_path):
+    refused(dcloth("run", files.model, files.walk, "-o", tmp_path / "x.abc"), ".abc", ".safetensors, .pc2 or .html")
+    assert leftovers(tmp_path, set()) == []
+
+
+def test_core_that_does_not_exist(dcloth, files):
+    refused(dcloth("profile", files.model, files.walk, "--core", "4095"), "4095", "--core")

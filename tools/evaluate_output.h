@@ -1,0 +1,21 @@
+// evaluate's two faces: the JSON of the contract and a table for people.
+#ifndef DCLOTH_TOOLS_EVALUATE_OUTPUT_H_
+#define DCLOTH_TOOLS_EVALUATE_OUTPUT_H_
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tools/evaluation.h"
+#include "tools/json_output.h"
+
+namespace dcloth::tools {
+
+Json VariantsJson(std::span<const Variant> variants);
+Json SequencesJson(std::span<const Variant> variants, std::span<const converter::Sequence> sequences,
+                   const converter::Bundle& bundle);
+void PrintVariants(std::span<const Variant> variants);
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_EVALUATE_OUTPUT_H_

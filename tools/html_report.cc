@@ -1,0 +1,110 @@
+#include "tools/html_report.h"
+
+#include <span>
+#include <stdexcept>
+#include <string_view>
+
+#include "converter/file.h"
+#include "tools/blob.h"
+
+namespace dcloth::tools {
+namespace {
+
+constexpr unsigned char kPage[] = {
+#include "report_page.inc"
+};
+
+std::span<const std::byte> Bytes(std::string_view text) { return std::as_bytes(std::span(text.data(), text.size())); }
+
+// JSON inside a script element: '<' could end the element, so it is written as an escape.
+std::string ScriptJson(const Json& json) {
+  std::string out;
+  for (char c : DumpJson(json, -1)) {
+    if (c == '<') {
+      out += "\\u003c";
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
+// Numbered <script> elements, so that the page unpacks only what it shows.
+class Blobs {
+ public:
+  template <typename T>
+  size_t Add(const std::vector<T>& values) {
+    html_ += "<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(count_) + "\">" +
+             PackBlob(std::as_bytes(std::span(values))) + "</script>\n";
+    return count_++;
+  }
+  const std::string& html() const { return html_; }
+
+ private:
+  std::string html_;
+  size_t count_ = 0;
+};
+
+Json SequenceJson(const ReportSequence& sequence, std::span<const int32_t> parents, Blobs* blobs) {
+  Json json = {{"name", sequence.name},
+               {"fps", sequence.fps},
+               {"frames", sequence.origins.size() / 3},
+               {"origins", blobs->Add(sequence.origins)},
+               {"hips", blobs->Add(sequence.hips)},
+               {"joints", blobs->Add(sequence.joints)},
+               {"tracks", Json::array()},
+               {"error_mm", Json::object()}};
+  for (size_t i = 0; i < sequence.tracks.size(); ++i) {
+    const EncodedTrack encoded = EncodeTrack(sequence.tracks[i], std::span(sequence.tracks).first(i), parents);
+    json["tracks"].push_back({{"name", sequence.tracks[i].name},
+                              {"predictor", static_cast<int>(encoded.predictor)},
+                              {"reference", encoded.reference},
+                              {"data", blobs->Add(encoded.bytes)}});
+  }
+  for (const auto& [name, errors] : sequence.error_mm) json["error_mm"][name] = errors;
+  return json;
+}
+
+}  // namespace
+
+void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
+  Blobs blobs;
+  Json json = {{"title", report.title},
+               {"subtitle", report.subtitle},
+               {"facts", report.facts},
+               {"cpu", report.cpu},
+               {"quantum_mm", kQuantumMm},
+               {"vertex_count", report.vertex_count},
+               {"joint_count", report.joint_count},
+               {"faces", blobs.Add(report.triangles)},
+               {"body", nullptr},
+               {"sticks", report.sticks},
+               {"variants", report.variants},
+               {"sequences", Json::array()}};
+  if (report.body) {
+    json["body"] = {{"count", report.body->positions.size() / 3},
+                    {"positions", blobs.Add(report.body->positions)},
+                    {"faces", blobs.Add(report.body->faces)},
+                    {"joints", blobs.Add(report.body->joints)},
+                    {"weights", blobs.Add(report.body->weights)}};
+  }
+  const std::vector<int32_t> parents = SpatialParents(report.triangles, report.vertex_count);
+  for (const ReportSequence& sequence : report.sequences) {
+    json["sequences"].push_back(SequenceJson(sequence, parents, &blobs));
+  }
+  const std::string data = ScriptJson(json);
+
+  const std::string_view page(reinterpret_cast<const char*>(kPage), sizeof(kPage));
+  constexpr std::string_view kDataMark = "@DATA@", kBlobsMark = "@BLOBS@";
+  const size_t data_at = page.find(kDataMark), blobs_at = page.find(kBlobsMark);
+  if (data_at == page.npos || blobs_at == page.npos || blobs_at < data_at) {
+    throw std::logic_error("report.html lacks @DATA@ before @BLOBS@");
+  }
+  const size_t after_data = data_at + kDataMark.size(), after_blobs = blobs_at + kBlobsMark.size();
+  const std::array<std::span<const std::byte>, 5> pieces = {
+      Bytes(page.substr(0, data_at)), Bytes(data), Bytes(page.substr(after_data, blobs_at - after_data)),
+      Bytes(blobs.html()), Bytes(page.substr(after_blobs))};
+  converter::WriteFileAtomically(path, pieces);
+}
+
+}  // namespace dcloth::tools

@@ -1,0 +1,82 @@
+// `dcloth inspect`: what a model file holds, without running it.
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "converter/error.h"
+#include "tools/commands.h"
+#include "tools/json_output.h"
+#include "tools/playback.h"
+
+namespace dcloth::tools {
+namespace {
+
+struct Options {
+  std::filesystem::path model;
+  bool json = false;
+};
+
+Json Describe(const converter::OpenModel& model, const Options& options) {
+  const dcloth_model_info& info = model.info();
+  Json stages = Json::array();
+  for (uint32_t s : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
+    if ((s & ~info.stages) == 0) stages.push_back(StagesName(s));
+  }
+  return {{"path", converter::PathText(options.model)},
+          {"garment", info.name},
+          {"precision", info.precision},
+          {"format", std::to_string(info.format_major) + "." + std::to_string(info.format_minor)},
+          {"model_bytes", model.bytes().size()},
+          {"instance_bytes", model.instance_bytes()},
+          {"model_view_bytes", dcloth_model_storage_size()},
+          {"tick_rate", TickRate(model)},
+          {"vertices", info.vertex_count},
+          {"triangles", info.triangle_count},
+          {"stages", stages},
+          {"joints", model.joint_names()}};
+}
+
+int Inspect(const Options& options) {
+  const converter::OpenModel model = OpenModelFile(options.model);
+  const Json json = Describe(model, options);
+  if (options.json) {
+    PrintJson(json);
+    return kExitGood;
+  }
+  const auto text = [&](const char* key) { return json[key].get<std::string>(); };
+  std::printf("%s\n", text("path").c_str());
+  std::printf("  garment    %s, %u vertices, %u triangles\n", text("garment").c_str(), model.info().vertex_count,
+              model.info().triangle_count);
+  std::printf("  precision  %s, format %s\n", text("precision").c_str(), text("format").c_str());
+  std::printf("  model      %.3f MB (%zu bytes), shared by all instances\n", static_cast<double>(model.bytes().size()) / 1e6,
+              model.bytes().size());
+  std::printf("  instance   %.1f KiB (%zu bytes) of lent memory per garment\n",
+              static_cast<double>(model.instance_bytes()) / 1024, model.instance_bytes());
+  std::printf("  tick rate  %g Hz\n", TickRate(model));
+  std::printf("  stages    ");
+  for (const Json& stage : json["stages"]) std::printf(" %s", stage.get<std::string>().c_str());
+  std::printf("\n  joints     %zu:", model.joint_names().size());
+  size_t column = 0;
+  for (const std::string& name : model.joint_names()) {
+    if (column + name.size() > 84) {
+      std::printf("\n            ");
+      column = 0;
+    }
+    std::printf(" %s", name.c_str());
+    column += name.size() + 1;
+  }
+  std::printf("\n");
+  return kExitGood;
+}
+
+}  // namespace
+
+void AddInspect(CLI::App& app, int& exit_code) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("inspect", "Say what a model file holds");
+  command->add_option("MODEL", options->model, "a .dcloth file")->required();
+  command->add_flag("--json", options->json, "one JSON object on stdout");
+  command->callback([options, &exit_code] { exit_code = Inspect(*options); });
+}
+
+}  // namespace dcloth::tools

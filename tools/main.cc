@@ -1,0 +1,47 @@
+// dcloth: convert, inspect, run, profile and evaluate learned cloth.
+#include <cstdio>
+#include <exception>
+#include <new>
+
+#include "converter/error.h"
+#include "dcloth/dcloth.h"
+#include "tools/commands.h"
+
+namespace {
+
+int Fail(const char* text, int code) {
+  std::fprintf(stderr, "dcloth: error: %s\n", text);
+  return code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace dcloth::tools;
+  int exit_code = kExitGood;
+  try {
+    CLI::App app{
+        "dcloth: learned cloth inside a game's frame budget.\n"
+        "Exit codes: 0 good, 1 a threshold missed, 2 bad usage or input. --json prints one JSON object on stdout."};
+    app.name("dcloth");
+    app.set_version_flag("--version", dcloth_version());
+    app.require_subcommand(1);
+    AddConvert(app, exit_code);
+    AddInspect(app, exit_code);
+    AddRun(app, exit_code);
+    AddProfile(app, exit_code);
+    AddEvaluate(app, exit_code);
+    try {
+      app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+      return app.exit(error) == 0 ? kExitGood : kExitBadInput;
+    }
+  } catch (const dcloth::converter::ThresholdError& error) {
+    return Fail(error.what(), kExitThresholdMissed);
+  } catch (const std::bad_alloc&) {
+    return Fail("not enough memory; use shorter sequences or fewer precisions at a time", kExitBadInput);
+  } catch (const std::exception& error) {
+    return Fail(error.what(), kExitBadInput);
+  }
+  return exit_code;
+}

@@ -1,0 +1,76 @@
+#include "tools/playback.h"
+
+#include <cmath>
+
+#include "converter/error.h"
+#include "converter/file.h"
+
+namespace dcloth::tools {
+
+converter::OpenModel OpenModelFile(const std::filesystem::path& path) {
+  return converter::OpenModel(converter::ReadFile(path), path);
+}
+
+const char* StagesName(uint32_t stages) {
+  return stages == DCLOTH_STAGES_MESH ? "mesh" : stages == DCLOTH_STAGES_SKELETON ? "skeleton" : "static";
+}
+
+uint32_t ParseStages(const std::string& name) {
+  for (uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
+    if (name == StagesName(stages)) return stages;
+  }
+  throw converter::Error({.path = {}, .tensor = {}, .found = "stages '" + name + "'",
+                          .expected = "static, skeleton or mesh", .mend = {}});
+}
+
+double TickRate(const converter::OpenModel& model) {
+  // tick_seconds is a float: 1 / 30 comes back as 30.0000005. A rate is good to six digits.
+  return std::round(1e4 / static_cast<double>(model.info().tick_seconds)) / 1e4;
+}
+
+Player::Player(const converter::OpenModel& model, uint32_t stages, std::string source)
+    : model_(model), stages_(stages), source_(std::move(source)),
+      positions_(size_t{model.info().vertex_count} * 3), normals_(positions_.size()) {
+  if ((stages & ~model.info().stages) != 0) {
+    throw converter::Error({.path = {}, .tensor = {},
+                            .found = std::string("stages '") + StagesName(stages) + "' asked for",
+                            .expected = std::string("at most '") + StagesName(model.info().stages) +
+                                        "', the last stage that the model holds",
+                            .mend = "lower --stages, or convert a bundle that holds the stage"});
+  }
+}
+
+void Player::Reset() { Check(dcloth_cloth_reset(model_.cloth()), "reset"); }
+
+void Player::Tick(std::span<const float> pose, dcloth_timer* timer) {
+  const dcloth_pose p = Pose(pose);
+  Check(dcloth_cloth_tick(model_.cloth(), &p, stages_, timer), "tick");
+}
+
+void Player::Skin(std::span<const float> pose, float blend, dcloth_timer* timer) {
+  const dcloth_pose p = Pose(pose);
+  dcloth_output output{};
+  output.struct_size = sizeof(output);
+  output.vertex_count = model_.info().vertex_count;
+  output.positions = positions_.data();
+  output.position_stride_bytes = 3 * sizeof(float);
+  output.normals = normals_.data();
+  output.normal_stride_bytes = 3 * sizeof(float);
+  Check(dcloth_cloth_skin(model_.cloth(), &p, blend, &output, timer), "skin");
+}
+
+dcloth_pose Player::Pose(std::span<const float> matrices) const {
+  return {.struct_size = sizeof(dcloth_pose), .joint_count = static_cast<uint32_t>(matrices.size() / 16),
+          .joint_matrices = matrices.data(), .column_major = 0};
+}
+
+void Player::Check(dcloth_status status, const char* what) const {
+  if (status == DCLOTH_OK) return;
+  throw converter::Error({.path = source_, .tensor = "joint_matrices",
+                          .found = std::string("the engine refuses to ") + what + " (status " + std::to_string(status) +
+                                   (status == DCLOTH_ERROR_POSE ? ", POSE)" : ", ARGUMENT)"),
+                          .expected = "finite poses of " + std::to_string(model_.info().joint_count) + " joints",
+                          .mend = "look for NaN, infinity or collapsed joints in the sequence"});
+}
+
+}  // namespace dcloth::tools

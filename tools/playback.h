@@ -1,0 +1,47 @@
+// Plays a model: the host's side of dcloth.h, with memory lent and every status checked.
+#ifndef DCLOTH_TOOLS_PLAYBACK_H_
+#define DCLOTH_TOOLS_PLAYBACK_H_
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "converter/rollout.h"
+#include "dcloth/dcloth.h"
+
+namespace dcloth::tools {
+
+converter::OpenModel OpenModelFile(const std::filesystem::path& path);
+
+const char* StagesName(uint32_t stages);                 // "static", "skeleton", "mesh"
+uint32_t ParseStages(const std::string& name);           // throws converter::Error
+double TickRate(const converter::OpenModel& model);      // Hz, rounded to the float's own precision
+
+// Drives the one cloth of `model`, which must outlive this. Stages are at most what the model holds; throws otherwise.
+class Player {
+ public:
+  Player(const converter::OpenModel& model, uint32_t stages, std::string source);
+
+  void Reset();
+  void Tick(std::span<const float> pose, dcloth_timer* timer = nullptr);
+  void Skin(std::span<const float> pose, float blend, dcloth_timer* timer = nullptr);
+
+  std::span<const float> positions() const { return positions_; }  // of the last Skin, [n, 3] world, metres
+  std::span<const float> normals() const { return normals_; }
+  uint32_t stages() const { return stages_; }
+
+ private:
+  void Check(dcloth_status status, const char* what) const;
+  dcloth_pose Pose(std::span<const float> matrices) const;
+
+  const converter::OpenModel& model_;
+  uint32_t stages_;
+  std::string source_;  // names the sequence in errors
+  std::vector<float> positions_, normals_;
+};
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_PLAYBACK_H_

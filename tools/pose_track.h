@@ -1,0 +1,48 @@
+// A sequence's joint matrices in the order a model or bundle wants, at any time.
+#ifndef DCLOTH_TOOLS_POSE_TRACK_H_
+#define DCLOTH_TOOLS_POSE_TRACK_H_
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "converter/sequence.h"
+
+namespace dcloth::tools {
+
+class PoseTrack {
+ public:
+  // Joints are found by name; throws converter::Error with all the missing ones.
+  PoseTrack(const converter::Sequence& sequence, std::span<const std::string> joint_names);
+
+  size_t frame_count() const { return frame_count_; }
+  size_t joint_count() const { return joint_count_; }
+  double fps() const { return fps_; }
+  double duration_seconds() const { return static_cast<double>(frame_count_ - 1) / fps_; }
+
+  // [joint_count, 16], rows contiguous.
+  std::span<const float> Frame(size_t frame) const;
+
+  // The pose at `seconds`, clamped to the sequence: rotations by spherical, translations and scales by straight-line
+  // interpolation. On a stored frame exactly that frame. Shear between frames is lost.
+  void At(double seconds, std::span<float> matrices) const;
+
+ private:
+  size_t frame_count_ = 0, joint_count_ = 0;
+  double fps_ = 0;
+  std::vector<float> matrices_;  // [frame_count, joint_count, 16]
+};
+
+// Which ticks run before a drawn frame and how far its displacement is between the last two of them. Frames are drawn at
+// f / frame_rate, tick k is due at k / tick_rate and takes the pose of that time.
+struct FramePlan {
+  double seconds = 0;
+  size_t first_tick = 0, tick_count = 0;
+  float blend = 1;  // min(1, (time since the last tick + 1 / frame_rate) * tick_rate)
+};
+FramePlan PlanFrame(size_t frame, double frame_rate, double tick_rate);
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_POSE_TRACK_H_

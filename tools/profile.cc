@@ -1,0 +1,169 @@
+// `dcloth profile`: what a frame costs on one core, step by step, and whether it keeps a budget.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "converter/error.h"
+#include "tools/commands.h"
+#include "tools/contend.h"
+#include "tools/machine.h"
+#include "tools/playback.h"
+#include "tools/pose_track.h"
+#include "tools/profile_output.h"
+#include "tools/progress.h"
+
+namespace dcloth::tools {
+namespace {
+
+// Fewer samples give no p99 worth its name: it would be the maximum.
+constexpr size_t kMinimumFrames = 600;
+
+struct Options {
+  std::filesystem::path model, sequence, trace;
+  double budget_ms = 0, fps = 60;
+  int core = -1;
+  bool cold = false, contend = false, json = false;
+};
+
+class Profiler {
+ public:
+  Profiler(const Options& options, const converter::OpenModel& model, const converter::Sequence& sequence)
+      : options_(options), model_(model), sequence_(sequence), poses_(sequence, model.joint_names()),
+        player_(model, model.info().stages, converter::PathText(options.sequence)),
+        meter_(model.triangles(), model.info().vertex_count), tick_rate_(TickRate(model)), pose_(poses_.joint_count() * 16) {
+    if (options.cold) evictor_.emplace();
+    if (sequence.has_truth() && sequence.truth_vertex_count != model.info().vertex_count) {
+      throw converter::Error({.path = sequence.path, .tensor = "truth",
+                              .found = std::to_string(sequence.truth_vertex_count) + " vertices",
+                              .expected = std::to_string(model.info().vertex_count) + ", those of '" + model.info().name + "'",
+                              .mend = "profile the garment that the sequence was simulated with"});
+    }
+  }
+
+  // From a reset through the whole sequence. Only the engine's calls are timed.
+  void Round(bool first, std::vector<ProfiledFrame>* frames) {
+    const auto count = static_cast<size_t>(std::floor(poses_.duration_seconds() * options_.fps + 1e-6)) + 1;
+    player_.Reset();
+    for (size_t f = 0; f < count; ++f) {
+      const FramePlan plan = PlanFrame(f, options_.fps, tick_rate_);
+      std::vector<std::vector<float>> due(plan.tick_count, pose_);
+      for (size_t k = 0; k < plan.tick_count; ++k) poses_.At(static_cast<double>(plan.first_tick + k) / tick_rate_, due[k]);
+      poses_.At(plan.seconds, pose_);
+      if (evictor_) evictor_->Evict();
+      frames->push_back(Time(due, plan.blend));
+      if (first) Compare(plan.seconds);
+    }
+  }
+
+  converter::MeshError error() const { return meter_.Result(); }
+
+ private:
+  ProfiledFrame Time(const std::vector<std::vector<float>>& due, float blend) {
+    ProfiledFrame frame;
+    frame.ticks = due.size();
+    frame.start_ns = NowNanoseconds();
+    for (const std::vector<float>& pose : due) player_.Tick(pose, timer_.get());
+    const uint64_t ticked = NowNanoseconds();
+    frame.tick_steps = timer_.Take();
+    const uint64_t skin_start = NowNanoseconds();
+    player_.Skin(pose_, blend, timer_.get());
+    frame.skin_ns = NowNanoseconds() - skin_start;
+    frame.tick_ns = ticked - frame.start_ns;
+    frame.skin_steps = timer_.Take();
+    return frame;
+  }
+
+  // Frames that fall on a frame of the sequence are compared with its truth, as drawn.
+  void Compare(double seconds) {
+    if (!sequence_.has_truth()) return;
+    const double position = seconds * sequence_.fps, nearest = std::round(position);
+    if (std::abs(position - nearest) > 1e-6) return;
+    meter_.AddFrame(player_.positions(), sequence_.FrameTruth(static_cast<size_t>(nearest)));
+  }
+
+  const Options& options_;
+  const converter::OpenModel& model_;
+  const converter::Sequence& sequence_;
+  PoseTrack poses_;
+  Player player_;
+  converter::ErrorMeter meter_;
+  double tick_rate_;
+  std::vector<float> pose_;
+  StepTimer timer_;
+  std::optional<CacheEvictor> evictor_;
+};
+
+int RunProfile(const Options& options) {
+  const converter::OpenModel model = OpenModelFile(options.model);
+  const converter::Sequence sequence = converter::ReadSequence(options.sequence);
+  Profile profile;
+  const std::vector<int> cores = AllowedCores();
+  const int core = options.core >= 0 ? options.core : cores.empty() ? 0 : cores.back();
+  if (PinThread(core)) profile.core = core;
+  std::optional<Contender> contender;
+  if (options.contend) {
+    const auto other = std::find_if(cores.begin(), cores.end(), [&](int c) { return c != core; });
+    if (other == cores.end()) {
+      throw converter::Error({.path = {}, .tensor = {}, .found = "--contend with one core to run on",
+                              .expected = "a second core for the neighbour", .mend = "allow this process a second core"});
+    }
+    contender.emplace(*other);
+  }
+  Profiler profiler(options, model, sequence);
+  {
+    std::vector<ProfiledFrame> warm_up;
+    profiler.Round(true, &warm_up);  // first touch of pages and code; not counted
+    Progress progress("profiling");
+    do {
+      profiler.Round(false, &profile.frames);
+      progress.Step(std::min(profile.frames.size(), kMinimumFrames), kMinimumFrames);
+    } while (profile.frames.size() < kMinimumFrames);
+  }
+  profile.model = converter::PathText(options.model);
+  profile.sequence = converter::PathText(options.sequence);
+  profile.garment = model.info().name;
+  profile.precision = model.info().precision;
+  profile.model_bytes = model.bytes().size();
+  profile.instance_bytes = model.instance_bytes();
+  profile.fps = options.fps;
+  profile.tick_rate = TickRate(model);
+  profile.budget_ms = options.budget_ms;
+  profile.cold = options.cold;
+  profile.contend = options.contend;
+  profile.error = profiler.error();
+  if (!options.trace.empty()) WriteTrace(options.trace, profile);
+  if (options.json) {
+    PrintJson(ProfileJson(profile));
+  } else {
+    PrintProfile(profile);
+  }
+  if (profile.missed_frames() == 0) return kExitGood;
+  std::fprintf(stderr, "dcloth: %zu of %zu frames missed the budget of %g ms\n", profile.missed_frames(), profile.frames.size(),
+               options.budget_ms);
+  return kExitThresholdMissed;
+}
+
+}  // namespace
+
+void AddProfile(CLI::App& app, int& exit_code) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("profile", "Measure what a frame costs on one core");
+  command->footer(
+      "A frame is the ticks that are due, then skinning with normals. The sequence repeats until 600 frames are measured, after\n"
+      "one uncounted pass. With truth in the sequence the error of the drawn frames stands beside the times.");
+  command->add_option("MODEL", options->model, "a .dcloth file")->required();
+  command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
+  command->add_option("--budget-ms", options->budget_ms, "exit 1 when any frame takes longer")->check(CLI::PositiveNumber);
+  command->add_option("--fps", options->fps, "drawn frames per second")->check(CLI::Range(1.0, 1000.0))->capture_default_str();
+  command->add_option("--core", options->core, "the core to stay on; the last allowed one when not given")->check(CLI::NonNegativeNumber);
+  command->add_flag("--cold", options->cold, "empty the caches before every frame, outside the timed part");
+  command->add_flag("--contend", options->contend, "a thread on another core wants memory and arithmetic too");
+  command->add_flag("--json", options->json, "one JSON object on stdout");
+  command->add_option("--trace", options->trace, "write a Chrome trace (.json)");
+  command->callback([options, &exit_code] { exit_code = RunProfile(*options); });
+}
+
+}  // namespace dcloth::tools

@@ -1,0 +1,43 @@
+// What profiling measured, and its faces: JSON, text, Chrome trace.
+#ifndef DCLOTH_TOOLS_PROFILE_OUTPUT_H_
+#define DCLOTH_TOOLS_PROFILE_OUTPUT_H_
+
+#include <array>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "converter/metrics.h"
+#include "tools/json_output.h"
+#include "tools/timing.h"
+
+namespace dcloth::tools {
+
+struct ProfiledFrame {
+  uint64_t start_ns = 0, tick_ns = 0, skin_ns = 0;
+  size_t ticks = 0;
+  StepTimes tick_steps{}, skin_steps{};
+};
+
+struct Profile {
+  std::string model, sequence, garment, precision;
+  uint64_t model_bytes = 0, instance_bytes = 0;
+  double fps = 0, tick_rate = 0;
+  double budget_ms = 0;  // 0: none
+  int core = -1;         // -1: not pinned
+  bool cold = false, contend = false;
+  std::vector<ProfiledFrame> frames;
+  converter::MeshError error;  // of the drawn frames that fall on a frame with truth
+
+  size_t missed_frames() const;  // 0 without a budget
+};
+
+Json ProfileJson(const Profile& profile);
+void PrintProfile(const Profile& profile);
+// Chrome's trace event format: open in chrome://tracing or ui.perfetto.dev. Steps lie in the engine's order within their
+// call; their lengths are measured, the gaps between them are not.
+void WriteTrace(const std::filesystem::path& path, const Profile& profile);
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_PROFILE_OUTPUT_H_

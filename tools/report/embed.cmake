@@ -1,0 +1,16 @@
+# Page, style and scripts -> the bytes of one string literal's worth of HTML, as a C++ initialiser.
+# cmake -DHTML=.. -DCSS=.. -DSCRIPTS=a;b -DOUT=.. -P embed.cmake
+file(READ "${HTML}" page)
+file(READ "${CSS}" style)
+set(script "")
+foreach(path IN LISTS SCRIPTS)
+  file(READ "${path}" part)
+  string(APPEND script "${part}\n")
+endforeach()
+string(REPLACE "@STYLE@" "${style}" page "${page}")
+string(REPLACE "@SCRIPT@" "${script}" page "${page}")
+file(WRITE "${OUT}.html" "${page}")
+file(READ "${OUT}.html" hex HEX)
+file(REMOVE "${OUT}.html")
+string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
+file(WRITE "${OUT}" "${bytes}\n")

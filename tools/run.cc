@@ -1,0 +1,134 @@
+// `dcloth run`: a model over a sequence at any frame rate, written as positions, a point cache or a page to look at.
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <numeric>
+
+#include "converter/error.h"
+#include "converter/sequence.h"
+#include "tools/commands.h"
+#include "tools/html_report.h"
+#include "tools/pc2.h"
+#include "tools/playback.h"
+#include "tools/pose_track.h"
+#include "tools/progress.h"
+#include "tools/report_scene.h"
+
+namespace dcloth::tools {
+namespace {
+
+struct Options {
+  std::filesystem::path model, sequence, output;
+  double fps = 0;  // 0: the tick rate
+  std::string stages;
+};
+
+struct Result {
+  size_t frame_count = 0;
+  std::vector<float> positions;  // [frame_count, n, 3]
+};
+
+Result Play(const converter::OpenModel& model, const PoseTrack& poses, double fps, uint32_t stages,
+            const std::string& source) {
+  const double tick_rate = TickRate(model);
+  Player player(model, stages, source);
+  std::vector<float> pose(poses.joint_count() * 16);
+  Result result;
+  result.frame_count = static_cast<size_t>(std::floor(poses.duration_seconds() * fps + 1e-6)) + 1;
+  result.positions.reserve(result.frame_count * player.positions().size());
+  Progress progress("running");
+  player.Reset();
+  for (size_t f = 0; f < result.frame_count; ++f) {
+    const FramePlan plan = PlanFrame(f, fps, tick_rate);
+    for (size_t k = 0; k < plan.tick_count; ++k) {
+      poses.At(static_cast<double>(plan.first_tick + k) / tick_rate, pose);
+      player.Tick(pose);
+    }
+    poses.At(plan.seconds, pose);
+    player.Skin(pose, plan.blend);
+    result.positions.insert(result.positions.end(), player.positions().begin(), player.positions().end());
+    progress.Step(f + 1, result.frame_count);
+  }
+  return result;
+}
+
+void WritePage(const Options& options, const converter::OpenModel& model, const PoseTrack& poses, double fps,
+               const Result& result) {
+  const size_t n = model.info().vertex_count, frame_size = n * 3, joints = poses.joint_count();
+  Report report;
+  report.title = model.info().name;
+  report.subtitle = std::string(model.info().precision) + " model on " + converter::PathText(options.sequence.filename());
+  report.facts = {std::string("dcloth ") + dcloth_version(), std::to_string(n) + " vertices"};
+  report.joint_count = joints;
+  report.triangles.assign(model.triangles().begin(), model.triangles().end());
+  report.vertex_count = n;
+  report.sticks = SticksOf(poses);
+  ReportSequence sequence;
+  sequence.name = converter::PathText(options.sequence.stem());
+  sequence.fps = fps;
+  Track track{.name = "cloth", .values = {}};
+  std::vector<float> pose(joints * 16);
+  for (size_t f = 0; f < result.frame_count; ++f) {
+    const auto positions = std::span(result.positions).subspan(f * frame_size, frame_size);
+    double center[3] = {0, 0, 0};
+    for (size_t i = 0; i < frame_size; ++i) center[i % 3] += positions[i] / static_cast<double>(n);
+    const std::array<float, 3> point = {static_cast<float>(center[0]), static_cast<float>(center[1]),
+                                        static_cast<float>(center[2])};
+    AppendOrigin(point, &sequence);
+    AppendFrame(positions, LastOrigin(sequence), &track);
+    poses.At(static_cast<double>(f) / fps, pose);
+    for (size_t j = 0; j < joints; ++j) {
+      sequence.joints.insert(sequence.joints.end(), pose.begin() + static_cast<ptrdiff_t>(16 * j),
+                             pose.begin() + static_cast<ptrdiff_t>(16 * j + 12));
+    }
+  }
+  sequence.tracks.push_back(std::move(track));
+  report.sequences.push_back(std::move(sequence));
+  WriteHtmlReport(options.output, report);
+}
+
+int Run(const Options& options) {
+  const std::string extension = options.output.extension().string();
+  if (extension != ".safetensors" && extension != ".pc2" && extension != ".html") {
+    throw converter::Error({.path = options.output, .tensor = {}, .found = "output ending '" + extension + "'",
+                            .expected = ".safetensors, .pc2 or .html", .mend = "name the output accordingly"});
+  }
+  const converter::OpenModel model = OpenModelFile(options.model);
+  const uint32_t stages = options.stages.empty() ? model.info().stages : ParseStages(options.stages);
+  const converter::Sequence sequence = converter::ReadSequence(options.sequence);
+  const PoseTrack poses(sequence, model.joint_names());
+  const double fps = options.fps > 0 ? options.fps : TickRate(model);
+  const Result result = Play(model, poses, fps, stages, converter::PathText(options.sequence));
+  const size_t n = model.info().vertex_count;
+  if (extension == ".pc2") {
+    WritePc2(options.output, result.positions, result.frame_count, n);
+  } else if (extension == ".html") {
+    WritePage(options, model, poses, fps, result);
+  } else {
+    converter::WriteRunOutput(options.output, {.garment = model.info().name, .fps = fps, .frame_count = result.frame_count,
+                                               .vertex_count = n, .positions = result.positions, .normals = {},
+                                               .triangles = model.triangles()});
+  }
+  std::fprintf(stderr, "%s: %zu frames at %g Hz, %zu vertices, stages up to %s\n",
+               converter::PathText(options.output).c_str(), result.frame_count, fps, n, StagesName(stages));
+  return kExitGood;
+}
+
+}  // namespace
+
+void AddRun(CLI::App& app, int& exit_code) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("run", "Run a model over a sequence and write where the cloth goes");
+  command->add_option("MODEL", options->model, "a .dcloth file")->required();
+  command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
+  command->add_option("-o,--output", options->output, "OUT.safetensors, OUT.pc2 or OUT.html")->required();
+  command->add_option("--fps", options->fps,
+                      "frames per second to draw; the model's tick rate when not given. Frame f is at f / R, tick k at\n"
+                      "k / tick rate; displacement blends by min(1, (time since the tick + 1 / R) * tick rate)")
+      ->check(CLI::Range(1.0, 1000.0));
+  command->add_option("--stages", options->stages, "static, skeleton or mesh; all the model holds when not given")
+      ->check(CLI::IsMember({"static", "skeleton", "mesh"}));
+  command->callback([options, &exit_code] { exit_code = Run(*options); });
+}
+
+}  // namespace dcloth::tools

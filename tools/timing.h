@@ -1,0 +1,55 @@
+// Measuring: a clock, percentiles, per-step times of the engine, cold caches.
+#ifndef DCLOTH_TOOLS_TIMING_H_
+#define DCLOTH_TOOLS_TIMING_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "dcloth/dcloth.h"
+
+namespace dcloth::tools {
+
+// Monotonic; about 25 ns a call, against steps of 10 us and more.
+uint64_t NowNanoseconds();
+
+// Nearest rank: the smallest sample that at least q of all samples do not exceed. All zero without samples.
+struct Percentiles {
+  double p50 = 0, p95 = 0, p99 = 0, max = 0;
+};
+Percentiles PercentilesOf(std::span<const double> samples);
+
+using StepNames = std::array<const char*, DCLOTH_STEP_COUNT>;
+constexpr StepNames kStepNames = {"pose", "static", "skeleton", "mesh", "displacement", "skinning", "normals"};
+using StepTimes = std::array<uint64_t, DCLOTH_STEP_COUNT>;  // ns
+
+// A dcloth_timer on NowNanoseconds. Not copyable in spirit: hand out get() while this lives.
+class StepTimer {
+ public:
+  StepTimer();
+  dcloth_timer* get() { return &timer_; }
+  StepTimes Take();  // what was added since the last call
+
+ private:
+  dcloth_timer timer_{};
+};
+
+// Empties the caches: reads more than twice the last level (writing would leave dirty lines for the timed part to write
+// back). The weights of a game's cloth do not stay in cache
+// while the rest of the frame runs.
+class CacheEvictor {
+ public:
+  CacheEvictor();
+  void Evict();
+  size_t size_bytes() const { return memory_.size() * sizeof(uint64_t); }
+
+ private:
+  std::vector<uint64_t> memory_;
+  volatile uint64_t sink_ = 0;  // keeps the reads
+};
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_TIMING_H_

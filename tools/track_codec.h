@@ -1,0 +1,48 @@
+// Vertex animation packed for the report page: whole quanta, predicted from what came before, entropy left to deflate.
+// report/data.js is the decoder; both follow the same rules word by word.
+#ifndef DCLOTH_TOOLS_TRACK_CODEC_H_
+#define DCLOTH_TOOLS_TRACK_CODEC_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace dcloth::tools {
+
+// 0.125 mm: +-4 m about the frame's origin in 16 bits, a quarter of the rounding that would show in shading.
+constexpr double kQuantumMm = 0.125;
+
+// How a value is predicted. Numbers are the file's.
+enum class Predictor : uint8_t {
+  kNone = 0,
+  kPrevious = 1,         // x[t-1]
+  kLinear = 2,           // 2 x[t-1] - x[t-2]
+  kReference = 3,        // reference[t]
+  kReferenceMotion = 4,  // reference[t] + x[t-1] - reference[t-1]
+};
+
+struct Track {
+  std::string name;
+  std::vector<int16_t> values;  // [frames, xyz, n] quanta about the frame's origin
+};
+
+// Appends one frame. Points further than the 16 bits reach are put on the limit.
+void AppendFrame(std::span<const float> positions, std::span<const int32_t> origin, Track* track);
+
+// For each vertex the largest mesh neighbour with a smaller index, or the vertex before it; -1 for vertex 0.
+std::vector<int32_t> SpatialParents(std::span<const uint16_t> triangles, size_t vertex_count);
+
+struct EncodedTrack {
+  Predictor predictor = Predictor::kNone;
+  int32_t reference = -1;        // index of an earlier track
+  std::vector<std::byte> bytes;  // low bytes of all residuals, then high bytes
+};
+
+// Picks predictor and reference by the cost of sampled frames. `earlier` tracks have as many frames.
+EncodedTrack EncodeTrack(const Track& track, std::span<const Track> earlier, std::span<const int32_t> parents);
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_TRACK_CODEC_H_
