@@ -102,7 +102,11 @@ class Temporary {
   explicit Temporary(const fs::path& target) {
     for (int attempt = 0; attempt < 100; ++attempt) {
       path_ = target;
-      path_ += "." + std::to_string(ProcessId()) + "." + std::to_string(attempt) + ".tmp";
+      path_ += std::string(".")
+                   .append(std::to_string(ProcessId()))
+                   .append(".")
+                   .append(std::to_string(attempt))
+                   .append(".tmp");
       file_ = OpenExclusive(path_);
       if (file_ >= 0 || errno != EEXIST) break;
     }

@@ -1,8 +1,10 @@
 #include "converter/file.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
 #include <string>
 
@@ -96,12 +98,25 @@ TEST_F(FileTest, FollowsALinkAndRefusesADanglingOne) {
 }
 
 TEST_F(FileTest, FailedWriteLeavesNothingBehind) {
-  // /dev/full refuses every write; a file system does the same when it is full. Only the error path of Write is the
-  // same, so the temporary file is what is looked at: a name too long for it must leave the folder as it was.
   Put(folder_ / "x", "old");
+  // A file size limit fails the write half way, as a full disk does.
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small = {1000, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  const std::string text = ErrorText([&] { Write(folder_ / "x", std::string(5000, 'n')); });
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_TRUE(Mentions(text, "a failed write: File too large"));
+  EXPECT_EQ(Get(folder_ / "x"), "old");
+  EXPECT_EQ(Entries(), 1u);
+}
+
+TEST_F(FileTest, NameTooLongForATemporary) {
   const std::string name(255, 'n');  // legal itself, its temporary name is not
   EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / name, "new"); }), "too long"));
-  EXPECT_EQ(Entries(), 1u);
+  EXPECT_EQ(Entries(), 0u);
 }
 
 TEST_F(FileTest, NamesNeedNotBeUtf8) {
