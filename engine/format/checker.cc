@@ -81,7 +81,8 @@ bool Checker::Floats(const Path& path, const Tensor* tensor, Shape shape, const 
   if (!Resolve(path, tensor, DType_F32, shape, shape.elements(), &data)) return false;
   const auto* floats = static_cast<const float*>(data);
   const size_t bad = FindNotFinite(floats, shape.elements());
-  if (bad != shape.elements()) return FailElement(path, data, bad, sizeof(float), FloatFault(floats[bad]), "finite numbers");
+  if (bad != shape.elements())
+    return FailElement(path, data, bad, sizeof(float), FloatFault(floats[bad]), "finite numbers");
   *values = floats;
   return true;
 }

@@ -1,5 +1,5 @@
-// The checks that every table of a model is made of: counts, tensors, linear layers. Each returns false after it has told
-// the Diagnostic, and fills its output only on success.
+// The checks that every table of a model is made of: counts, tensors, linear layers. Each returns false after it has
+// told the Diagnostic, and fills its output only on success.
 #ifndef DCLOTH_ENGINE_FORMAT_CHECKER_H_
 #define DCLOTH_ENGINE_FORMAT_CHECKER_H_
 
@@ -40,7 +40,8 @@ class Checker {
   bool Joints(const Path& path, const flatbuffers::Vector<uint16_t>* joints, uint32_t low, uint32_t limit);
 
   // Reads one dimension of a tensor whose size the file decides, before the tensor itself is checked.
-  bool Dimension(const Path& path, const Tensor* tensor, uint32_t dimension, uint32_t low, uint32_t high, uint32_t* size);
+  bool Dimension(const Path& path, const Tensor* tensor, uint32_t dimension, uint32_t low, uint32_t high,
+                 uint32_t* size);
 
   bool Floats(const Path& path, const Tensor* tensor, Shape shape, const float** values);  // finite
   bool WeightRows(const Path& path, const Tensor* tensor, Shape shape, const float** values);
@@ -65,7 +66,8 @@ class Checker {
   bool ShapeIs(const Path& path, const Tensor* tensor, Shape shape);
   bool Claim(const Path& path, const Tensor* tensor, uint64_t size);
   bool Scales(const Path& path, const void* parent, const Tensor* tensor, uint32_t count, const float** values);
-  bool LinearScales(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t padded_columns, LinearView* view);
+  bool LinearScales(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t padded_columns,
+                    LinearView* view);
 
   const uint8_t* bytes_;
   const uint8_t* weights_;

@@ -16,7 +16,8 @@ const char* DTypeName(DType dtype) { return dtype <= DType_MAX ? kDTypeNames[dty
 bool Checker::ShapeIs(const Path& path, const Tensor* tensor, Shape shape) {
   const flatbuffers::Vector<uint32_t>* found = tensor->shape();
   const uint32_t rank = shape.columns == 0 ? 1 : 2;
-  if (found->size() == rank && found->Get(0) == shape.rows && (rank == 1 || found->Get(1) == shape.columns)) return true;
+  if (found->size() == rank && found->Get(0) == shape.rows && (rank == 1 || found->Get(1) == shape.columns))
+    return true;
   char found_text[48], allowed_text[48];
   Text text(found_text, sizeof(found_text));
   text.Add("[");
@@ -83,24 +84,34 @@ bool Checker::LinearScales(const Path& path, const format::Linear* linear, uint3
               "scales with i8 weights only");
 }
 
-bool Checker::Linear(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t columns, LinearView* view) {
+bool Checker::Linear(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t columns,
+                     LinearView* view) {
   const Path weights_path = {&path, "weights"};
   const Tensor* weights = linear->weights();
   const DType dtype = weights->dtype();
   LinearView result = {};
   switch (dtype) {
-    case DType_F32: result.type = WeightType::kF32; break;
-    case DType_F16: result.type = WeightType::kF16; break;
-    case DType_I8: result.type = WeightType::kI8; break;
-    default: return Fail({&weights_path, "dtype"}, weights, DTypeName(dtype), "f32, f16 or i8");
+    case DType_F32:
+      result.type = WeightType::kF32;
+      break;
+    case DType_F16:
+      result.type = WeightType::kF16;
+      break;
+    case DType_I8:
+      result.type = WeightType::kI8;
+      break;
+    default:
+      return Fail({&weights_path, "dtype"}, weights, DTypeName(dtype), "f32, f16 or i8");
   }
   result.rows = rows;
   result.columns = columns;
   const auto padded_columns = static_cast<uint32_t>(kernels::PaddedColumns(columns));
   const uint64_t stored_rows = dtype == DType_I8 ? kernels::PairedRows(rows) : rows;
-  if (!Resolve(weights_path, weights, dtype, {rows, columns}, stored_rows * padded_columns, &result.weights)) return false;
+  if (!Resolve(weights_path, weights, dtype, {rows, columns}, stored_rows * padded_columns, &result.weights))
+    return false;
   if (!LinearScales(path, linear, rows, padded_columns, &result)) return false;
-  if (linear->bias() != nullptr && !Floats({&path, "bias"}, linear->bias(), {padded_columns}, &result.bias)) return false;
+  if (linear->bias() != nullptr && !Floats({&path, "bias"}, linear->bias(), {padded_columns}, &result.bias))
+    return false;
   *view = result;
   return true;
 }

@@ -1,4 +1,5 @@
-// Says what is wrong with a model: where (a path of field names and a byte), what was found, what is allowed, what helps.
+// Says what is wrong with a model: where (a path of field names and a byte), what was found, what is allowed, what
+// helps.
 //
 // A check calls Fail and returns its result, which is always false, so that checks chain with &&. The first failure
 // wins. The text is written into the caller's dcloth_error, if there is one; what is checked never depends on it.
@@ -43,7 +44,8 @@ class Diagnostic {
   dcloth_status status() const { return status_; }
 
   // `found`, `allowed` and `fix` complete "found ...; allowed ...; ...". Always false.
-  bool Fail(dcloth_status status, uint64_t offset, const Path* path, const char* found, const char* allowed, const char* fix);
+  bool Fail(dcloth_status status, uint64_t offset, const Path* path, const char* found, const char* allowed,
+            const char* fix);
 
   // A number that was found. `unit` follows it and names what it counts.
   bool FailCount(dcloth_status status, uint64_t offset, const Path* path, uint64_t found, const char* unit,

@@ -8,26 +8,26 @@
 namespace dcloth::format {
 
 constexpr uint32_t kFormatMajor = 1;
-constexpr uint64_t kAlignment = 64;           // of the file, of its size and of every tensor
+constexpr uint64_t kAlignment = 64;               // of the file, of its size and of every tensor
 constexpr uint64_t kMaxModelBytes = 0x7FFFFFFEu;  // FlatBuffers' offsets are signed 32-bit
 
 constexpr uint32_t kMinVertices = 3;
-constexpr uint32_t kMaxVertices = 65535;      // u16 indices
+constexpr uint32_t kMaxVertices = 65535;  // u16 indices
 constexpr uint32_t kMaxTriangles = 1u << 20;
-constexpr uint32_t kMaxEdges = 1u << 24;      // entries of the mesh graph
-constexpr uint32_t kMaxJoints = 256;          // u8 indices
+constexpr uint32_t kMaxEdges = 1u << 24;  // entries of the mesh graph
+constexpr uint32_t kMaxJoints = 256;      // u8 indices
 constexpr uint32_t kMaxNameBytes = 255;
-constexpr uint32_t kMaxWidth = 16384;         // hidden units of a perceptron
-constexpr uint32_t kMaxCoefficients = 4096;   // basis size of a stage
+constexpr uint32_t kMaxWidth = 16384;        // hidden units of a perceptron
+constexpr uint32_t kMaxCoefficients = 4096;  // basis size of a stage
 constexpr uint32_t kMaxLayers = 8;
 constexpr uint32_t kMaxFeatureWidth = 64;
 constexpr uint32_t kFeatureWidthStep = 8;
 constexpr uint32_t kFeaturesPerJoint = 9;
 constexpr uint32_t kRootFeatures = 4;
-constexpr float kMaxTickRate = 1000.0f;       // Hz
+constexpr float kMaxTickRate = 1000.0f;  // Hz
 
-// Structural limits of the FlatBuffers verifier: Model > MeshStage > Linear > Tensor, and no more tables than the widest
-// model of this major version has, with room for fields to come.
+// Structural limits of the FlatBuffers verifier: Model > MeshStage > Linear > Tensor, and no more tables than the
+// widest model of this major version has, with room for fields to come.
 constexpr uint32_t kMaxTableDepth = 4;
 constexpr uint32_t kMaxTables = 256;
 constexpr uint32_t kMaxTensors = 128;

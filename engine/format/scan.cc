@@ -12,8 +12,8 @@ size_t FindFirst(size_t count, Bad bad) {
   constexpr size_t kBlock = 256;
   for (size_t begin = 0; begin < count; begin += kBlock) {
     const size_t end = begin + kBlock < count ? begin + kBlock : count;
-    unsigned any = 0;
-    for (size_t i = begin; i < end; ++i) any |= static_cast<unsigned>(bad(i));
+    int any = 0;
+    for (size_t i = begin; i < end; ++i) any |= bad(i) ? 1 : 0;
     if (any == 0) continue;
     for (size_t i = begin; i < end; ++i) {
       if (bad(i)) return i;
@@ -29,30 +29,59 @@ size_t FindIndexNotBelow(const T* values, size_t count, uint32_t limit) {
   return FindFirst(count, [=](size_t i) { return values[i] >= bound; });
 }
 
+// Unrolled by width: a loop over a width known only at run time took three times as long.
+template <size_t kWidth>
+size_t FindBadRow(const float* weights, size_t rows) {
+  return FindFirst(rows, [=](size_t row) {
+    const float* w = weights + row * kWidth;
+    float sum = w[0];
+    bool sound = w[0] >= 0.0f;
+    for (size_t k = 1; k < kWidth; ++k) {
+      sum += w[k];
+      sound &= w[k] >= 0.0f;
+    }
+    return !(sound & (sum >= 1.0f - kWeightSumTolerance) & (sum <= 1.0f + kWeightSumTolerance));
+  });
+}
+
 }  // namespace
 
 size_t FindNotFinite(const float* values, size_t count) {
-  return FindFirst(count, [=](size_t i) { return !(values[i] >= -kLargestFloat && values[i] <= kLargestFloat); });
+  return FindFirst(count, [=](size_t i) { return !((values[i] >= -kLargestFloat) & (values[i] <= kLargestFloat)); });
 }
 
 size_t FindNotPositive(const float* values, size_t count) {
-  return FindFirst(count, [=](size_t i) { return !(values[i] >= kSmallestNormal && values[i] <= kLargestFloat); });
+  return FindFirst(count, [=](size_t i) { return !((values[i] >= kSmallestNormal) & (values[i] <= kLargestFloat)); });
 }
 
-size_t FindNotBelow(const uint8_t* values, size_t count, uint32_t limit) { return FindIndexNotBelow(values, count, limit); }
-size_t FindNotBelow(const uint16_t* values, size_t count, uint32_t limit) { return FindIndexNotBelow(values, count, limit); }
+size_t FindNotBelow(const uint8_t* values, size_t count, uint32_t limit) {
+  return FindIndexNotBelow(values, count, limit);
+}
+size_t FindNotBelow(const uint16_t* values, size_t count, uint32_t limit) {
+  return FindIndexNotBelow(values, count, limit);
+}
 
 size_t FindBadWeightRow(const float* weights, size_t rows, size_t width) {
-  return FindFirst(rows, [=](size_t row) {
-    float sum = 0.0f;
-    unsigned negative = 0;
-    for (size_t k = 0; k < width; ++k) {
-      const float weight = weights[row * width + k];
-      negative |= static_cast<unsigned>(!(weight >= 0.0f));
-      sum += weight;
-    }
-    return negative != 0 || !(sum >= 1.0f - kWeightSumTolerance && sum <= 1.0f + kWeightSumTolerance);
-  });
+  switch (width) {
+    case 1:
+      return FindBadRow<1>(weights, rows);
+    case 2:
+      return FindBadRow<2>(weights, rows);
+    case 3:
+      return FindBadRow<3>(weights, rows);
+    case 4:
+      return FindBadRow<4>(weights, rows);
+    case 5:
+      return FindBadRow<5>(weights, rows);
+    case 6:
+      return FindBadRow<6>(weights, rows);
+    case 7:
+      return FindBadRow<7>(weights, rows);
+    case 8:
+      return FindBadRow<8>(weights, rows);
+    default:
+      return 0;  // no such width passes the checks before
+  }
 }
 
 size_t FindNotRising(const uint32_t* starts, size_t count) {

@@ -16,7 +16,8 @@ constexpr size_t kIdentifierOffset = 4;
 
 bool CheckBytes(const void* bytes, size_t size, Diagnostic* diagnostic) {
   if (bytes == nullptr) {
-    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "the bytes of a .dcloth file", "");
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "the bytes of a .dcloth file",
+                            "");
   }
   if (reinterpret_cast<uintptr_t>(bytes) % kAlignment != 0) {
     return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, 0, nullptr, "model bytes off a 64-byte boundary",
@@ -84,7 +85,8 @@ bool VerifyText(fb::Verifier& verifier, const fb::Table& root, fb::voffset_t fie
 }
 
 bool VerifyWeights(fb::Verifier& verifier, const fb::Table& root, fb::voffset_t field) {
-  return root.VerifyOffset(verifier, field) && verifier.VerifyVector(root.GetPointer<const fb::Vector<uint8_t>*>(field));
+  return root.VerifyOffset(verifier, field) &&
+         verifier.VerifyVector(root.GetPointer<const fb::Vector<uint8_t>*>(field));
 }
 
 constexpr Child kChildren[] = {

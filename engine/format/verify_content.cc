@@ -1,8 +1,6 @@
 // The tables come in the order in which sizes follow from each other.
 #include "engine/format/verify_content.h"
 
-#include <cstring>
-
 #include "engine/format/scan.h"
 #include "kernels/skinning/skinning.h"
 
@@ -21,9 +19,18 @@ bool VerifyGarment(const Garment& garment, Checker* check, ModelView* view) {
   view->name = garment.name()->c_str();
   view->vertex_count = n;
   const Path faces = {&path, "faces"};
-  return check->Floats({&path, "template_positions"}, garment.template_positions(), {n, 3}, &view->template_positions) &&
+  return check->Floats({&path, "template_positions"}, garment.template_positions(), {n, 3},
+                       &view->template_positions) &&
          check->Dimension(faces, garment.faces(), 0, 1, kMaxTriangles, &view->triangle_count) &&
          check->Indices(faces, garment.faces(), {view->triangle_count, 3}, n, &view->faces);
+}
+
+bool SameName(const flatbuffers::String& a, const flatbuffers::String& b) {
+  if (a.size() != b.size()) return false;
+  for (uint32_t i = 0; i < a.size(); ++i) {
+    if (a.Get(i) != b.Get(i)) return false;
+  }
+  return true;
 }
 
 bool VerifyJointNames(const Character& character, Checker* check) {
@@ -34,7 +41,7 @@ bool VerifyJointNames(const Character& character, Checker* check) {
     const Path path = {&parent, "joint_names", i};
     if (!check->Name(path, names.Get(i))) return false;
     for (uint32_t j = 0; j < i; ++j) {
-      if (std::strcmp(names.Get(j)->c_str(), names.Get(i)->c_str()) == 0) {
+      if (SameName(*names.Get(j), *names.Get(i))) {
         return check->Fail(path, names.Get(i), "the name of an earlier joint", "names that differ");
       }
     }
@@ -71,7 +78,8 @@ bool VerifyFeatures(const Features& features, Checker* check, ModelView* model) 
   }
   for (uint32_t i = 0; i < view->length; ++i) {
     if (view->low[i] > view->high[i]) {
-      return check->FailElement({&path, "low"}, view->low, i, sizeof(float), "a bound above features.high", "low <= high");
+      return check->FailElement({&path, "low"}, view->low, i, sizeof(float), "a bound above features.high",
+                                "low <= high");
     }
   }
   return true;
@@ -95,7 +103,8 @@ bool VerifyStaticStage(const StaticStage& stage, Checker* check, ModelView* mode
          check->Linear(hidden, stage.hidden(), model->features.length, width, &view->hidden) &&
          check->Linear({&path, "increments"}, stage.increments(), width, 3 * m, &view->increments) &&
          check->Indices({&path, "influence_bones"}, stage.influence_bones(), influences, m, &view->influence_bones) &&
-         check->WeightRows({&path, "influence_weights"}, stage.influence_weights(), influences, &view->influence_weights);
+         check->WeightRows({&path, "influence_weights"}, stage.influence_weights(), influences,
+                           &view->influence_weights);
 }
 
 bool VerifySkeletonStage(const SkeletonStage& stage, Checker* check, ModelView* model) {
@@ -137,7 +146,8 @@ bool VerifyLayer(const MeshLayer& layer, const Path& path, uint32_t input_width,
   return check->Floats({&path, "input_gates"}, layer.input_gates(), {input_width, 3 * width}, &view->input_gates) &&
          check->Floats({&path, "gate_bias"}, layer.gate_bias(), {3 * width}, &view->gate_bias) &&
          check->Floats({&path, "hidden_gates"}, layer.hidden_gates(), {width, 2 * width}, &view->hidden_gates) &&
-         check->Floats({&path, "hidden_candidate"}, layer.hidden_candidate(), {width, width}, &view->hidden_candidate) &&
+         check->Floats({&path, "hidden_candidate"}, layer.hidden_candidate(), {width, width},
+                       &view->hidden_candidate) &&
          check->Floats({&path, "output"}, layer.output(), {width, width}, &view->output) &&
          check->Floats({&path, "output_bias"}, layer.output_bias(), {width}, &view->output_bias) &&
          check->Floats({&path, "norm_gain"}, layer.norm_gain(), {width}, &view->norm_gain) &&
@@ -168,13 +178,15 @@ bool VerifyMeshStage(const MeshStage& stage, Checker* check, ModelView* model) {
   const Path path = {nullptr, "mesh_stage"};
   MeshStageView* view = &model->mesh_stage;
   view->body_influences = stage.body_influences();
-  if (!check->Count({&path, "body_influences"}, &stage, view->body_influences, 1, kernels::kMaxInfluences)) return false;
+  if (!check->Count({&path, "body_influences"}, &stage, view->body_influences, 1, kernels::kMaxInfluences))
+    return false;
   const uint32_t n = model->vertex_count;
   const Shape influences = {n, view->body_influences};
   const Path hidden = {&path, "hidden"}, coefficients = {&path, "coefficients"};
   uint32_t width = 0, basis = 0;
   return check->Floats({&path, "body_points"}, stage.body_points(), {n, 3}, &view->body_points) &&
-         check->Indices({&path, "body_joints"}, stage.body_joints(), influences, model->joint_count, &view->body_joints) &&
+         check->Indices({&path, "body_joints"}, stage.body_joints(), influences, model->joint_count,
+                        &view->body_joints) &&
          check->WeightRows({&path, "body_weights"}, stage.body_weights(), influences, &view->body_weights) &&
          check->Floats({&path, "input_mean"}, stage.input_mean(), {3}, &view->input_mean) &&
          check->Floats({&path, "input_inverse_deviation"}, stage.input_inverse_deviation(), {3},
@@ -182,7 +194,8 @@ bool VerifyMeshStage(const MeshStage& stage, Checker* check, ModelView* model) {
          VerifyGraph(stage, check, model) && VerifyLayers(stage, check, view) &&
          check->Dimension({&hidden, "weights"}, stage.hidden()->weights(), 1, 1, kMaxWidth, &width) &&
          check->Linear(hidden, stage.hidden(), n, width, &view->hidden) &&
-         check->Dimension({&coefficients, "weights"}, stage.coefficients()->weights(), 1, 1, kMaxCoefficients, &basis) &&
+         check->Dimension({&coefficients, "weights"}, stage.coefficients()->weights(), 1, 1, kMaxCoefficients,
+                          &basis) &&
          check->Linear(coefficients, stage.coefficients(), width, basis, &view->coefficients);
 }
 
@@ -202,7 +215,8 @@ bool VerifyDisplacement(const Model& model, Checker* check, ModelView* view) {
   view->displacement.mesh_rows = mesh_rows;
   const Path basis_path = {&path, "basis"};
   const Linear* basis = displacement != nullptr ? displacement->basis() : nullptr;
-  if (skeleton_rows == 0) return basis == nullptr || check->Fail(basis_path, basis, "a basis", "none without a skeleton stage");
+  if (skeleton_rows == 0)
+    return basis == nullptr || check->Fail(basis_path, basis, "a basis", "none without a skeleton stage");
   if (basis == nullptr) return check->Fail(basis_path, place, "no basis", "one, as there is a skeleton stage");
   if (basis->bias() != nullptr) return check->Fail({&basis_path, "bias"}, basis, "a bias", "a basis without bias");
   return check->Linear(basis_path, basis, skeleton_rows + mesh_rows, 3 * view->vertex_count, &view->displacement.basis);
@@ -221,7 +235,8 @@ bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
     return check->Fail({nullptr, "tick_rate"}, &model, found, "above 0, up to 1000 Hz");
   }
   if (model.mesh_stage() != nullptr && model.skeleton_stage() == nullptr) {
-    return check->Fail({nullptr, "mesh_stage"}, model.mesh_stage(), "a mesh stage alone", "only after a skeleton stage");
+    return check->Fail({nullptr, "mesh_stage"}, model.mesh_stage(), "a mesh stage alone",
+                       "only after a skeleton stage");
   }
   return VerifyGarment(*model.garment(), check, view) && VerifyCharacter(*model.character(), check, view) &&
          VerifyFeatures(*model.features(), check, view) && VerifyStaticStage(*model.static_stage(), check, view) &&

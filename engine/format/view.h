@@ -1,5 +1,5 @@
-// A verified model as plain pointers and counts: all that the engine sees of a file. Pointers lead into the model bytes;
-// only Verify fills a view, and every rule it checked holds here. Shapes in brackets, as in dcloth.fbs.
+// A verified model as plain pointers and counts: all that the engine sees of a file. Pointers lead into the model
+// bytes; only Verify fills a view, and every rule it checked holds here. Shapes in brackets, as in dcloth.fbs.
 #ifndef DCLOTH_ENGINE_FORMAT_VIEW_H_
 #define DCLOTH_ENGINE_FORMAT_VIEW_H_
 
@@ -34,13 +34,13 @@ struct FeaturesView {
 };
 
 struct StaticStageView {
-  const uint16_t* bones;            // [bone_count], joint of each bone
-  const uint8_t* influence_bones;   // [n, influences]
-  const float* influence_weights;   // [n, influences]
-  LinearView hidden;                // d -> width
-  LinearView increments;            // width -> 3 m
-  uint32_t bone_count;              // m
-  uint32_t influences;              // K
+  const uint16_t* bones;           // [bone_count], joint of each bone
+  const uint8_t* influence_bones;  // [n, influences]
+  const float* influence_weights;  // [n, influences]
+  LinearView hidden;               // d -> width
+  LinearView increments;           // width -> 3 m
+  uint32_t bone_count;             // m
+  uint32_t influences;             // K
 };
 
 struct SkeletonStageView {
@@ -62,20 +62,20 @@ struct MeshLayerView {
 };
 
 struct MeshStageView {
-  const float* body_points;    // [n, 3]
-  const uint8_t* body_joints;  // [n, body_influences]
-  const float* body_weights;   // [n, body_influences]
-  const float* input_mean;     // [3]
+  const float* body_points;              // [n, 3]
+  const uint8_t* body_joints;            // [n, body_influences]
+  const float* body_weights;             // [n, body_influences]
+  const float* input_mean;               // [3]
   const float* input_inverse_deviation;  // [3]
-  const uint32_t* row_starts;  // [n + 1]
+  const uint32_t* row_starts;            // [n + 1]
   const uint16_t* columns;
-  const float* embed;          // [F]
-  LinearView hidden;           // n -> h
-  LinearView coefficients;     // h -> k_M
+  const float* embed;       // [F]
+  LinearView hidden;        // n -> h
+  LinearView coefficients;  // h -> k_M
   MeshLayerView layers[kMaxLayers];
-  uint32_t layer_count;        // 0 where the model has no such stage
+  uint32_t layer_count;  // 0 where the model has no such stage
   uint32_t body_influences;
-  uint32_t feature_width;      // F
+  uint32_t feature_width;  // F
   float embed_bias;
 };
 
@@ -88,10 +88,10 @@ struct DisplacementView {
 struct ModelView {
   const char* name;
   const char* precision;
-  const void* joint_names;         // read through JointName
-  const float* inverse_bind;       // [joint_count, 12]
-  const float* template_positions; // [n, 3]
-  const uint16_t* faces;           // [triangle_count, 3]
+  const void* joint_names;          // read through JointName
+  const float* inverse_bind;        // [joint_count, 12]
+  const float* template_positions;  // [n, 3]
+  const uint16_t* faces;            // [triangle_count, 3]
   FeaturesView features;
   StaticStageView static_stage;
   SkeletonStageView skeleton_stage;

@@ -1,5 +1,5 @@
-// Hands out consecutive 64-byte-aligned pieces of one block. Over a null block it only adds sizes up, so the function that
-// places an instance is also the one that computes its size: the two cannot disagree.
+// Hands out consecutive 64-byte-aligned pieces of one block. Over a null block it only adds sizes up, so the function
+// that places an instance is also the one that computes its size: the two cannot disagree.
 #ifndef DCLOTH_ENGINE_SRC_ARENA_H_
 #define DCLOTH_ENGINE_SRC_ARENA_H_
 

@@ -43,7 +43,9 @@ bool CheckStorage(const void* storage, size_t size, size_t needed, Diagnostic* d
                                "lend what the storage_size function asks for");
 }
 
-bool StrideIsUsable(uint32_t stride_bytes) { return stride_bytes >= 3 * sizeof(float) && stride_bytes % sizeof(float) == 0; }
+bool StrideIsUsable(uint32_t stride_bytes) {
+  return stride_bytes >= 3 * sizeof(float) && stride_bytes % sizeof(float) == 0;
+}
 
 bool FloatsAreAligned(const float* values) { return reinterpret_cast<uintptr_t>(values) % sizeof(float) == 0; }
 
@@ -55,16 +57,19 @@ bool PoseArgumentIsUsable(const dcloth_pose* pose) {
 bool TimerIsUsable(const dcloth_timer* timer) { return timer == nullptr || timer->struct_size >= sizeof(dcloth_timer); }
 
 bool OutputIsUsable(const dcloth_output* output, uint32_t vertex_count) {
-  if (output == nullptr || output->struct_size < sizeof(dcloth_output) || output->vertex_count != vertex_count) return false;
+  if (output == nullptr || output->struct_size < sizeof(dcloth_output) || output->vertex_count != vertex_count)
+    return false;
   if (output->positions == nullptr || !FloatsAreAligned(output->positions) ||
       !StrideIsUsable(output->position_stride_bytes)) {
     return false;
   }
-  return output->normals == nullptr || (FloatsAreAligned(output->normals) && StrideIsUsable(output->normal_stride_bytes));
+  return output->normals == nullptr ||
+         (FloatsAreAligned(output->normals) && StrideIsUsable(output->normal_stride_bytes));
 }
 
 bool StagesAreUsable(uint32_t stages, uint32_t held) {
-  return (stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH) && stages <= held;
+  return (stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH) &&
+         stages <= held;
 }
 
 }  // namespace
@@ -81,8 +86,8 @@ dcloth_status dcloth_isa_select(const char* name) {
 
 size_t dcloth_model_storage_size(void) { return kModelStorage; }
 
-dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, size_t storage_size, dcloth_model** model,
-                                dcloth_error* error) {
+dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, size_t storage_size,
+                                dcloth_model** model, dcloth_error* error) {
   Diagnostic diagnostic(error);
   if (model == nullptr) {
     diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null `model`", "a place for the result", "");
@@ -98,7 +103,8 @@ dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, s
 }
 
 dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info* info) {
-  if (model == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_model_info)) return DCLOTH_ERROR_ARGUMENT;
+  if (model == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_model_info))
+    return DCLOTH_ERROR_ARGUMENT;
   const ModelView& view = ViewOf(model);
   info->joint_count = view.joint_count;
   info->vertex_count = view.vertex_count;
@@ -125,7 +131,8 @@ dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size
                                   dcloth_error* error) {
   Diagnostic diagnostic(error);
   if (model == nullptr || cloth == nullptr) {
-    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a model and a place for the result", "");
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a model and a place for the result",
+                    "");
     return diagnostic.status();
   }
   if (!CheckStorage(storage, storage_size, dcloth_cloth_storage_size(model), &diagnostic)) return diagnostic.status();

@@ -16,9 +16,10 @@ namespace {
 using format::ModelView;
 
 size_t WidestQuantized(const ModelView& model) {
-  const format::LinearView* const layers[] = {
-      &model.static_stage.hidden,  &model.static_stage.increments, &model.skeleton_stage.input, &model.skeleton_stage.hidden,
-      &model.mesh_stage.hidden,    &model.mesh_stage.coefficients, &model.displacement.basis};
+  const format::LinearView* const layers[] = {&model.static_stage.hidden,  &model.static_stage.increments,
+                                              &model.skeleton_stage.input, &model.skeleton_stage.hidden,
+                                              &model.mesh_stage.hidden,    &model.mesh_stage.coefficients,
+                                              &model.displacement.basis};
   size_t widest = 0;
   for (const format::LinearView* layer : layers) {
     const size_t elements = QuantizedElements(*layer);
@@ -113,7 +114,8 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
                  cloth->increments[cloth->current]);
   watch.Lap(DCLOTH_STEP_STATIC);
   if (stages >= DCLOTH_STAGES_SKELETON) {
-    RunSkeletonStage(kernels, model.skeleton_stage, cloth->features, cloth->skeleton, cloth->quantized, cloth->coefficients);
+    RunSkeletonStage(kernels, model.skeleton_stage, cloth->features, cloth->skeleton, cloth->quantized,
+                     cloth->coefficients);
     watch.Lap(DCLOTH_STEP_SKELETON);
   }
   if (stages >= DCLOTH_STAGES_MESH) {
@@ -138,9 +140,8 @@ bool SkinCloth(Cloth* cloth, const dcloth_pose& pose, float blend, const dcloth_
 
   const uint32_t to = cloth->current;
   const uint32_t from = cloth->tick_count < 2 ? to : to ^ 1;  // the first tick has nothing before it
-  const TickPair ticks = {{cloth->increments[from], cloth->increments[to]},
-                          {cloth->displacement[from], cloth->displacement[to]},
-                          blend};
+  const TickPair ticks = {
+      {cloth->increments[from], cloth->increments[to]}, {cloth->displacement[from], cloth->displacement[to]}, blend};
   SkinRelative(kernels, model, bound, ticks, cloth->matrices, output);
   watch.Lap(DCLOTH_STEP_SKINNING);
   RunNormals(kernels, model, output);

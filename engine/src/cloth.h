@@ -14,19 +14,19 @@ namespace dcloth::engine {
 struct Cloth {
   const format::ModelView* model;
   RootMotion root;
-  Affine* joints;           // [joint_count], scratch of a tick and of a frame
-  float* matrices;          // [m, 12], scratch of a frame
-  float* features;          // x [d]
-  float* hidden;            // [padded width] of the static stage
-  int16_t* quantized;       // activations of the widest int8 layer
+  Affine* joints;      // [joint_count], scratch of a tick and of a frame
+  float* matrices;     // [m, 12], scratch of a frame
+  float* features;     // x [d]
+  float* hidden;       // [padded width] of the static stage
+  int16_t* quantized;  // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
-  float* coefficients;      // [P, pad, Q, pad]; P is the skeleton stage's state
-  float* increments[2];     // D of the last tick at [current], of the one before at the other
-  float* displacement[2];   // delta likewise; null without a basis
+  float* coefficients;     // [P, pad, Q, pad]; P is the skeleton stage's state
+  float* increments[2];    // D of the last tick at [current], of the one before at the other
+  float* displacement[2];  // delta likewise; null without a basis
   uint32_t current;
-  uint32_t tick_count;      // since the reset, up to 2
-  uint32_t stages;          // of the last tick; all after a reset
+  uint32_t tick_count;  // since the reset, up to 2
+  uint32_t stages;      // of the last tick; all after a reset
 };
 
 // The one place that knows an instance's layout: with `storage` null it only returns the size.

@@ -17,8 +17,8 @@ size_t QuantizedElements(const format::LinearView& linear);
 
 // y = activation(x W + bias) over the first `row_count` rows of W, which is even where W is a basis. Writes all padded
 // columns of y. x holds row_count floats.
-void ApplyLinear(const kernels::KernelTable& kernels, const format::LinearView& linear, const float* x, size_t row_count,
-                 Activation activation, int16_t* quantized, float* y);
+void ApplyLinear(const kernels::KernelTable& kernels, const format::LinearView& linear, const float* x,
+                 size_t row_count, Activation activation, int16_t* quantized, float* y);
 
 }  // namespace dcloth::engine
 

@@ -15,8 +15,8 @@ size_t LayerStateFloats(const ModelView& model) {
   return kernels::GsgruStateFloats(model.vertex_count, model.mesh_stage.feature_width);
 }
 
-// X: body points in the heading frame, standardised. Both are folded into the joint matrices, diag(1/deviation) (H^-1 G_j
-// B_j^-1 - mean), which is exact because a point's weights sum to 1.
+// X: body points in the heading frame, standardised. Both are folded into the joint matrices, diag(1/deviation) (H^-1
+// G_j B_j^-1 - mean), which is exact because a point's weights sum to 1.
 void PoseBodyPoints(const kernels::KernelTable& kernels, const ModelView& model, const BoundPose& bound,
                     const Heading& heading, const MeshMemory& memory) {
   const MeshStageView& stage = model.mesh_stage;
@@ -97,7 +97,8 @@ void RunMeshStage(const kernels::KernelTable& kernels, const ModelView& model, c
   PoseBodyPoints(kernels, model, bound, heading, memory);
   for (size_t l = 0; l < stage.layer_count; ++l) kernels.gsgru(LayerJob(model, l, memory));
   ApplyLinear(kernels, stage.hidden, memory.embedded, stage.hidden.rows, Activation::kRelu, quantized, memory.hidden);
-  ApplyLinear(kernels, stage.coefficients, memory.hidden, stage.coefficients.rows, Activation::kNone, quantized, coefficients);
+  ApplyLinear(kernels, stage.coefficients, memory.hidden, stage.coefficients.rows, Activation::kNone, quantized,
+              coefficients);
 }
 
 }  // namespace dcloth::engine

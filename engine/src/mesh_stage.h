@@ -9,13 +9,13 @@
 namespace dcloth::engine {
 
 struct MeshMemory {
-  float* state;        // [layer_count][GsgruStateFloats(n, F)], the only part that outlives a tick
-  float* matrices;     // [joint_count, 12]
-  float* even;         // input of even layers: [n, 4] of the first, [n, F] later
-  float* odd;          // input of odd layers, [n, F]; empty with one layer
-  float* layer;        // the kernel's scratch
-  float* embedded;     // s [n]
-  float* hidden;       // [padded h]
+  float* state;     // [layer_count][GsgruStateFloats(n, F)], the only part that outlives a tick
+  float* matrices;  // [joint_count, 12]
+  float* even;      // input of even layers: [n, 4] of the first, [n, F] later
+  float* odd;       // input of odd layers, [n, F]; empty with one layer
+  float* layer;     // the kernel's scratch
+  float* embedded;  // s [n]
+  float* hidden;    // [padded h]
 };
 
 MeshMemory PlaceMeshMemory(const format::ModelView& model, Arena* arena);

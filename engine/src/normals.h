@@ -10,7 +10,8 @@ namespace dcloth::engine {
 
 // Run it while positions are relative to the hips: ten kilometres out, world floats are a millimetre apart and normals
 // from them would be noise. Does nothing where output.normals is null.
-inline void RunNormals(const kernels::KernelTable& kernels, const format::ModelView& model, const dcloth_output& output) {
+inline void RunNormals(const kernels::KernelTable& kernels, const format::ModelView& model,
+                       const dcloth_output& output) {
   if (output.normals == nullptr) return;
   kernels::NormalsJob job = {};
   job.positions = output.positions;

@@ -13,7 +13,8 @@ Affine JointMatrix(const dcloth_pose& pose, size_t joint) {
   const float* g = pose.joint_matrices + joint * kPoseFloats;
   Affine matrix;
   for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 4; ++c) matrix.m[r][c] = static_cast<double>(pose.column_major != 0 ? g[4 * c + r] : g[4 * r + c]);
+    for (int c = 0; c < 4; ++c)
+      matrix.m[r][c] = static_cast<double>(pose.column_major != 0 ? g[4 * c + r] : g[4 * r + c]);
   }
   return matrix;
 }

@@ -16,8 +16,8 @@ bool PoseIsUsable(const format::ModelView& model, const dcloth_pose& pose);
 
 // G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
 struct BoundPose {
-  Affine* joints;     // [joint_count]
-  double origin[3];   // the hips' world position
+  Affine* joints;    // [joint_count]
+  double origin[3];  // the hips' world position
 };
 void BindPose(const format::ModelView& model, const dcloth_pose& pose, BoundPose* bound);
 

@@ -6,8 +6,8 @@
 namespace dcloth::engine {
 namespace {
 
-// A_j = [R_j | p_j - R_j (J_j + D_j)]. With p_j = G_j B_j^-1 J_j = R_j J_j + t_j the pivot J_j cancels: the translation is
-// t_j - R_j D_j, t_j that of G_j B_j^-1.
+// A_j = [R_j | p_j - R_j (J_j + D_j)]. With p_j = G_j B_j^-1 J_j = R_j J_j + t_j the pivot J_j cancels: the translation
+// is t_j - R_j D_j, t_j that of G_j B_j^-1.
 Affine BoneMatrix(const Affine& bound, const double increment[3]) {
   Affine matrix = bound;
   for (auto& row : matrix.m) row[3] -= row[0] * increment[0] + row[1] * increment[1] + row[2] * increment[2];

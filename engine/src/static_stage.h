@@ -11,8 +11,8 @@ namespace dcloth::engine {
 size_t IncrementFloats(const format::StaticStageView& stage);
 
 // D = W_2 ReLU(W_1 x + b_1) + b_2. `hidden` is scratch for the padded width.
-void RunStaticStage(const kernels::KernelTable& kernels, const format::StaticStageView& stage, const float* x, float* hidden,
-                    int16_t* quantized, float* increments);
+void RunStaticStage(const kernels::KernelTable& kernels, const format::StaticStageView& stage, const float* x,
+                    float* hidden, int16_t* quantized, float* increments);
 
 }  // namespace dcloth::engine
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 # Memory and text of the C library, square root and arc tangent.
-ALLOWED = {"memcpy", "memmove", "memset", "memcmp", "memchr", "strcmp", "strncmp", "strlen", "sqrt", "sqrtf", "atan2"}
+ALLOWED = {"memcpy", "memmove", "memset", "memcmp", "memchr", "strncmp", "strlen", "sqrt", "sqrtf", "atan2"}
 # The linker's own, and what sanitizers, hardening and position independence add.
 TOOLCHAIN = re.compile(r"_GLOBAL_OFFSET_TABLE_|__stack_chk_fail|__(asan|ubsan|tsan|msan|sanitizer)_.*|__cpu_model|__cpu_indicator_init")
 FORBIDDEN_DEFINITIONS = re.compile(r"_GLOBAL__sub_I_|__cxx_global_var_init")

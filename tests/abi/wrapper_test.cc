@@ -27,7 +27,8 @@ int Run(const char* path) {
   dcloth::Model model;
   if (!read || dcloth::Model::StorageSize() > sizeof(storage)) return 2;
   if (model.is_open() || model.ClothStorageSize() != 0 || model.Describe().vertex_count != 0) return 1;
-  if (model.Open(bytes, size - 64, storage, sizeof(storage), &error) == dcloth::Status::kOk || error.text[0] == '\0') return 1;
+  if (model.Open(bytes, size - 64, storage, sizeof(storage), &error) == dcloth::Status::kOk || error.text[0] == '\0')
+    return 1;
   if (model.Open(bytes, size, storage, sizeof(storage), &error) != dcloth::Status::kOk) return 1;
   const dcloth_model_info info = model.Describe();
   if (model.JointName(0) == nullptr || model.JointName(info.joint_count) != nullptr) return 1;
@@ -41,10 +42,12 @@ int Run(const char* path) {
     for (int d = 0; d < 4; ++d) matrices[16 * j + 5 * static_cast<uint32_t>(d)] = 1.0f;
   }
   const dcloth_pose pose = dcloth::MakePose(matrices, info.joint_count, dcloth::MatrixLayout::kColumnMajor);
-  const dcloth_output output = dcloth::MakeOutput(vertices, vertices + size_t{3} * info.vertex_count, info.vertex_count);
+  const dcloth_output output =
+      dcloth::MakeOutput(vertices, vertices + size_t{3} * info.vertex_count, info.vertex_count);
   dcloth::Timer timer(nullptr, nullptr);
   const auto stages = static_cast<dcloth::Stages>(info.stages);
-  const bool fine = cloth.Tick(pose, stages, &timer) == dcloth::Status::kOk && cloth.Skin(pose, 1, output) == dcloth::Status::kOk &&
+  const bool fine = cloth.Tick(pose, stages, &timer) == dcloth::Status::kOk &&
+                    cloth.Skin(pose, 1, output) == dcloth::Status::kOk &&
                     cloth.Tick(dcloth::MakePose(matrices, info.joint_count + 1), stages) == dcloth::Status::kPose &&
                     cloth.Reset() == dcloth::Status::kOk;
   std::free(matrices);

@@ -1,5 +1,5 @@
-// dcloth for C++17: the C ABI of dcloth.h with types in place of pointers and struct sizes. Nothing here allocates, throws
-// or owns: bytes and storage stay the host's and outlive what is opened in them.
+// dcloth for C++17: the C ABI of dcloth.h with types in place of pointers and struct sizes. Nothing here allocates,
+// throws or owns: bytes and storage stay the host's and outlive what is opened in them.
 #ifndef DCLOTH_DCLOTH_HPP_
 #define DCLOTH_DCLOTH_HPP_
 
@@ -11,15 +11,15 @@
 namespace dcloth {
 
 // [[nodiscard]]: a refused pose or model must not go unseen.
-enum class [[nodiscard]] Status : dcloth_status {
-  kOk = DCLOTH_OK,
-  kArgument = DCLOTH_ERROR_ARGUMENT,
-  kAlignment = DCLOTH_ERROR_ALIGNMENT,
-  kMemory = DCLOTH_ERROR_MEMORY,
-  kFormat = DCLOTH_ERROR_FORMAT,
-  kVersion = DCLOTH_ERROR_VERSION,
-  kSemantics = DCLOTH_ERROR_SEMANTICS,
-  kPose = DCLOTH_ERROR_POSE,
+enum class [[nodiscard]] Status : dcloth_status{
+    kOk = DCLOTH_OK,
+    kArgument = DCLOTH_ERROR_ARGUMENT,
+    kAlignment = DCLOTH_ERROR_ALIGNMENT,
+    kMemory = DCLOTH_ERROR_MEMORY,
+    kFormat = DCLOTH_ERROR_FORMAT,
+    kVersion = DCLOTH_ERROR_VERSION,
+    kSemantics = DCLOTH_ERROR_SEMANTICS,
+    kPose = DCLOTH_ERROR_POSE,
 };
 
 enum class Stages : uint32_t {
@@ -45,7 +45,8 @@ struct Timer : dcloth_timer {
 };
 
 // One world matrix per joint of the model, 16 floats each; `matrices` outlives the call only.
-inline dcloth_pose MakePose(const float* matrices, uint32_t joint_count, MatrixLayout layout = MatrixLayout::kRowMajor) {
+inline dcloth_pose MakePose(const float* matrices, uint32_t joint_count,
+                            MatrixLayout layout = MatrixLayout::kRowMajor) {
   return {sizeof(dcloth_pose), joint_count, matrices, static_cast<uint32_t>(layout)};
 }
 

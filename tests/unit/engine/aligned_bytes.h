@@ -25,7 +25,8 @@ class AlignedBytes {
     if (size != 0) std::memcpy(data_, bytes, size);
   }
   AlignedBytes(const AlignedBytes& other) : AlignedBytes(other.data_, other.size_) {}
-  AlignedBytes(AlignedBytes&& other) noexcept : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
+  AlignedBytes(AlignedBytes&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
   AlignedBytes& operator=(AlignedBytes other) noexcept {
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);

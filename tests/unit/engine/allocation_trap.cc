@@ -17,8 +17,10 @@ void Count() {
 
 #if defined(__SANITIZE_ADDRESS__)
 
-// AddressSanitizer owns malloc and tells a hook instead.
-extern "C" void __sanitizer_malloc_hook(const volatile void*, size_t) { Count(); }
+// AddressSanitizer owns malloc and tells a hook instead, if its shared library can see it.
+extern "C" __attribute__((visibility("default"))) void __sanitizer_malloc_hook(const volatile void*, size_t) {
+  Count();
+}
 
 #else
 

@@ -1,8 +1,8 @@
 // A value in double beside a bound on how far any float evaluation of the same formula may be from it.
 //
-// Running error analysis (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3), but independent of
-// the order of summation: each operation adds its own rounding, a product of n terms gamma_(n+2) of the sum of magnitudes
-// (lemma 3.1). Fused multiply-adds round less often and stay inside.
+// Running error analysis (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 3.3), but
+// independent of the order of summation: each operation adds its own rounding, a product of n terms gamma_(n+2) of the
+// sum of magnitudes (lemma 3.1). Fused multiply-adds round less often and stay inside.
 #ifndef DCLOTH_TESTS_UNIT_ENGINE_BOUNDED_H_
 #define DCLOTH_TESTS_UNIT_ENGINE_BOUNDED_H_
 
@@ -36,13 +36,13 @@ inline Bounded operator*(const Bounded& a, const Bounded& b) {
   return Rounded(a.value * b.value, std::abs(a.value) * b.error + std::abs(b.value) * a.error + a.error * b.error);
 }
 
-// (1 - w) from + w to in any of its forms, w in [0, 1]: its slopes are 1 - w, w and to - from. At most four roundings of
-// terms no larger than |from| + |to|.
+// (1 - w) from + w to in any of its forms, w in [0, 1]: its slopes are 1 - w, w and to - from. At most four roundings
+// of terms no larger than |from| + |to|.
 inline Bounded Mix(const Bounded& from, const Bounded& to, const Bounded& w) {
   const double inputs = from.error + to.error, size = std::abs(from.value) + std::abs(to.value) + inputs;
-  return {from.value + w.value * (to.value - from.value),
-          (1 - w.value) * from.error + w.value * to.error + std::abs(to.value - from.value) * w.error + w.error * inputs +
-              2 * Gamma(4) * size + kTiniest};
+  return {from.value + w.value * (to.value - from.value), (1 - w.value) * from.error + w.value * to.error +
+                                                              std::abs(to.value - from.value) * w.error +
+                                                              w.error * inputs + 2 * Gamma(4) * size + kTiniest};
 }
 
 // 1 / sqrt(a) for a - a.error > 0: the slope is largest at the interval's lower end. Two roundings.

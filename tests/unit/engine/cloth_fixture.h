@@ -21,7 +21,8 @@ inline dcloth_error EmptyError() {
 
 class OpenedModel {
  public:
-  explicit OpenedModel(AlignedBytes bytes) : bytes_(std::move(bytes)), storage_(dcloth_model_storage_size()), error_(EmptyError()) {
+  explicit OpenedModel(AlignedBytes bytes)
+      : bytes_(std::move(bytes)), storage_(dcloth_model_storage_size()), error_(EmptyError()) {
     status_ = dcloth_model_open(bytes_.data(), bytes_.size(), storage_.data(), storage_.size(), &model_, &error_);
   }
   explicit OpenedModel(const TestModel& model) : OpenedModel(model.Bytes()) {}
@@ -47,10 +48,13 @@ class OpenedModel {
 class OwnedCloth {
  public:
   explicit OwnedCloth(const OpenedModel& model)
-      : model_(model), storage_(dcloth_cloth_storage_size(model.get())), positions_(3 * size_t{model.info().vertex_count}),
+      : model_(model),
+        storage_(dcloth_cloth_storage_size(model.get())),
+        positions_(3 * size_t{model.info().vertex_count}),
         normals_(positions_.size()) {
     dcloth_error error = EmptyError();
-    EXPECT_EQ(dcloth_cloth_create(model.get(), storage_.data(), storage_.size(), &cloth_, &error), DCLOTH_OK) << error.text;
+    EXPECT_EQ(dcloth_cloth_create(model.get(), storage_.data(), storage_.size(), &cloth_, &error), DCLOTH_OK)
+        << error.text;
   }
 
   dcloth_cloth* get() { return cloth_; }
@@ -67,7 +71,8 @@ class OwnedCloth {
   }
   dcloth_status Skin(const std::vector<float>& matrices, float blend) {
     const dcloth_pose pose = Pose(matrices);
-    const dcloth_output output = {sizeof(dcloth_output), model_.info().vertex_count, positions_.data(), 12, 12, normals_.data()};
+    const dcloth_output output = {sizeof(dcloth_output), model_.info().vertex_count, positions_.data(), 12, 12,
+                                  normals_.data()};
     return dcloth_cloth_skin(cloth_, &pose, blend, &output, nullptr);
   }
 

@@ -82,7 +82,8 @@ TEST_F(ClothTest, HostBuffersAreReadAndWrittenWithinTheirBounds) {
   for (const uint32_t stride : {12u, 16u, 28u}) {
     GuardedBuffer<float> positions((n - 1) * stride / 4 + 3), normals((n - 1) * stride / 4 + 3);
     const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(matrices.size() / 16), matrices.data(), 0};
-    const dcloth_output output = {sizeof(output), static_cast<uint32_t>(n), positions.data(), stride, stride, normals.data()};
+    const dcloth_output output = {sizeof(output), static_cast<uint32_t>(n), positions.data(), stride, stride,
+                                  normals.data()};
     ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, nullptr), DCLOTH_OK);
     ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
     for (size_t i = 0; i < positions.size(); ++i) {
@@ -124,7 +125,8 @@ TEST_F(ClothTest, ColumnMajorPosesAreTheSamePose) {
   ExpectSameFrame(&rows, &columns, 3);
 }
 
-// Every element of the pose, with each kind of bad number: refused, and the next ticks are those of an undisturbed twin.
+// Every element of the pose, with each kind of bad number: refused, and the next ticks are those of an undisturbed
+// twin.
 TEST_F(ClothTest, BadPosesAreRefusedWithoutTrace) {
   OwnedCloth disturbed(opened_), twin(opened_);
   Advance(&disturbed, 0, 3);
@@ -167,12 +169,16 @@ TEST_F(ClothTest, BadArgumentsAreRefused) {
   const std::vector<float> matrices = Pose(0);
   std::vector<float> out(3 * model_.numbers.n);
   const dcloth_pose good_pose = OwnedCloth::Pose(matrices);
-  const dcloth_output good_output = {sizeof(good_output), static_cast<uint32_t>(model_.numbers.n), out.data(), 12, 12, out.data()};
-  const auto tick = [&](const dcloth_pose* pose, uint32_t stages) { return dcloth_cloth_tick(cloth.get(), pose, stages, nullptr); };
+  const dcloth_output good_output = {sizeof(good_output), static_cast<uint32_t>(model_.numbers.n), out.data(), 12, 12,
+                                     out.data()};
+  const auto tick = [&](const dcloth_pose* pose, uint32_t stages) {
+    return dcloth_cloth_tick(cloth.get(), pose, stages, nullptr);
+  };
   EXPECT_EQ(dcloth_cloth_tick(nullptr, &good_pose, kAll, nullptr), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(dcloth_cloth_reset(nullptr), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(tick(nullptr, kAll), DCLOTH_ERROR_ARGUMENT);
-  for (const uint32_t stages : {0u, 2u, 4u, 5u, 6u, 8u, 15u, ~0u}) EXPECT_EQ(tick(&good_pose, stages), DCLOTH_ERROR_ARGUMENT) << stages;
+  for (const uint32_t stages : {0u, 2u, 4u, 5u, 6u, 8u, 15u, ~0u})
+    EXPECT_EQ(tick(&good_pose, stages), DCLOTH_ERROR_ARGUMENT) << stages;
   dcloth_pose pose = good_pose;
   pose.struct_size = 4;
   EXPECT_EQ(tick(&pose, kAll), DCLOTH_ERROR_ARGUMENT);
@@ -192,7 +198,8 @@ TEST_F(ClothTest, BadArgumentsAreRefused) {
   };
   const auto nothing = [](dcloth_output*) {};
   EXPECT_EQ(skin(1, nothing), DCLOTH_OK);
-  for (const float blend : {-0.01f, 1.01f, std::numeric_limits<float>::quiet_NaN()}) EXPECT_EQ(skin(blend, nothing), DCLOTH_ERROR_ARGUMENT);
+  for (const float blend : {-0.01f, 1.01f, std::numeric_limits<float>::quiet_NaN()})
+    EXPECT_EQ(skin(blend, nothing), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(skin(1, [](dcloth_output* o) { o->vertex_count += 1; }), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(skin(1, [](dcloth_output* o) { o->positions = nullptr; }), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(skin(1, [](dcloth_output* o) { o->position_stride_bytes = 8; }), DCLOTH_ERROR_ARGUMENT);
@@ -240,7 +247,8 @@ TEST_F(ClothTest, KeepsItsShapeFarFromTheOrigin) {
       if (i % 16 != 15) pose[i] = static_cast<float>(std::round(static_cast<double>(pose[i]) / kStep) * kStep);
     }
     std::vector<float> moved = pose;
-    for (size_t j = 0; j < moved.size(); j += 16) moved[j + 3] += static_cast<float>(kFar), moved[j + 11] += static_cast<float>(kFar);
+    for (size_t j = 0; j < moved.size(); j += 16)
+      moved[j + 3] += static_cast<float>(kFar), moved[j + 11] += static_cast<float>(kFar);
     ASSERT_EQ(near.Tick(pose, kAll), DCLOTH_OK);
     ASSERT_EQ(far.Tick(moved, kAll), DCLOTH_OK);
     ASSERT_EQ(near.Skin(pose, 1), DCLOTH_OK);
@@ -305,7 +313,8 @@ TEST_F(ClothTest, TimersCountEveryStepAndNothingTwice) {
   const std::vector<float> matrices = Pose(0);
   const dcloth_pose pose = OwnedCloth::Pose(matrices);
   std::vector<float> out(6 * model_.numbers.n);
-  const dcloth_output output = {sizeof(output), static_cast<uint32_t>(model_.numbers.n), out.data(), 24, 24, out.data() + 3};
+  const dcloth_output output = {sizeof(output), static_cast<uint32_t>(model_.numbers.n), out.data(), 24, 24,
+                                out.data() + 3};
   ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, &timer), DCLOTH_OK);
   ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, &timer), DCLOTH_OK);
   uint64_t total = 0;

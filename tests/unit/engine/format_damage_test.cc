@@ -41,7 +41,8 @@ TEST(Truncation, EveryPrefixIsRefused) {
     const AlignedBytes prefix(whole.data(), size);
     dcloth_model* model = nullptr;
     dcloth_error error = EmptyError();
-    ASSERT_NE(dcloth_model_open(prefix.data(), size, storage.data(), storage.size(), &model, &error), DCLOTH_OK) << size;
+    ASSERT_NE(dcloth_model_open(prefix.data(), size, storage.data(), storage.size(), &model, &error), DCLOTH_OK)
+        << size;
     ASSERT_EQ(model, nullptr);
     ++refused;
   }
@@ -98,7 +99,8 @@ TEST_P(BitFlipTest, WildBytesNeverHarm) {
   size_t refused = 0;
   for (int i = 0; i < 5000; ++i) {
     AlignedBytes damaged = whole;
-    for (uint32_t hits = 1 + random() % 6; hits > 0; --hits) damaged.data()[bytes.tables[random() % bytes.tables.size()]] = static_cast<uint8_t>(random());
+    for (uint32_t hits = 1 + random() % 6; hits > 0; --hits)
+      damaged.data()[bytes.tables[random() % bytes.tables.size()]] = static_cast<uint8_t>(random());
     refused += OpenAndRun(damaged) != DCLOTH_OK;
   }
   EXPECT_GT(refused, 1000u);

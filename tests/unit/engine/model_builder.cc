@@ -31,7 +31,8 @@ void AddTube(const ModelSpec& spec, Numbers* numbers) {
   }
   for (size_t f = 0; f < numbers->faces.size(); f += 3) {
     for (size_t corner = 0; corner < 3; ++corner) {
-      for (size_t other = 0; other < 3; ++other) neighbours[numbers->faces[f + corner]].insert(numbers->faces[f + other]);
+      for (size_t other = 0; other < 3; ++other)
+        neighbours[numbers->faces[f + corner]].insert(numbers->faces[f + other]);
     }
   }
   for (const auto& row : neighbours) numbers->neighbours.emplace_back(row.begin(), row.end());
@@ -66,7 +67,8 @@ void AddFeatures(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers, 
 }
 
 // Rows of `width` weights that sum to 1.
-std::unique_ptr<format::TensorT> WeightRows(TensorWriter* writer, size_t rows, uint32_t width, std::vector<double>* values) {
+std::unique_ptr<format::TensorT> WeightRows(TensorWriter* writer, size_t rows, uint32_t width,
+                                            std::vector<double>* values) {
   std::vector<float> weights;
   for (size_t i = 0; i < rows; ++i) {
     std::vector<double> row(width);
@@ -96,11 +98,12 @@ std::unique_ptr<format::StaticStageT> StaticStage(const ModelSpec& spec, TensorW
   return stage;
 }
 
-std::unique_ptr<format::MeshLayerT> MeshLayer(uint32_t input_width, uint32_t width, TensorWriter* writer, Layer* layer) {
+std::unique_ptr<format::MeshLayerT> MeshLayer(uint32_t input_width, uint32_t width, TensorWriter* writer,
+                                              Layer* layer) {
   auto table = std::make_unique<format::MeshLayerT>();
   layer->input_width = input_width;
-  // Magnitudes sum to 1 over a column of the input and to a quarter or a half over the recurrent ones, so that a bound on
-  // rounding errors shrinks from tick to tick; the output's bias keeps the norm away from dividing by little.
+  // Magnitudes sum to 1 over a column of the input and to a quarter or a half over the recurrent ones, so that a bound
+  // on rounding errors shrinks from tick to tick; the output's bias keeps the norm away from dividing by little.
   const double in = 1.0 / input_width, hidden = 1.0 / width;
   table->input_gates = writer->RandomFloats({input_width, 3 * width}, -2 * in, 2 * in, &layer->input_gates);
   table->gate_bias = writer->RandomFloats({3 * width}, -0.5, 0.5, &layer->gate_bias);
@@ -187,7 +190,8 @@ TestModel BuildModel(const ModelSpec& spec) {
   tables.garment->vertices = n;
   tables.garment->template_positions =
       writer.Floats({n, 3}, std::vector<float>(numbers.positions.begin(), numbers.positions.end()), &numbers.positions);
-  tables.garment->faces = writer.Add(format::DType_U16, {static_cast<uint32_t>(numbers.faces.size() / 3), 3}, numbers.faces);
+  tables.garment->faces =
+      writer.Add(format::DType_U16, {static_cast<uint32_t>(numbers.faces.size() / 3), 3}, numbers.faces);
   tables.character = std::make_unique<format::CharacterT>();
   AddSkeleton(spec, &writer, &numbers, tables.character.get());
   tables.features = std::make_unique<format::FeaturesT>();
@@ -211,7 +215,8 @@ std::vector<float> PoseAt(const Numbers& numbers, double seconds, std::array<dou
                                       place[2] + std::sin(0.7 * seconds)};
   for (size_t j = 0; j < numbers.joint_positions.size(); ++j) {
     // G_j B_j^-1 bends by `bend` about the joint's own place, then the character stands at `root` and faces `yaw`.
-    const double bend = 0.4 * std::sin(2.0 * seconds + static_cast<double>(j)), cb = std::cos(bend), sb = std::sin(bend);
+    const double bend = 0.4 * std::sin(2.0 * seconds + static_cast<double>(j)), cb = std::cos(bend),
+                 sb = std::sin(bend);
     const std::array<double, 3>& p = numbers.joint_positions[j];
     const double turn[3][3] = {{c, 0, s}, {0, 1, 0}, {-s, 0, c}}, tilt[3][3] = {{1, 0, 0}, {0, cb, -sb}, {0, sb, cb}};
     // B_j's linear part is the transpose of the inverse's.
@@ -229,7 +234,8 @@ std::vector<float> PoseAt(const Numbers& numbers, double seconds, std::array<dou
         for (size_t i = 0; i < 3; ++i) world[row][k] += turn[row][i] * local[i][k];
         matrices.push_back(static_cast<float>(world[row][k]));
       }
-      matrices.push_back(static_cast<float>(turn[row][0] * p[0] + turn[row][1] * p[1] + turn[row][2] * p[2] + root[row]));
+      matrices.push_back(
+          static_cast<float>(turn[row][0] * p[0] + turn[row][1] * p[1] + turn[row][2] * p[2] + root[row]));
     }
     matrices.insert(matrices.end(), {0, 0, 0, 1});
   }

@@ -29,11 +29,11 @@ struct ModelSpec {
   uint32_t influences = 4;
   uint32_t body_influences = 3;
   uint32_t static_width = 21;
-  uint32_t units = 19;         // k_S; odd, so that the basis has a pad row
+  uint32_t units = 19;  // k_S; odd, so that the basis has a pad row
   uint32_t feature_width = 16;
   uint32_t layers = 3;
   uint32_t mesh_width = 37;
-  uint32_t mesh_basis = 13;    // k_M
+  uint32_t mesh_basis = 13;  // k_M
   bool root_motion = true;
   bool skeleton = true;
   bool mesh = true;
@@ -49,7 +49,8 @@ struct Linear {
 
 struct Layer {
   size_t input_width = 0;
-  std::vector<double> input_gates, gate_bias, hidden_gates, hidden_candidate, output, output_bias, norm_gain, norm_offset;
+  std::vector<double> input_gates, gate_bias, hidden_gates, hidden_candidate, output, output_bias, norm_gain,
+      norm_offset;
   double prelu_slope = 0;
 };
 
@@ -63,7 +64,7 @@ struct Numbers {
   std::vector<double> inverse_bind;                    // [joints, 12]
   std::vector<size_t> feature_joints, bones;
   std::vector<double> mean, inverse_deviation, low, high;
-  std::vector<double> positions;                       // [n, 3]
+  std::vector<double> positions;  // [n, 3]
   std::vector<uint16_t> faces;
   std::vector<double> pivots;
   Linear static_hidden, static_increments;
@@ -73,7 +74,7 @@ struct Numbers {
   std::vector<double> body_points, body_weights;
   std::vector<uint8_t> body_joints;
   std::vector<double> input_mean, input_inverse_deviation;
-  std::vector<std::vector<size_t>> neighbours;         // N(i), i among them
+  std::vector<std::vector<size_t>> neighbours;  // N(i), i among them
   std::vector<Layer> layers;
   std::vector<double> embed;
   double embed_bias = 0;

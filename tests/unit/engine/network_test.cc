@@ -53,14 +53,72 @@ std::vector<Case> Cases() {
       {"f32", With(format::DType_F32), kFloatBound},
       {"f16", With(format::DType_F16), kFloatBound},
       {"i8", With(format::DType_I8), kInt8Bound},
-      {"one_layer_width_8", With(format::DType_F32, [](ModelSpec* s) { s->layers = 1; s->feature_width = 8; s->seed = 2; }), kFloatBound},
-      {"two_layers_width_32", With(format::DType_F32, [](ModelSpec* s) { s->layers = 2; s->feature_width = 32; s->seed = 3; }), kFloatBound},
-      {"four_layers_width_24", With(format::DType_F16, [](ModelSpec* s) { s->layers = 4; s->feature_width = 24; s->rings = 9; s->seed = 4; }), kFloatBound},
-      {"even_sizes_no_root", With(format::DType_I8, [](ModelSpec* s) { s->units = 32; s->mesh_basis = 8; s->root_motion = false; s->seed = 5; }), kInt8Bound},
-      {"twenty_vertices", With(format::DType_F32, [](ModelSpec* s) { s->rings = 4; s->segments = 5; s->influences = 1; s->body_influences = 8; s->seed = 6; }), kFloatBound},
-      {"two_hundred_vertices", With(format::DType_I8, [](ModelSpec* s) { s->rings = 20; s->influences = 8; s->seed = 7; }), kInt8Bound},
-      {"skeleton_only", With(format::DType_I8, [](ModelSpec* s) { s->mesh = false; s->seed = 8; }), kInt8Bound},
-      {"static_only", With(format::DType_F16, [](ModelSpec* s) { s->mesh = s->skeleton = false; s->seed = 9; }), kFloatBound},
+      {"one_layer_width_8",
+       With(format::DType_F32,
+            [](ModelSpec* s) {
+              s->layers = 1;
+              s->feature_width = 8;
+              s->seed = 2;
+            }),
+       kFloatBound},
+      {"two_layers_width_32",
+       With(format::DType_F32,
+            [](ModelSpec* s) {
+              s->layers = 2;
+              s->feature_width = 32;
+              s->seed = 3;
+            }),
+       kFloatBound},
+      {"four_layers_width_24",
+       With(format::DType_F16,
+            [](ModelSpec* s) {
+              s->layers = 4;
+              s->feature_width = 24;
+              s->rings = 9;
+              s->seed = 4;
+            }),
+       kFloatBound},
+      {"even_sizes_no_root",
+       With(format::DType_I8,
+            [](ModelSpec* s) {
+              s->units = 32;
+              s->mesh_basis = 8;
+              s->root_motion = false;
+              s->seed = 5;
+            }),
+       kInt8Bound},
+      {"twenty_vertices",
+       With(format::DType_F32,
+            [](ModelSpec* s) {
+              s->rings = 4;
+              s->segments = 5;
+              s->influences = 1;
+              s->body_influences = 8;
+              s->seed = 6;
+            }),
+       kFloatBound},
+      {"two_hundred_vertices",
+       With(format::DType_I8,
+            [](ModelSpec* s) {
+              s->rings = 20;
+              s->influences = 8;
+              s->seed = 7;
+            }),
+       kInt8Bound},
+      {"skeleton_only",
+       With(format::DType_I8,
+            [](ModelSpec* s) {
+              s->mesh = false;
+              s->seed = 8;
+            }),
+       kInt8Bound},
+      {"static_only",
+       With(format::DType_F16,
+            [](ModelSpec* s) {
+              s->mesh = s->skeleton = false;
+              s->seed = 9;
+            }),
+       kFloatBound},
   };
 }
 
@@ -74,7 +132,9 @@ class NetworkTest : public ::testing::TestWithParam<std::tuple<Case, std::string
 };
 
 uint32_t StagesOf(const ModelSpec& spec) {
-  return spec.mesh && spec.skeleton ? DCLOTH_STAGES_MESH : spec.skeleton ? DCLOTH_STAGES_SKELETON : DCLOTH_STAGES_STATIC;
+  return spec.mesh && spec.skeleton ? DCLOTH_STAGES_MESH
+         : spec.skeleton            ? DCLOTH_STAGES_SKELETON
+                                    : DCLOTH_STAGES_STATIC;
 }
 
 TEST_P(NetworkTest, TicksAndFramesStayWithinTheBound) {
@@ -125,13 +185,17 @@ TEST_P(NetworkTest, EveryStageMovesTheGarment) {
   ASSERT_GE(frames.size(), 2u);
   for (size_t f = 1; f < frames.size(); ++f) {
     double moved = 0;
-    for (size_t i = 0; i < frames[f].size(); ++i) moved = std::max(moved, std::abs(static_cast<double>(frames[f][i] - frames[f - 1][i])));
+    for (size_t i = 0; i < frames[f].size(); ++i)
+      moved = std::max(moved, std::abs(static_cast<double>(frames[f][i] - frames[f - 1][i])));
     EXPECT_GT(moved, 2 * test.position_bound) << "stage " << f;
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryIsa, NetworkTest, ::testing::Combine(::testing::ValuesIn(Cases()), ::testing::ValuesIn(UsableIsas())),
-                         [](const auto& test) { return std::string(std::get<0>(test.param).name) + "_" + std::get<1>(test.param); });
+INSTANTIATE_TEST_SUITE_P(EveryIsa, NetworkTest,
+                         ::testing::Combine(::testing::ValuesIn(Cases()), ::testing::ValuesIn(UsableIsas())),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param).name) + "_" + std::get<1>(test.param);
+                         });
 
 TEST(Isa, ScalarAlwaysExistsAndUnknownNamesAreRefused) {
   EXPECT_FALSE(UsableIsas().empty());

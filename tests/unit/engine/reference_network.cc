@@ -18,8 +18,8 @@ Matrix4 Product(const Matrix4& a, const Matrix4& b) {
   return product;
 }
 
-// A sum over blended matrices, as skinning does it: sum_k w_k A_k first, then times the point. Each matrix element is one
-// rounding, the blend K products, the transform four more.
+// A sum over blended matrices, as skinning does it: sum_k w_k A_k first, then times the point. Each matrix element is
+// one rounding, the blend K products, the transform four more.
 Bounded BlendRow(const std::vector<std::array<double, 4>>& rows, const double* weights, const Bounded* point) {
   Sum sum;
   for (size_t c = 0; c < 4; ++c) {
@@ -32,8 +32,8 @@ Bounded BlendRow(const std::vector<std::array<double, 4>>& rows, const double* w
   return sum.Total();
 }
 
-// (o - mean) / s with s = sqrt(variance + 1e-5). If d = o - mean is off by at most a per element, s, a norm of (d, sqrt(eps)),
-// is off by at most A = sqrt(mean a^2), and the quotient by (a + |d| A / s) / (s - A).
+// (o - mean) / s with s = sqrt(variance + 1e-5). If d = o - mean is off by at most a per element, s, a norm of (d,
+// sqrt(eps)), is off by at most A = sqrt(mean a^2), and the quotient by (a + |d| A / s) / (s - A).
 Vector LayerNorm(const Vector& o) {
   const auto width = static_cast<double>(o.size());
   Sum total;
@@ -64,8 +64,8 @@ Vector Apply(const Linear& linear, const Vector& x) {
   if (x.size() > linear.rows) throw std::logic_error("more inputs than rows");
   double half_step = 0;
   if (!linear.row_scales.empty()) {
-    // matvec.h: |q| <= 32767 with the smallest power of two as step, so half a step is at most max / 32767; the limit on
-    // sum|q| cannot bind below 512 rows.
+    // matvec.h: |q| <= 32767 with the smallest power of two as step, so half a step is at most max / 32767; the limit
+    // on sum|q| cannot bind below 512 rows.
     if (x.size() > 512) throw std::logic_error("too many rows for the bound");
     for (size_t j = 0; j < x.size(); ++j) {
       half_step = std::max(half_step, (std::abs(x[j].value) + x[j].error) * linear.row_scales[j] * (1 + kUnit) / 32767);
@@ -264,7 +264,8 @@ void ReferenceNetwork::Tick(const std::vector<float>& pose, uint32_t stages) {
   last_.increments = Apply(numbers_.static_increments, hidden);
   last_.displacement.assign(3 * numbers_.n, {});
 
-  if (stages >= DCLOTH_STAGES_SKELETON && last_stages_ < DCLOTH_STAGES_SKELETON) std::fill(h_.begin(), h_.end(), Bounded{});
+  if (stages >= DCLOTH_STAGES_SKELETON && last_stages_ < DCLOTH_STAGES_SKELETON)
+    std::fill(h_.begin(), h_.end(), Bounded{});
   if (stages >= DCLOTH_STAGES_MESH && last_stages_ < DCLOTH_STAGES_MESH) {
     for (Vector& state : states_) std::fill(state.begin(), state.end(), Bounded{});
   }
@@ -338,7 +339,8 @@ Vector ReferenceNetwork::Normals(const Vector& relative) const {
     const auto at = [&](size_t corner, size_t axis) { return relative[3 * size_t{numbers_.faces[f + corner]} + axis]; };
     for (size_t axis = 0; axis < 3; ++axis) {
       const size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
-      const Bounded cross = (at(1, u) - at(0, u)) * (at(2, v) - at(0, v)) - (at(1, v) - at(0, v)) * (at(2, u) - at(0, u));
+      const Bounded cross =
+          (at(1, u) - at(0, u)) * (at(2, v) - at(0, v)) - (at(1, v) - at(0, v)) * (at(2, u) - at(0, u));
       for (size_t corner = 0; corner < 3; ++corner) sums[numbers_.faces[f + corner]][axis].Add(cross, 1.0);
     }
   }

@@ -55,8 +55,8 @@ class ReferenceNetwork {
   double yaw_ = 0;
   std::array<double, 3> hips_ = {};
   Vector features_;
-  Vector h_;                     // skeleton stage
-  std::vector<Vector> states_;   // mesh stage, per layer [n, F]
+  Vector h_;                    // skeleton stage
+  std::vector<Vector> states_;  // mesh stage, per layer [n, F]
   Tick2 last_, before_;
   size_t ticks_ = 0;
   uint32_t last_stages_ = 0;

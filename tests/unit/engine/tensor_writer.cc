@@ -19,12 +19,14 @@ TensorTable TensorWriter::AddBytes(format::DType dtype, std::vector<uint32_t> sh
   return tensor;
 }
 
-TensorTable TensorWriter::Floats(std::vector<uint32_t> shape, const std::vector<float>& values, std::vector<double>* kept) {
+TensorTable TensorWriter::Floats(std::vector<uint32_t> shape, const std::vector<float>& values,
+                                 std::vector<double>* kept) {
   kept->assign(values.begin(), values.end());
   return Add(format::DType_F32, std::move(shape), values);
 }
 
-TensorTable TensorWriter::RandomFloats(std::vector<uint32_t> shape, double low, double high, std::vector<double>* kept) {
+TensorTable TensorWriter::RandomFloats(std::vector<uint32_t> shape, double low, double high,
+                                       std::vector<double>* kept) {
   size_t count = 1;
   for (const uint32_t side : shape) count *= side;
   std::vector<float> values(count);
@@ -34,7 +36,8 @@ TensorTable TensorWriter::RandomFloats(std::vector<uint32_t> shape, double low, 
 
 TensorTable TensorWriter::RandomBytes(std::vector<uint32_t> shape, uint32_t limit, std::vector<uint8_t>* kept) {
   kept->resize(size_t{shape[0]} * shape[1]);
-  for (uint8_t& value : *kept) value = static_cast<uint8_t>(std::uniform_int_distribution<uint32_t>(0, limit - 1)(random_));
+  for (uint8_t& value : *kept)
+    value = static_cast<uint8_t>(std::uniform_int_distribution<uint32_t>(0, limit - 1)(random_));
   return Add(format::DType_U8, std::move(shape), *kept);
 }
 
@@ -46,7 +49,8 @@ void TensorWriter::AddInt8(const std::vector<float>& weights, format::LinearT* t
   for (size_t c = 0; c < columns; ++c) {
     double largest = 0;
     for (size_t j = 0; j < rows; ++j) {
-      largest = std::max(largest, std::abs(static_cast<double>(weights[j * columns + c])) / static_cast<double>(row_scales[j]));
+      largest = std::max(largest,
+                         std::abs(static_cast<double>(weights[j * columns + c])) / static_cast<double>(row_scales[j]));
     }
     if (largest > 0) column_scales[c] = static_cast<float>(largest / 127);
     for (size_t j = 0; j < rows; ++j) {
