@@ -14,7 +14,7 @@ VERTICES = 128
 
 
 @torch.no_grad()
-def embed(mesh, body_points, clips, batch=8):
+def embed(mesh, body_points, clips, batch=2):
     """s [T, n] float32 of every clip from a reset, several clips side by side."""
     out = [None] * len(clips)
     order = sorted(range(len(clips)), key=lambda i: len(clips[i]))
@@ -68,7 +68,7 @@ class Head(nn.Module):
             u = u + self.options.head_noise * torch.randn_like(u)
         hidden = self.mlp[1](self.mlp[0](u))
         if self.training:
-            hidden = nn.functional.dropout(hidden, self.options.dropout)
+            hidden = nn.functional.dropout(hidden, self.options.head_dropout)
         return self.mlp[2](hidden) * self.scale
 
     @torch.no_grad()
@@ -136,7 +136,7 @@ def fit(stage, mesh, body_points, static, components, deviations, training, vali
         return total / sum(map(len, validation))
 
     history = loop.fit(stage, head, options.head_epochs, batches, validate, folder,
-                       seed=options.seed, rate=options.rate, decay=options.head_decay,
+                       seed=options.seed, rate=options.head_rate, decay=options.head_decay,
                        validate_every=options.validate_every, log=log)
     with torch.no_grad():
         shrink, error = best_shrink(weights[::every], validation, predicted())

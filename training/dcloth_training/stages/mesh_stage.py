@@ -1,8 +1,9 @@
 """Stage 3: graph-recurrent layers over the cloth mesh, then a vertex-level MLP to Q.
 
 Tensors are vertex-major, [n, B, F]: a neighbour is then one contiguous row of B F numbers and
-the mean over N(i) is an embedding bag. N is symmetric, so its transpose is again such a bag;
-torch.sparse products were 40 times slower at F = 8 (7,952 vertices, one core, four sequences).
+the mean over N(i) is an embedding bag. N is symmetric, so its transpose is again such a bag. At
+F = 8, 7,952 vertices, one core, B = 1 | 4: bag 0.21 | 0.26 ms, torch.sparse COO 1.0 | 1.1, CSR
+1.1 | 1.3, gather and sum 0.7 | 2.7, SciPy's CSR 0.3 | 1.3 (no gradient).
 """
 import torch
 from torch import nn
