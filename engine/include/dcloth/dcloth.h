@@ -65,8 +65,8 @@ typedef struct dcloth_error {
 typedef struct dcloth_model dcloth_model; /* read-only view of model bytes */
 typedef struct dcloth_cloth dcloth_cloth; /* one garment on one character: recurrent state and displacement */
 
-/* Which stages run. A later stage needs the ones before it. Fewer stages are a level of detail: they may change from tick
- * to tick, the change is blended like any motion, and a stage that rested for a tick starts from zero state. */
+/* Which stages run. A later stage needs the ones before it. Fewer stages are a level of detail: they may change from
+ * tick to tick, the change is blended like any motion, and a stage that rested for a tick starts from zero state. */
 enum {
   DCLOTH_STAGES_STATIC = 1,
   DCLOTH_STAGES_SKELETON = 3,
