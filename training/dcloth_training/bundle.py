@@ -45,7 +45,8 @@ def write(path, net, fitted, character, training, garment="skirt", half=True):
             raise BundleError(f"{path}: tensor '{name}' is not finite as {value.dtype}; "
                               f"train again or export with --float32")
     plain = {"template.positions": character.template, "character.bind": character.bind,
-             "body.positions": character.body_vertices, "body.joint_weights": character.body_weights,
+             "body.positions": character.body_vertices,
+             "body.joint_weights": character.body_weights,
              "static.initial_weights": fitted.initial_weights}
     for name in ("mean", "deviation", "low", "high"):
         plain[f"features.{name}"] = getattr(net.standardise, name).numpy()
@@ -61,7 +62,8 @@ def write(path, net, fitted, character, training, garment="skirt", half=True):
     safetensors_io.write(path, tensors, {
         "format": "dcloth-bundle", "format_version": "1", "garment": garment,
         "tick_rate": f"{rig.rate:g}", "joint_names": json.dumps(list(names)),
-        "hips": names[rig.hips], "feature_joints": json.dumps([names[j] for j in rig.feature_joints]),
+        "hips": names[rig.hips],
+        "feature_joints": json.dumps([names[j] for j in rig.feature_joints]),
         "root_motion": "true" if rig.root_motion else "false",
         "bones": json.dumps([names[b] for b in rig.bones]), "training": json.dumps(training)})
 
@@ -128,5 +130,7 @@ def read(path, dtype=torch.float64):
             _load(mesh, tensors, "mesh.")
             body = network.BodyPoints(tensor("nearest.points"), tensor("nearest.joint_weights"))
     except BundleError as error:
-        raise BundleError(f"{path}: {error}" if str(path) not in str(error) else str(error)) from None
-    return network.DCloth(standardise, static, skeleton, body, mesh).to(dtype), rig, faces, metadata
+        text = str(error)
+        raise BundleError(text if str(path) in text else f"{path}: {text}") from None
+    net = network.DCloth(standardise, static, skeleton, body, mesh).to(dtype)
+    return net, rig, faces, metadata

@@ -2,7 +2,8 @@
 
 Three steps, each kept only where it lowers the validation error: a head on the initial layers
 (random recurrent features already tell poses and their recent past apart), truncated
-back-propagation through time of layers and head together, a fresh head on the trained layers.
+back-propagation through time of the layers below that head, a fresh head on the trained layers.
+The head stands still in the second step: with its n h weights free, the first epoch overfits.
 """
 import copy
 
@@ -76,10 +77,11 @@ def train(mesh, body_points, static, training, validation, options, folder, log=
                 return _errors(mesh, static, validation,
                                mesh_head.embed(mesh, body_points, validation))
 
+        mesh.mlp.requires_grad_(False)
         histories["mesh_layers"] = loop.fit(
             "mesh_layers", mesh, options.mesh_epochs,
             lambda generator: _chunks(mesh, body_points, static, training, options, generator),
-            validate, folder, seed=options.seed, rate=options.mesh_rate, decay=options.head_decay,
+            validate, folder, seed=options.seed, rate=options.mesh_rate,
             log=log)
         reached = min(h["validation_mm"] for h in histories["mesh_layers"]) / 1e3
         if reached < lowest:

@@ -3,7 +3,8 @@
     python3 -m dcloth_training.train --data DIR --out DIR [--export BUNDLE]
 
 DIR/--data holds character.safetensors, dynamic/ and static/ (simulate/run.py makes them). Stops
-and resumes at any epoch; writes checkpoints, log.json, curves.png and network.safetensors under --out.
+and resumes at any epoch; writes checkpoints, log.json, curves.png and network.safetensors
+under --out.
 """
 import argparse
 import json
@@ -49,7 +50,7 @@ def arguments(argv=None):
     add("--mesh-hidden", type=int, default=256, help="h")
     add("--mesh-epochs", type=int, default=6)
     add("--mesh-clips", type=int, default=16, help="clips drawn for one such epoch")
-    add("--mesh-rate", type=float, default=2e-4)
+    add("--mesh-rate", type=float, default=1e-3)
     add("--chunk", type=int, default=16, help="ticks of truncated back-propagation")
     add("--head-rank", type=int, default=32)
     add("--head-epochs", type=int, default=40)

@@ -1,4 +1,4 @@
-"""Training on the tiny garment: it learns, it resumes bit for bit, it never reads held-out clips."""
+"""Training on the tiny garment: it learns, resumes bit for bit, never reads held-out clips."""
 import json
 import shutil
 
@@ -61,7 +61,8 @@ def test_a_checkpoint_is_whole_or_absent(tmp_path):
 
 def test_checkpoints_keep_types_and_every_bit(tmp_path):
     path = str(tmp_path / "a.safetensors")
-    state = {"a": [{"x": 0.1, 3: torch.tensor(2.0)}, (1, None, True)], "t": torch.randn(2, 3).half()}
+    state = {"a": [{"x": 0.1, 3: torch.tensor(2.0)}, (1, None, True)],
+             "t": torch.randn(2, 3).half()}
     checkpoint.save(path, state)
     back = checkpoint.load(path)
     assert back["a"][0]["x"] == 0.1 and back["a"][1] == (1, None, True)
