@@ -1,10 +1,15 @@
 // `dcloth convert`: a training bundle becomes a model file.
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <string>
+#include <system_error>
+#include <vector>
 
 #include "converter/convert.h"
 #include "converter/error.h"
+#include "converter/file.h"
 #include "tools/commands.h"
 #include "tools/json_output.h"
 
@@ -125,7 +130,7 @@ void AddConvert(CLI::App& app, int& exit_code) {
       command->add_option("--max-error-mm", options->max_error_mm,
                           "largest allowed distance of any vertex to the fp32 model on --motion; exit 1 when missed")
           ->check(CLI::PositiveNumber);
-  command->add_option("--motion", options->motion, "a sequence to measure on; may be repeated")->expected(1)->allow_extra_args(false);
+  command->add_option("--motion", options->motion, "a sequence to measure on; may be repeated")->allow_extra_args(false);
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, bound, &exit_code] {
     options->bounded = bound->count() > 0;

@@ -1,5 +1,6 @@
 // `dcloth evaluate`: speed and error of every precision on motion with known truth, as table, JSON and page.
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <iterator>
@@ -154,7 +155,6 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("SEQ", options->sequences, "sequences (.safetensors)")->required();
   command->add_option("--precision", options->precisions, "fp32, fp16 or int8; may be repeated; all three when not given")
-      ->expected(1)
       ->allow_extra_args(false)
       ->check(CLI::IsMember({"fp32", "fp16", "int8"}));
   command->add_flag("--json", options->json, "one JSON object on stdout");

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <string>
 
 #include "converter/error.h"
 #include "dcloth/dcloth.h"
@@ -33,6 +34,14 @@ int main(int argc, char** argv) {
     AddEvaluate(app, exit_code);
     try {
       app.parse(argc, argv);
+    } catch (const CLI::RequiredError& error) {
+      // The parser asks for a command before it looks at a misspelt one.
+      if (argc > 1 && app.get_subcommands().empty()) {
+        const std::string text = std::string("no command '") + argv[1] + "'; there are convert, inspect, run, profile, evaluate";
+        return Fail(text.c_str(), kExitBadInput);
+      }
+      app.exit(error);
+      return kExitBadInput;
     } catch (const CLI::ParseError& error) {
       return app.exit(error) == 0 ? kExitGood : kExitBadInput;
     }

@@ -144,10 +144,12 @@ function errorChart(sequence, seek) {
   const y = makeScale([high || 1], box.bottom, box.top, true);
   axes(svg, x, y, box, 'seconds', 'mean error to the simulation, mm');
   let key = box.right;
-  for (const name of [...names].reverse()) {
+  for (const name of [...names].reverse()) {  // the legend runs from right to left
     key -= 26 + variantLabel(name).length * 6.6;
     svg.append(element('line', {x1: key, x2: key + 14, y1: 14, y2: 14, stroke: variantColor(name), 'stroke-width': 3}),
                element('text', {x: key + 18, y: 18, class: 'note'}, variantLabel(name)));
+  }
+  for (const name of names) {
     const points = sequence.errors[name].map((e, f) => `${x.at(f / sequence.fps).toFixed(1)},${y.at(e).toFixed(1)}`).join(' ');
     svg.append(element('polyline', {points, fill: 'none', stroke: variantColor(name), 'stroke-width': 1.8, 'stroke-linejoin': 'round'}));
   }

@@ -14,10 +14,10 @@ function applyTheme(state) {
   document.documentElement.dataset.theme = state.theme;
 }
 
-// A round upper end for the legend: the chosen variant's largest frame mean, doubled, on a 1-2-5 grid.
+// A round upper end for the legend, the same for every variant: three times the mean error of the last one, on a 1-2-5 grid.
 function errorScale(sequence) {
-  const means = Object.entries(sequence.errors || {}).filter(([name]) => name !== 'skinning').flatMap(([, list]) => list);
-  const top = 2 * Math.max(...means, 0.5);
+  const last = Object.values(sequence.errors).pop();
+  const top = Math.max(3 * last.reduce((sum, e) => sum + e, 0) / last.length, 0.01);
   const power = 10 ** Math.floor(Math.log10(top));
   return [1, 2, 5, 10].map((m) => m * power).find((s) => s >= top);
 }

@@ -14,7 +14,7 @@ void main() {
   world = position;
   world_normal = normal;
   scalar = scalars;
-  light_position = light_projection * vec4(position + 0.006 * normal, 1.0);
+  light_position = light_projection * vec4(position + 0.006 * normal, 1.0);  // off the surface: no self-shadowing stripes
   gl_Position = view_projection * vec4(position, 1.0);
 }`;
 
@@ -75,7 +75,7 @@ void main() {
   vec3 earth = vec3(0.22, 0.19, 0.17);
   vec3 ambient = mix(earth, sky, n.y * 0.5 + 0.5);
   float fold = (outside ? 1.0 : -1.0) * scalar.y;
-  float cavity = material == 1 ? 1.0 : clamp(1.0 - 3.2 * fold, 0.45, 1.45);
+  float cavity = material == 1 ? 1.0 : clamp(1.0 - 2.2 * fold, 0.5, 1.3);
   vec3 albedo = outside || material == 1 ? outer_color : inner_color;
   float sheen = material == 0 ? 0.42 : 0.10;
   if (material == 2) {
