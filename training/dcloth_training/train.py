@@ -34,7 +34,8 @@ def arguments(argv=None):
     add("--stages", choices=network.STAGES, default="mesh", help="last stage to train")
     add("--no-root-motion", action="store_true")
     add("--static-width", type=int, default=256)
-    add("--static-epochs", type=int, default=80)
+    add("--static-epochs", type=int, default=60)
+    add("--influences", type=int, default=4, help="bones a vertex, at most")
     add("--skeleton-size", type=int, default=128, help="k_S")
     add("--skeleton-rank", type=int, default=64, help="principal components below S")
     add("--skeleton-epochs", type=int, default=220)
@@ -48,7 +49,7 @@ def arguments(argv=None):
     add("--mesh-width", type=int, default=8, help="F")
     add("--mesh-layers", type=int, default=3, help="L")
     add("--mesh-hidden", type=int, default=256, help="h")
-    add("--mesh-epochs", type=int, default=6)
+    add("--mesh-epochs", type=int, default=4)
     add("--mesh-clips", type=int, default=16, help="clips drawn for one such epoch")
     add("--mesh-rate", type=float, default=1e-3)
     add("--chunk", type=int, default=16, help="ticks of truncated back-propagation")
@@ -128,8 +129,7 @@ def run(options):
     statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
     net = build(fitted, character, standard, options, statistics, options.stages)
     drapes = fit_static.Drapes(static_clips, character)
-    histories = {"static": fit_static.train(net.static, net.standardise, drapes, options,
-                                            options.out, log)}
+    histories = fit_static.train(net.static, net.standardise, drapes, options, options.out, log)
     drapes = None
     net.static.requires_grad_(False)
     if options.stages != "static":

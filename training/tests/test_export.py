@@ -46,6 +46,12 @@ def test_stages_differ_and_half_precision_stays_close(tiny, files):
     assert 0 < difference < 1e-3        # metres; 2^-11 of displacements of some decimetres
 
 
+def test_bundle_has_no_more_influences_than_asked_for(files):
+    for name in ("whole", "half"):
+        weights = bundle.read(files / name)[0].static.weights()
+        assert (weights > 0).sum(1).max() == 3 < weights.shape[1]
+
+
 def test_recurrent_state_is_used(tiny, files):
     net, rig, *_ = bundle.read(files / "whole")
     matrices = item(tiny).joint_matrices

@@ -181,3 +181,17 @@ def test_skinned_distance_measures_after_the_blended_rotation():
     error = torch.tensor([[[3.0, 0, 4], [0, 3, 4], [0, 0, 2.0]]])
     assert float(losses.skinned_distance(linear, weights, error)) == pytest.approx(
         (5 + 10 + 3) / 3, rel=1e-6)
+
+
+def test_pruned_weights_keep_the_strongest_and_stay_pruned():
+    stage = static_stage(np.random.default_rng(8), m=6)
+    before = stage.weights().detach()
+    stage.prune(2)
+    after = stage.weights()
+    assert ((after > 0).sum(1) <= 2).all()
+    top = before.topk(2).indices
+    kept = before.gather(1, top)
+    assert torch.allclose(after.gather(1, top), kept / kept.sum(1, keepdim=True))
+    after.square().sum().backward()
+    dropped = after == 0
+    assert dropped.any() and not stage.residual_weights.grad[:, dropped].any()

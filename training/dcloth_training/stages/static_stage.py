@@ -2,6 +2,8 @@
 import torch
 from torch import nn
 
+PRUNED_DEPTH = 0.05
+
 
 class StaticStage(nn.Module):
     """D = MLP(x), W = normalise(max(W_I + sum_i W_i, 0)), v = sum_j w_ij A_j (T_i + delta_i)."""
@@ -22,6 +24,17 @@ class StaticStage(nn.Module):
         """[n, m], rows sum to 1."""
         raw = (self.initial_weights + self.residual_weights.sum(0)).clamp(min=0)
         return raw / raw.sum(1, keepdim=True)
+
+    @torch.no_grad()
+    def prune(self, influences):
+        """Keep the strongest `influences` bones of each vertex; the others stay at zero for good.
+
+        Their sum is set below zero, where max(., 0) passes no gradient and half floats no error.
+        """
+        dropped = torch.ones_like(self.initial_weights, dtype=torch.bool)
+        dropped.scatter_(1, self.weights().topk(min(influences, dropped.shape[1])).indices, False)
+        below = -(self.initial_weights + PRUNED_DEPTH) / len(self.residual_weights)
+        self.residual_weights.copy_(torch.where(dropped, below, self.residual_weights))
 
     def increments(self, x):
         """D [..., m, 3]."""
