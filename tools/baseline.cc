@@ -20,9 +20,11 @@ std::vector<double> InverseBind(const converter::Bundle& bundle) {
     }
     const double determinant = at(0, 0) * cofactor[0][0] + at(0, 1) * cofactor[0][1] + at(0, 2) * cofactor[0][2];
     if (!(std::abs(determinant) > 0)) {
-      throw converter::Error({.path = bundle.path, .tensor = "character.bind",
+      throw converter::Error({.path = bundle.path,
+                              .tensor = "character.bind",
                               .found = "a bind matrix without inverse for joint '" + bundle.joint_names[j] + "'",
-                              .expected = "invertible joint-to-world matrices", .mend = "export the bind pose again"});
+                              .expected = "invertible joint-to-world matrices",
+                              .mend = "export the bind pose again"});
     }
     double* row = &out[12 * j];
     for (int r = 0; r < 3; ++r) {
@@ -73,7 +75,8 @@ void PlainSkinning::Skin(std::span<const float> matrices, std::span<float> posit
     for (uint32_t k = row_starts_[i]; k < row_starts_[i + 1]; ++k) {
       const float* m = &matrices[size_t{influences_[k].joint} * 12];
       for (int r = 0; r < 3; ++r) {
-        const double moved = double{m[4 * r]} * t[0] + double{m[4 * r + 1]} * t[1] + double{m[4 * r + 2]} * t[2] + m[4 * r + 3];
+        const double moved =
+            double{m[4 * r]} * t[0] + double{m[4 * r + 1]} * t[1] + double{m[4 * r + 2]} * t[2] + m[4 * r + 3];
         sum[r] += influences_[k].weight * moved;
       }
     }

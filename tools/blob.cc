@@ -12,8 +12,8 @@ namespace {
 std::vector<unsigned char> Deflate(std::span<const std::byte> bytes) {
   if (bytes.size() > UINT32_MAX) throw std::runtime_error("a sequence too long for one page; show fewer frames");
   z_stream stream{};
-  // Residuals are small numbers with short repeats, which is what Z_FILTERED is for: 5 % smaller than the default strategy.
-  // Level 9 would save 1 % more in four times the time.
+  // Residuals are small numbers with short repeats, which is what Z_FILTERED is for: 5 % smaller than the default
+  // strategy. Level 9 would save 1 % more in four times the time.
   int status = deflateInit2(&stream, 6, Z_DEFLATED, 15, 9, Z_FILTERED);
   if (status != Z_OK) throw std::runtime_error("zlib does not start (status " + std::to_string(status) + ")");
   std::vector<unsigned char> packed(deflateBound(&stream, static_cast<uLong>(bytes.size())));
@@ -24,7 +24,8 @@ std::vector<unsigned char> Deflate(std::span<const std::byte> bytes) {
   status = deflate(&stream, Z_FINISH);
   const size_t size = stream.total_out;
   deflateEnd(&stream);
-  if (status != Z_STREAM_END) throw std::runtime_error("zlib refuses to compress (status " + std::to_string(status) + ")");
+  if (status != Z_STREAM_END)
+    throw std::runtime_error("zlib refuses to compress (status " + std::to_string(status) + ")");
   packed.resize(size);
   return packed;
 }

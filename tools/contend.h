@@ -1,4 +1,5 @@
-// A neighbour that wants what the cloth wants: one thread on another core that streams memory and multiplies without pause.
+// A neighbour that wants what the cloth wants: one thread on another core that streams memory and multiplies without
+// pause.
 #ifndef DCLOTH_TOOLS_CONTEND_H_
 #define DCLOTH_TOOLS_CONTEND_H_
 

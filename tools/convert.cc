@@ -1,4 +1,6 @@
 // `dcloth convert`: a training bundle becomes a model file.
+#include "converter/convert.h"
+
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -7,7 +9,6 @@
 #include <system_error>
 #include <vector>
 
-#include "converter/convert.h"
 #include "converter/error.h"
 #include "converter/file.h"
 #include "tools/commands.h"
@@ -37,11 +38,17 @@ Json ReportJson(const converter::ConvertReport& report, const Options& options) 
                {"pruning", Json::object()},
                {"trials", Json::array()}};
   for (const converter::TensorReport& t : report.tensors) {
-    json["tensors"].push_back({{"name", t.name}, {"dtype", t.dtype}, {"shape", t.shape}, {"size_bytes", t.size_bytes},
-                               {"relative_rms", t.relative_rms}, {"relative_max", t.relative_max}});
+    json["tensors"].push_back({{"name", t.name},
+                               {"dtype", t.dtype},
+                               {"shape", t.shape},
+                               {"size_bytes", t.size_bytes},
+                               {"relative_rms", t.relative_rms},
+                               {"relative_max", t.relative_max}});
   }
   const auto pruning = [](const converter::PruneReport& p) {
-    Json out = {{"influences", p.influences}, {"removed_mean", p.removed_mean}, {"removed_worst", p.removed_worst},
+    Json out = {{"influences", p.influences},
+                {"removed_mean", p.removed_mean},
+                {"removed_worst", p.removed_worst},
                 {"bound_worst_mm", p.bound_worst_mm}};
     out["mean_mm"] = p.measured ? Json(p.mean_mm) : Json(nullptr);
     out["worst_mm"] = p.measured ? Json(p.worst_mm) : Json(nullptr);
@@ -50,7 +57,8 @@ Json ReportJson(const converter::ConvertReport& report, const Options& options) 
   json["pruning"]["cloth"] = pruning(report.influences);
   json["pruning"]["body_points"] = pruning(report.body_influences);
   for (const converter::Trial& t : report.trials) {
-    json["trials"].push_back({{"precision", converter::PrecisionName(t.precision)}, {"model_bytes", t.model_bytes},
+    json["trials"].push_back({{"precision", converter::PrecisionName(t.precision)},
+                              {"model_bytes", t.model_bytes},
                               {"error", ToJson(t.error)}});
   }
   return json;
@@ -76,8 +84,8 @@ void PrintTable(const converter::ConvertReport& report, const Options& options) 
               converter::PathText(options.model).c_str(), converter::PrecisionName(report.precision),
               static_cast<double>(report.model_bytes) / 1e6, static_cast<double>(report.instance_bytes) / 1024,
               report.joint_count, report.dropped_joints);
-  std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n", report.influences.influences,
-              report.influences.removed_mean, report.influences.removed_worst);
+  std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n",
+              report.influences.influences, report.influences.removed_mean, report.influences.removed_worst);
   for (const converter::Trial& t : report.trials) {
     std::printf("%s on the given motion, against fp32: mean %.4f, p99 %.4f, max %.4f mm\n",
                 converter::PrecisionName(t.precision), t.error.position_mm.mean, t.error.position_mm.p99,
@@ -123,14 +131,17 @@ void AddConvert(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("convert", "Make a model file from a training bundle");
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("-o,--output", options->model, "the model file to write (.dcloth)")->required();
-  command->add_option("--precision", options->precision, "fp32, fp16, int8, or auto: the smallest within --max-error-mm")
+  command
+      ->add_option("--precision", options->precision, "fp32, fp16, int8, or auto: the smallest within --max-error-mm")
       ->check(CLI::IsMember({"fp32", "fp16", "int8", "auto"}))
       ->capture_default_str();
   CLI::Option* bound =
-      command->add_option("--max-error-mm", options->max_error_mm,
-                          "largest allowed distance of any vertex to the fp32 model on --motion; exit 1 when missed")
+      command
+          ->add_option("--max-error-mm", options->max_error_mm,
+                       "largest allowed distance of any vertex to the fp32 model on --motion; exit 1 when missed")
           ->check(CLI::PositiveNumber);
-  command->add_option("--motion", options->motion, "a sequence to measure on; may be repeated")->allow_extra_args(false);
+  command->add_option("--motion", options->motion, "a sequence to measure on; may be repeated")
+      ->allow_extra_args(false);
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, bound, &exit_code] {
     options->bounded = bound->count() > 0;

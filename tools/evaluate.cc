@@ -52,10 +52,16 @@ class Scene {
   Report Finish(Json variants, std::string isa) {
     const size_t faces = static_cast<size_t>(bundle_.template_faces.size());
     report_.title = bundle_.garment;
-    report_.subtitle = "Learned cloth on one CPU thread, measured on motion with known truth: speed, memory and error in the same row.";
+    report_.subtitle =
+        "Learned cloth on one CPU thread, measured on motion with known truth: speed, memory and error in the same "
+        "row.";
     report_.cpu = CpuName();
-    report_.facts = {std::string("dcloth ") + dcloth_version(), CpuName(), "instruction set " + std::move(isa), "one thread",
-                     std::to_string(bundle_.vertex_count()) + " vertices", std::to_string(faces / 3) + " triangles"};
+    report_.facts = {std::string("dcloth ") + dcloth_version(),
+                     CpuName(),
+                     "instruction set " + std::move(isa),
+                     "one thread",
+                     std::to_string(bundle_.vertex_count()) + " vertices",
+                     std::to_string(faces / 3) + " triangles"};
     report_.joint_count = bundle_.joint_names.size();
     report_.vertex_count = bundle_.vertex_count();
     std::transform(bundle_.template_faces.data(), bundle_.template_faces.data() + faces,
@@ -149,12 +155,15 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("evaluate", "Measure speed and error of a bundle on sequences");
   command->footer(
-      "tick_ms is tick plus skin with normals on one thread, with the caches emptied before every tick; tick_warm_ms is the\n"
-      "same back to back. Rows: plain skinning (nearest-point weights, no network), the last precision stopped after each\n"
+      "tick_ms is tick plus skin with normals on one thread, with the caches emptied before every tick; tick_warm_ms "
+      "is the\n"
+      "same back to back. Rows: plain skinning (nearest-point weights, no network), the last precision stopped after "
+      "each\n"
       "earlier stage (\"int8/static\"), each precision with all stages. fp32 is the difference to the float32 engine.");
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("SEQ", options->sequences, "sequences (.safetensors)")->required();
-  command->add_option("--precision", options->precisions, "fp32, fp16 or int8; may be repeated; all three when not given")
+  command
+      ->add_option("--precision", options->precisions, "fp32, fp16 or int8; may be repeated; all three when not given")
       ->allow_extra_args(false)
       ->check(CLI::IsMember({"fp32", "fp16", "int8"}));
   command->add_flag("--json", options->json, "one JSON object on stdout");

@@ -84,10 +84,10 @@ Json SequencesJson(std::span<const Variant> variants, std::span<const converter:
 }
 
 void PrintVariants(std::span<const Variant> variants) {
-  std::vector<std::vector<std::string>> rows = {
-      {"", "", "model", "instance", "tick ms", "cold", "", "", "warm", "E_d mm", "", "", "E_n deg", "to fp32", "mm", ""},
-      {"variant", "stages", "MB", "KiB", "p50", "p95", "p99", "max", "p50", "mean +- std", "p99", "max", "mean +- std", "mean",
-       "p99", "max"}};
+  std::vector<std::vector<std::string>> rows = {{"", "", "model", "instance", "tick ms", "cold", "", "", "warm",
+                                                 "E_d mm", "", "", "E_n deg", "to fp32", "mm", ""},
+                                                {"variant", "stages", "MB", "KiB", "p50", "p95", "p99", "max", "p50",
+                                                 "mean +- std", "p99", "max", "mean +- std", "mean", "p99", "max"}};
   for (const Variant& v : variants) rows.push_back(Row(v));
   std::vector<size_t> widths(rows[0].size(), 0);
   for (const auto& row : rows) {

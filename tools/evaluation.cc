@@ -94,7 +94,10 @@ TickTimes MeasureCold(Runner* runner, size_t sequence_count, size_t cold_ticks, 
 class Errors {
  public:
   Errors(std::span<const uint16_t> triangles, size_t vertex_count, const Bundle& bundle)
-      : triangles_(triangles), vertex_count_(vertex_count), bundle_(bundle), truth_(triangles, vertex_count),
+      : triangles_(triangles),
+        vertex_count_(vertex_count),
+        bundle_(bundle),
+        truth_(triangles, vertex_count),
         fp32_(triangles, vertex_count) {}
 
   ErrorPair Add(const Sequence& sequence, std::span<const float> positions, std::span<const float> reference) {
@@ -142,12 +145,15 @@ struct Job {
 size_t FramesPerTick(const Bundle& bundle, const Sequence& sequence) {
   const double ratio = sequence.fps / bundle.tick_rate, whole = std::round(ratio);
   if (whole < 1 || std::abs(ratio - whole) > 0.01 * whole) {
-    throw converter::Error({.path = sequence.path, .tensor = {}, .found = "fps " + std::to_string(sequence.fps),
+    throw converter::Error({.path = sequence.path,
+                            .tensor = {},
+                            .found = "fps " + std::to_string(sequence.fps),
                             .expected = "a multiple of the tick rate, " + std::to_string(bundle.tick_rate),
                             .mend = "resample the sequence, or use `dcloth run`, which resamples poses"});
   }
   if (sequence.has_truth() && sequence.truth_vertex_count != bundle.vertex_count()) {
-    throw converter::Error({.path = sequence.path, .tensor = "truth",
+    throw converter::Error({.path = sequence.path,
+                            .tensor = "truth",
                             .found = std::to_string(sequence.truth_vertex_count) + " vertices",
                             .expected = std::to_string(bundle.vertex_count()) + ", those of '" + bundle.garment + "'",
                             .mend = "evaluate the garment that the sequence was simulated with"});
@@ -159,8 +165,8 @@ size_t TickCount(const Bundle& bundle, const Sequence& sequence) {
   return (sequence.frame_count - 1) / FramesPerTick(bundle, sequence) + 1;
 }
 
-std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> sequences, const EvaluationOptions& options,
-                              const PlayedVisitor& visit) {
+std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> sequences,
+                              const EvaluationOptions& options, const PlayedVisitor& visit) {
   for (const Sequence& s : sequences) FramesPerTick(bundle, s);
   Progress progress("evaluating");
   const auto open = [&](converter::Precision precision) {
@@ -177,7 +183,8 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
   const OpenModel& last = models.back();
   for (uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON}) {
     if ((stages & ~last.info().stages) != 0 || stages == last.info().stages) continue;
-    jobs.push_back({std::string(converter::PrecisionName(options.precisions.back())) + "/" + StagesName(stages), stages, &last});
+    jobs.push_back(
+        {std::string(converter::PrecisionName(options.precisions.back())) + "/" + StagesName(stages), stages, &last});
   }
   for (size_t i = 0; i < models.size(); ++i) {
     jobs.push_back({converter::PrecisionName(options.precisions[i]), models[i].info().stages, &models[i]});
@@ -188,7 +195,8 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
   std::vector<std::vector<float>> expected;  // the fp32 engine's positions
   {
     Runner runner(bundle, reference, reference.info().stages, sequences);
-    for (size_t s = 0; s < sequences.size(); ++s, progress.Step(++done, total)) expected.push_back(runner.Play(s, nullptr));
+    for (size_t s = 0; s < sequences.size(); ++s, progress.Step(++done, total))
+      expected.push_back(runner.Play(s, nullptr));
   }
 
   std::vector<Variant> variants;

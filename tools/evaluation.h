@@ -25,13 +25,13 @@ struct ErrorPair {
 
 struct TickTimes {
   size_t cold_count = 0, warm_count = 0;
-  Percentiles cold_ms, warm_ms;  // tick and skin with normals, all on one thread
+  Percentiles cold_ms, warm_ms;                          // tick and skin with normals, all on one thread
   std::array<Percentiles, DCLOTH_STEP_COUNT> stages_ms;  // cold
 };
 
 struct Variant {
-  std::string name;    // "int8", "int8/skeleton", "skinning"
-  std::string stages;  // "static", "skeleton", "mesh"; "none" for plain skinning
+  std::string name;                              // "int8", "int8/skeleton", "skinning"
+  std::string stages;                            // "static", "skeleton", "mesh"; "none" for plain skinning
   uint64_t model_bytes = 0, instance_bytes = 0;  // 0 for plain skinning
   std::optional<TickTimes> times;                // none for plain skinning: it is here for its error
   ErrorPair error;
@@ -51,8 +51,8 @@ struct Played {
 };
 using PlayedVisitor = std::function<void(const Played&)>;
 
-// Every (fps / tick rate)-th frame is a tick. Throws converter::Error where the ratio is no whole number, or the truth has
-// another vertex count than the bundle.
+// Every (fps / tick rate)-th frame is a tick. Throws converter::Error where the ratio is no whole number, or the truth
+// has another vertex count than the bundle.
 size_t FramesPerTick(const converter::Bundle& bundle, const converter::Sequence& sequence);
 size_t TickCount(const converter::Bundle& bundle, const converter::Sequence& sequence);
 

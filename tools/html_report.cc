@@ -101,9 +101,9 @@ void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
     throw std::logic_error("report.html lacks @DATA@ before @BLOBS@");
   }
   const size_t after_data = data_at + kDataMark.size(), after_blobs = blobs_at + kBlobsMark.size();
-  const std::array<std::span<const std::byte>, 5> pieces = {
-      Bytes(page.substr(0, data_at)), Bytes(data), Bytes(page.substr(after_data, blobs_at - after_data)),
-      Bytes(blobs.html()), Bytes(page.substr(after_blobs))};
+  const std::array<std::span<const std::byte>, 5> pieces = {Bytes(page.substr(0, data_at)), Bytes(data),
+                                                            Bytes(page.substr(after_data, blobs_at - after_data)),
+                                                            Bytes(blobs.html()), Bytes(page.substr(after_blobs))};
   converter::WriteFileAtomically(path, pieces);
 }
 

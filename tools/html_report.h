@@ -16,10 +16,10 @@
 namespace dcloth::tools {
 
 struct ReportBody {
-  std::vector<float> positions;   // [b, 3] bind pose
-  std::vector<uint32_t> faces;    // [f, 3]
-  std::vector<uint16_t> joints;   // [b, 4]
-  std::vector<float> weights;     // [b, 4], rows sum to 1
+  std::vector<float> positions;  // [b, 3] bind pose
+  std::vector<uint32_t> faces;   // [f, 3]
+  std::vector<uint16_t> joints;  // [b, 4]
+  std::vector<float> weights;    // [b, 4], rows sum to 1
 };
 
 struct ReportSequence {

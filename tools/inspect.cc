@@ -48,8 +48,8 @@ int Inspect(const Options& options) {
   std::printf("  garment    %s, %u vertices, %u triangles\n", text("garment").c_str(), model.info().vertex_count,
               model.info().triangle_count);
   std::printf("  precision  %s, format %s\n", text("precision").c_str(), text("format").c_str());
-  std::printf("  model      %.3f MB (%zu bytes), shared by all instances\n", static_cast<double>(model.bytes().size()) / 1e6,
-              model.bytes().size());
+  std::printf("  model      %.3f MB (%zu bytes), shared by all instances\n",
+              static_cast<double>(model.bytes().size()) / 1e6, model.bytes().size());
   std::printf("  instance   %.1f KiB (%zu bytes) of lent memory per garment\n",
               static_cast<double>(model.instance_bytes()) / 1024, model.instance_bytes());
   std::printf("  tick rate  %g Hz\n", TickRate(model));

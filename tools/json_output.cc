@@ -26,7 +26,8 @@ std::string DumpJson(const Json& json, int indent) {
 void PrintJson(const Json& json) {
   const std::string text = DumpJson(json) + "\n";
   if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
-    throw std::runtime_error("stdout: the JSON could not be written; check that the reader is alive and the disk not full");
+    throw std::runtime_error(
+        "stdout: the JSON could not be written; check that the reader is alive and the disk not full");
   }
 }
 

@@ -12,10 +12,10 @@ namespace dcloth::tools {
 
 using Json = nlohmann::ordered_json;
 
-Json ToJson(const Percentiles& percentiles);           // ms
-Json ToJson(const converter::MeshError& error);        // position_mm, normal_deg; null without frames
+Json ToJson(const Percentiles& percentiles);             // ms
+Json ToJson(const converter::MeshError& error);          // position_mm, normal_deg; null without frames
 std::string DumpJson(const Json& json, int indent = 2);  // text that is not UTF-8 gets replacement characters
-void PrintJson(const Json& json);                      // stdout; throws when stdout cannot take it
+void PrintJson(const Json& json);                        // stdout; throws when stdout cannot take it
 
 }  // namespace dcloth::tools
 

@@ -52,9 +52,11 @@ bool PinThread(int core) {
   if (std::find(allowed.begin(), allowed.end(), core) == allowed.end()) {
     std::string list;
     for (int c : allowed) list += (list.empty() ? "" : ", ") + std::to_string(c);
-    throw converter::Error(
-        {.path = {}, .tensor = {}, .found = "core " + std::to_string(core), .expected = "one of the cores " + list,
-         .mend = "pass --core with one of them"});
+    throw converter::Error({.path = {},
+                            .tensor = {},
+                            .found = "core " + std::to_string(core),
+                            .expected = "one of the cores " + list,
+                            .mend = "pass --core with one of them"});
   }
   cpu_set_t set;
   CPU_ZERO(&set);

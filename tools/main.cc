@@ -37,7 +37,8 @@ int main(int argc, char** argv) {
     } catch (const CLI::RequiredError& error) {
       // The parser asks for a command before it looks at a misspelt one.
       if (argc > 1 && app.get_subcommands().empty()) {
-        const std::string text = std::string("no command '") + argv[1] + "'; there are convert, inspect, run, profile, evaluate";
+        const std::string text =
+            std::string("no command '") + argv[1] + "'; there are convert, inspect, run, profile, evaluate";
         return Fail(text.c_str(), kExitBadInput);
       }
       app.exit(error);

@@ -20,11 +20,13 @@ static_assert(sizeof(Header) == 32);
 
 }  // namespace
 
-void WritePc2(const std::filesystem::path& path, std::span<const float> positions, size_t frame_count, size_t vertex_count) {
+void WritePc2(const std::filesystem::path& path, std::span<const float> positions, size_t frame_count,
+              size_t vertex_count) {
   Header header;
   header.point_count = static_cast<int32_t>(vertex_count);
   header.sample_count = static_cast<int32_t>(frame_count);
-  const std::array<std::span<const std::byte>, 2> pieces = {std::as_bytes(std::span(&header, 1)), std::as_bytes(positions)};
+  const std::array<std::span<const std::byte>, 2> pieces = {std::as_bytes(std::span(&header, 1)),
+                                                            std::as_bytes(positions)};
   converter::WriteFileAtomically(path, pieces);
 }
 

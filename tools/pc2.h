@@ -8,9 +8,10 @@
 
 namespace dcloth::tools {
 
-// positions [frame_count, vertex_count, 3]. Samples are one frame apart, starting at frame 0: set the scene to the rate the
-// frames were made at. Writes atomically; throws converter::Error.
-void WritePc2(const std::filesystem::path& path, std::span<const float> positions, size_t frame_count, size_t vertex_count);
+// positions [frame_count, vertex_count, 3]. Samples are one frame apart, starting at frame 0: set the scene to the rate
+// the frames were made at. Writes atomically; throws converter::Error.
+void WritePc2(const std::filesystem::path& path, std::span<const float> positions, size_t frame_count,
+              size_t vertex_count);
 
 }  // namespace dcloth::tools
 

@@ -19,8 +19,8 @@ uint32_t ParseStages(const std::string& name) {
   for (uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
     if (name == StagesName(stages)) return stages;
   }
-  throw converter::Error({.path = {}, .tensor = {}, .found = "stages '" + name + "'",
-                          .expected = "static, skeleton or mesh", .mend = {}});
+  throw converter::Error(
+      {.path = {}, .tensor = {}, .found = "stages '" + name + "'", .expected = "static, skeleton or mesh", .mend = {}});
 }
 
 double TickRate(const converter::OpenModel& model) {
@@ -29,10 +29,14 @@ double TickRate(const converter::OpenModel& model) {
 }
 
 Player::Player(const converter::OpenModel& model, uint32_t stages, std::string source)
-    : model_(model), stages_(stages), source_(std::move(source)),
-      positions_(size_t{model.info().vertex_count} * 3), normals_(positions_.size()) {
+    : model_(model),
+      stages_(stages),
+      source_(std::move(source)),
+      positions_(size_t{model.info().vertex_count} * 3),
+      normals_(positions_.size()) {
   if ((stages & ~model.info().stages) != 0) {
-    throw converter::Error({.path = {}, .tensor = {},
+    throw converter::Error({.path = {},
+                            .tensor = {},
                             .found = std::string("stages '") + StagesName(stages) + "' asked for",
                             .expected = std::string("at most '") + StagesName(model.info().stages) +
                                         "', the last stage that the model holds",
@@ -60,13 +64,16 @@ void Player::Skin(std::span<const float> pose, float blend, dcloth_timer* timer)
 }
 
 dcloth_pose Player::Pose(std::span<const float> matrices) const {
-  return {.struct_size = sizeof(dcloth_pose), .joint_count = static_cast<uint32_t>(matrices.size() / 16),
-          .joint_matrices = matrices.data(), .column_major = 0};
+  return {.struct_size = sizeof(dcloth_pose),
+          .joint_count = static_cast<uint32_t>(matrices.size() / 16),
+          .joint_matrices = matrices.data(),
+          .column_major = 0};
 }
 
 void Player::Check(dcloth_status status, const char* what) const {
   if (status == DCLOTH_OK) return;
-  throw converter::Error({.path = source_, .tensor = "joint_matrices",
+  throw converter::Error({.path = source_,
+                          .tensor = "joint_matrices",
                           .found = std::string("the engine refuses to ") + what + " (status " + std::to_string(status) +
                                    (status == DCLOTH_ERROR_POSE ? ", POSE)" : ", ARGUMENT)"),
                           .expected = "finite poses of " + std::to_string(model_.info().joint_count) + " joints",

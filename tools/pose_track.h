@@ -34,8 +34,8 @@ class PoseTrack {
   std::vector<float> matrices_;  // [frame_count, joint_count, 16]
 };
 
-// Which ticks run before a drawn frame and how far its displacement is between the last two of them. Frames are drawn at
-// f / frame_rate, tick k is due at k / tick_rate and takes the pose of that time.
+// Which ticks run before a drawn frame and how far its displacement is between the last two of them. Frames are drawn
+// at f / frame_rate, tick k is due at k / tick_rate and takes the pose of that time.
 struct FramePlan {
   double seconds = 0;
   size_t first_tick = 0, tick_count = 0;

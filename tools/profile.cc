@@ -31,15 +31,22 @@ struct Options {
 class Profiler {
  public:
   Profiler(const Options& options, const converter::OpenModel& model, const converter::Sequence& sequence)
-      : options_(options), model_(model), sequence_(sequence), poses_(sequence, model.joint_names()),
+      : options_(options),
+        model_(model),
+        sequence_(sequence),
+        poses_(sequence, model.joint_names()),
         player_(model, model.info().stages, converter::PathText(options.sequence)),
-        meter_(model.triangles(), model.info().vertex_count), tick_rate_(TickRate(model)), pose_(poses_.joint_count() * 16) {
+        meter_(model.triangles(), model.info().vertex_count),
+        tick_rate_(TickRate(model)),
+        pose_(poses_.joint_count() * 16) {
     if (options.cold) evictor_.emplace();
     if (sequence.has_truth() && sequence.truth_vertex_count != model.info().vertex_count) {
-      throw converter::Error({.path = sequence.path, .tensor = "truth",
-                              .found = std::to_string(sequence.truth_vertex_count) + " vertices",
-                              .expected = std::to_string(model.info().vertex_count) + ", those of '" + model.info().name + "'",
-                              .mend = "profile the garment that the sequence was simulated with"});
+      throw converter::Error(
+          {.path = sequence.path,
+           .tensor = "truth",
+           .found = std::to_string(sequence.truth_vertex_count) + " vertices",
+           .expected = std::to_string(model.info().vertex_count) + ", those of '" + model.info().name + "'",
+           .mend = "profile the garment that the sequence was simulated with"});
     }
   }
 
@@ -50,7 +57,8 @@ class Profiler {
     for (size_t f = 0; f < count; ++f) {
       const FramePlan plan = PlanFrame(f, options_.fps, tick_rate_);
       std::vector<std::vector<float>> due(plan.tick_count, pose_);
-      for (size_t k = 0; k < plan.tick_count; ++k) poses_.At(static_cast<double>(plan.first_tick + k) / tick_rate_, due[k]);
+      for (size_t k = 0; k < plan.tick_count; ++k)
+        poses_.At(static_cast<double>(plan.first_tick + k) / tick_rate_, due[k]);
       poses_.At(plan.seconds, pose_);
       if (evictor_) evictor_->Evict();
       frames->push_back(Time(due, plan.blend));
@@ -107,8 +115,11 @@ int RunProfile(const Options& options) {
   if (options.contend) {
     const auto other = std::find_if(cores.begin(), cores.end(), [&](int c) { return c != core; });
     if (other == cores.end()) {
-      throw converter::Error({.path = {}, .tensor = {}, .found = "--contend with one core to run on",
-                              .expected = "a second core for the neighbour", .mend = "allow this process a second core"});
+      throw converter::Error({.path = {},
+                              .tensor = {},
+                              .found = "--contend with one core to run on",
+                              .expected = "a second core for the neighbour",
+                              .mend = "allow this process a second core"});
     }
     contender.emplace(*other);
   }
@@ -141,8 +152,8 @@ int RunProfile(const Options& options) {
     PrintProfile(profile);
   }
   if (profile.missed_frames() == 0) return kExitGood;
-  std::fprintf(stderr, "dcloth: %zu of %zu frames missed the budget of %g ms\n", profile.missed_frames(), profile.frames.size(),
-               options.budget_ms);
+  std::fprintf(stderr, "dcloth: %zu of %zu frames missed the budget of %g ms\n", profile.missed_frames(),
+               profile.frames.size(), options.budget_ms);
   return kExitThresholdMissed;
 }
 
@@ -152,13 +163,18 @@ void AddProfile(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("profile", "Measure what a frame costs on one core");
   command->footer(
-      "A frame is the ticks that are due, then skinning with normals. The sequence repeats until 600 frames are measured, after\n"
+      "A frame is the ticks that are due, then skinning with normals. The sequence repeats until 600 frames are "
+      "measured, after\n"
       "one uncounted pass. With truth in the sequence the error of the drawn frames stands beside the times.");
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
-  command->add_option("--budget-ms", options->budget_ms, "exit 1 when any frame takes longer")->check(CLI::PositiveNumber);
-  command->add_option("--fps", options->fps, "drawn frames per second")->check(CLI::Range(1.0, 1000.0))->capture_default_str();
-  command->add_option("--core", options->core, "the core to stay on; the last allowed one when not given")->check(CLI::NonNegativeNumber);
+  command->add_option("--budget-ms", options->budget_ms, "exit 1 when any frame takes longer")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--fps", options->fps, "drawn frames per second")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
+  command->add_option("--core", options->core, "the core to stay on; the last allowed one when not given")
+      ->check(CLI::NonNegativeNumber);
   command->add_flag("--cold", options->cold, "empty the caches before every frame, outside the timed part");
   command->add_flag("--contend", options->contend, "a thread on another core wants memory and arithmetic too");
   command->add_flag("--json", options->json, "one JSON object on stdout");

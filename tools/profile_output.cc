@@ -45,7 +45,8 @@ void PrintRow(const char* name, const Percentiles& p) {
 
 size_t Profile::missed_frames() const {
   if (budget_ms <= 0) return 0;
-  return static_cast<size_t>(std::count_if(frames.begin(), frames.end(), [&](const ProfiledFrame& f) { return FrameMs(f) > budget_ms; }));
+  return static_cast<size_t>(
+      std::count_if(frames.begin(), frames.end(), [&](const ProfiledFrame& f) { return FrameMs(f) > budget_ms; }));
 }
 
 Json ProfileJson(const Profile& profile) {
@@ -77,22 +78,25 @@ Json ProfileJson(const Profile& profile) {
 void PrintProfile(const Profile& profile) {
   std::printf("%s, %s, %.3f MB, %.1f KiB per instance\n", profile.garment.c_str(), profile.precision.c_str(),
               static_cast<double>(profile.model_bytes) / 1e6, static_cast<double>(profile.instance_bytes) / 1024);
-  std::printf("%s, %s, core %s, %s caches%s, %zu frames at %g Hz, ticks at %g Hz\n\n", CpuName().c_str(), dcloth_isa_name(),
-              profile.core < 0 ? "not pinned" : std::to_string(profile.core).c_str(), profile.cold ? "cold" : "warm",
-              profile.contend ? ", a busy neighbour" : "", profile.frames.size(), profile.fps, profile.tick_rate);
+  std::printf("%s, %s, core %s, %s caches%s, %zu frames at %g Hz, ticks at %g Hz\n\n", CpuName().c_str(),
+              dcloth_isa_name(), profile.core < 0 ? "not pinned" : std::to_string(profile.core).c_str(),
+              profile.cold ? "cold" : "warm", profile.contend ? ", a busy neighbour" : "", profile.frames.size(),
+              profile.fps, profile.tick_rate);
   std::printf("  %-14s %9s %9s %9s %9s\n", "ms", "p50", "p95", "p99", "max");
   PrintRow("frame", Frames(profile));
   PrintRow("tick", Ticks(profile));
-  for (size_t s = 0; s < kStepNames.size(); ++s) PrintRow((std::string("  ") + kStepNames[s]).c_str(), Step(profile, s));
+  for (size_t s = 0; s < kStepNames.size(); ++s)
+    PrintRow((std::string("  ") + kStepNames[s]).c_str(), Step(profile, s));
   if (profile.error.frame_count > 0) {
     const converter::PositionError& e = profile.error.position_mm;
-    std::printf("\nerror to the simulation, as drawn: mean %.3f +- %.3f, p99 %.2f, max %.2f mm; normals %.2f deg\n", e.mean, e.std,
-                e.p99, e.max, profile.error.normal_deg.mean);
+    std::printf("\nerror to the simulation, as drawn: mean %.3f +- %.3f, p99 %.2f, max %.2f mm; normals %.2f deg\n",
+                e.mean, e.std, e.p99, e.max, profile.error.normal_deg.mean);
   } else {
     std::printf("\nerror: the sequence has no truth at the frames drawn\n");
   }
   if (profile.budget_ms > 0) {
-    std::printf("budget %.3f ms: %zu of %zu frames missed\n", profile.budget_ms, profile.missed_frames(), profile.frames.size());
+    std::printf("budget %.3f ms: %zu of %zu frames missed\n", profile.budget_ms, profile.missed_frames(),
+                profile.frames.size());
   }
 }
 
@@ -100,8 +104,13 @@ void WriteTrace(const std::filesystem::path& path, const Profile& profile) {
   Json events = Json::array();
   const uint64_t origin = profile.frames.empty() ? 0 : profile.frames.front().start_ns;
   const auto add = [&](const char* name, uint64_t start_ns, uint64_t length_ns, size_t frame) {
-    events.push_back({{"name", name}, {"ph", "X"}, {"pid", 1}, {"tid", 1}, {"ts", static_cast<double>(start_ns - origin) * 1e-3},
-                      {"dur", static_cast<double>(length_ns) * 1e-3}, {"args", {{"frame", frame}}}});
+    events.push_back({{"name", name},
+                      {"ph", "X"},
+                      {"pid", 1},
+                      {"tid", 1},
+                      {"ts", static_cast<double>(start_ns - origin) * 1e-3},
+                      {"dur", static_cast<double>(length_ns) * 1e-3},
+                      {"args", {{"frame", frame}}}});
   };
   const auto add_steps = [&](const StepTimes& steps, uint64_t start_ns, size_t frame) {
     for (size_t s = 0; s < steps.size(); ++s) {

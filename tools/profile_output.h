@@ -34,8 +34,8 @@ struct Profile {
 
 Json ProfileJson(const Profile& profile);
 void PrintProfile(const Profile& profile);
-// Chrome's trace event format: open in chrome://tracing or ui.perfetto.dev. Steps lie in the engine's order within their
-// call; their lengths are measured, the gaps between them are not.
+// Chrome's trace event format: open in chrome://tracing or ui.perfetto.dev. Steps lie in the engine's order within
+// their call; their lengths are measured, the gaps between them are not.
 void WriteTrace(const std::filesystem::path& path, const Profile& profile);
 
 }  // namespace dcloth::tools

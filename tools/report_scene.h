@@ -16,8 +16,8 @@ namespace dcloth::tools {
 // The character's skin with the four strongest influences a vertex, renormalised.
 ReportBody BodyOf(const converter::Bundle& bundle);
 
-// Joint pairs whose distance keeps most constant: a spanning tree over spread and length of the distance. A model knows no
-// parents, but bones are rigid.
+// Joint pairs whose distance keeps most constant: a spanning tree over spread and length of the distance. A model knows
+// no parents, but bones are rigid.
 std::vector<std::array<uint32_t, 2>> SticksOf(const PoseTrack& poses);
 
 // Appends one frame's camera point and its quantised origin.

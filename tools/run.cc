@@ -1,8 +1,10 @@
 // `dcloth run`: a model over a sequence at any frame rate, written as positions, a point cache or a page to look at.
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <numeric>
+#include <utility>
 
 #include "converter/error.h"
 #include "converter/sequence.h"
@@ -52,17 +54,19 @@ Result Play(const converter::OpenModel& model, const PoseTrack& poses, double fp
   return result;
 }
 
-void WritePage(const Options& options, const converter::OpenModel& model, const PoseTrack& poses, double fps,
+// `skeleton` holds every joint of the sequence: a model asks for the few that it needs, which make no figure.
+void WritePage(const Options& options, const converter::OpenModel& model, const PoseTrack& skeleton, double fps,
                const Result& result) {
-  const size_t n = model.info().vertex_count, frame_size = n * 3, joints = poses.joint_count();
+  const size_t n = model.info().vertex_count, frame_size = n * 3, joints = skeleton.joint_count();
   Report report;
   report.title = model.info().name;
-  report.subtitle = std::string(model.info().precision) + " model on " + converter::PathText(options.sequence.filename());
+  report.subtitle =
+      std::string(model.info().precision) + " model on " + converter::PathText(options.sequence.filename());
   report.facts = {std::string("dcloth ") + dcloth_version(), std::to_string(n) + " vertices"};
   report.joint_count = joints;
   report.triangles.assign(model.triangles().begin(), model.triangles().end());
   report.vertex_count = n;
-  report.sticks = SticksOf(poses);
+  report.sticks = SticksOf(skeleton);
   ReportSequence sequence;
   sequence.name = converter::PathText(options.sequence.stem());
   sequence.fps = fps;
@@ -76,7 +80,7 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
                                         static_cast<float>(center[2])};
     AppendOrigin(point, &sequence);
     AppendFrame(positions, LastOrigin(sequence), &track);
-    poses.At(static_cast<double>(f) / fps, pose);
+    skeleton.At(static_cast<double>(f) / fps, pose);
     for (size_t j = 0; j < joints; ++j) {
       sequence.joints.insert(sequence.joints.end(), pose.begin() + static_cast<ptrdiff_t>(16 * j),
                              pose.begin() + static_cast<ptrdiff_t>(16 * j + 12));
@@ -90,8 +94,11 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
 int Run(const Options& options) {
   const std::string extension = options.output.extension().string();
   if (extension != ".safetensors" && extension != ".pc2" && extension != ".html") {
-    throw converter::Error({.path = options.output, .tensor = {}, .found = "output ending '" + extension + "'",
-                            .expected = ".safetensors, .pc2 or .html", .mend = "name the output accordingly"});
+    throw converter::Error({.path = options.output,
+                            .tensor = {},
+                            .found = "output ending '" + extension + "'",
+                            .expected = ".safetensors, .pc2 or .html",
+                            .mend = "name the output accordingly"});
   }
   const converter::OpenModel model = OpenModelFile(options.model);
   const uint32_t stages = options.stages.empty() ? model.info().stages : ParseStages(options.stages);
@@ -103,10 +110,14 @@ int Run(const Options& options) {
   if (extension == ".pc2") {
     WritePc2(options.output, result.positions, result.frame_count, n);
   } else if (extension == ".html") {
-    WritePage(options, model, poses, fps, result);
+    WritePage(options, model, PoseTrack(sequence, sequence.joint_names), fps, result);
   } else {
-    converter::WriteRunOutput(options.output, {.garment = model.info().name, .fps = fps, .frame_count = result.frame_count,
-                                               .vertex_count = n, .positions = result.positions, .normals = {},
+    converter::WriteRunOutput(options.output, {.garment = model.info().name,
+                                               .fps = fps,
+                                               .frame_count = result.frame_count,
+                                               .vertex_count = n,
+                                               .positions = result.positions,
+                                               .normals = {},
                                                .triangles = model.triangles()});
   }
   std::fprintf(stderr, "%s: %zu frames at %g Hz, %zu vertices, stages up to %s\n",
@@ -122,9 +133,10 @@ void AddRun(CLI::App& app, int& exit_code) {
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
   command->add_option("-o,--output", options->output, "OUT.safetensors, OUT.pc2 or OUT.html")->required();
-  command->add_option("--fps", options->fps,
-                      "frames per second to draw; the model's tick rate when not given. Frame f is at f / R, tick k at\n"
-                      "k / tick rate; displacement blends by min(1, (time since the tick + 1 / R) * tick rate)")
+  command
+      ->add_option("--fps", options->fps,
+                   "frames per second to draw; the model's tick rate when not given. Frame f is at f / R, tick k at\n"
+                   "k / tick rate; displacement blends by min(1, (time since the tick + 1 / R) * tick rate)")
       ->check(CLI::Range(1.0, 1000.0));
   command->add_option("--stages", options->stages, "static, skeleton or mesh; all the model holds when not given")
       ->check(CLI::IsMember({"static", "skeleton", "mesh"}));

@@ -11,7 +11,8 @@
 
 namespace dcloth::tools {
 
-// Reaches +-6.5 m about the frame's origin in 16 bits; half of it tilts an edge of 10 mm by 0.6 degrees, which shading hides.
+// Reaches +-6.5 m about the frame's origin in 16 bits; half of it tilts an edge of 10 mm by 0.6 degrees, which shading
+// hides.
 constexpr double kQuantumMm = 0.2;
 
 // How a value is predicted. Numbers are the file's.

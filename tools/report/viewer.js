@@ -10,7 +10,7 @@ const CLOTH_INNER = [0.60, 0.34, 0.18];
 const TRUTH_OUTER = [0.052, 0.15, 0.30];
 const TRUTH_INNER = [0.30, 0.38, 0.44];
 const BODY_COLOR = [0.40, 0.375, 0.355];
-const STICK_COLOR = [0.62, 0.60, 0.56];
+const STICK_COLOR = [0.30, 0.29, 0.28];
 
 class Viewer {
   constructor(canvas, state, garment, body, listener) {
