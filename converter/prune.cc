@@ -5,11 +5,21 @@
 #include <numeric>
 
 namespace dcloth::converter {
+namespace {
+
+// The most weights worth keeping that any row has.
+uint32_t MostWeights(const MatrixD& dense) {
+  Eigen::Index most = 1;
+  for (Eigen::Index i = 0; i < dense.rows(); ++i) most = std::max(most, (dense.row(i).array() > kNegligibleWeight).count());
+  return static_cast<uint32_t>(most);
+}
+
+}  // namespace
 
 PrunedWeights Prune(const MatrixD& dense, uint32_t influences) {
   const auto columns = static_cast<uint32_t>(dense.cols());
   PrunedWeights pruned;
-  pruned.influences = std::min(influences, columns);
+  pruned.influences = std::min(influences, MostWeights(dense));
   std::vector<uint32_t> order(columns);
   for (Eigen::Index i = 0; i < dense.rows(); ++i) {
     std::iota(order.begin(), order.end(), 0u);

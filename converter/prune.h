@@ -32,8 +32,11 @@ struct PruneReport {
   double worst_mm = 0;
 };
 
+// A weight that moves no vertex of a character-sized garment by more than a micrometre or two.
+constexpr double kNegligibleWeight = 1e-6;
+
 // Rows of `dense` [n, columns] are nonnegative and sum to 1. Ties go to the lower column. K is at least 1 and is
-// lowered to the number of columns.
+// lowered to the most weights above kNegligibleWeight that a row has.
 PrunedWeights Prune(const MatrixD& dense, uint32_t influences);
 
 // What pruning does to plain linear blend skinning of `points` [n, 3] (bind pose). `pivots` [columns, 3] are the
