@@ -16,7 +16,7 @@ for precision in fp32 fp16 int8; do
   build/dcloth convert "$bundle" -o "out/demo/skirt-$precision.dcloth" --precision "$precision" >"out/demo/convert-$precision.txt"
 done
 
-# One run measures; the table is printed, its JSON and the report are written from the same numbers.
+# One run measures: its JSON, the table on stderr and the report are the same numbers.
 build/dcloth evaluate "$bundle" models/skirt/sequences/*.safetensors \
   --json --html out/demo/report.html >out/demo/evaluate.json.part
 mv out/demo/evaluate.json.part out/demo/evaluate.json

@@ -142,9 +142,8 @@ int RunEvaluate(const Options& options) {
                {"isa", dcloth_isa_name()},
                {"variants", rows},
                {"sequences", SequencesJson(variants, sequences, bundle)}});
-  } else {
-    PrintVariants(variants);
   }
+  PrintVariants(variants, options.json ? stderr : stdout);
   if (scene) std::fprintf(stderr, "%s: open it in a browser\n", converter::PathText(options.html).c_str());
   return kExitGood;
 }

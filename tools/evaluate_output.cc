@@ -83,7 +83,7 @@ Json SequencesJson(std::span<const Variant> variants, std::span<const converter:
   return rows;
 }
 
-void PrintVariants(std::span<const Variant> variants) {
+void PrintVariants(std::span<const Variant> variants, std::FILE* out) {
   std::vector<std::vector<std::string>> rows = {{"", "", "model", "instance", "tick ms", "cold", "", "", "warm",
                                                  "E_d mm", "", "", "E_n deg", "to fp32", "mm", ""},
                                                 {"variant", "stages", "MB", "KiB", "p50", "p95", "p99", "max", "p50",
@@ -100,7 +100,7 @@ void PrintVariants(std::span<const Variant> variants) {
       if (c > 0) line += "  ";
       line += c < 2 ? row[c] + pad : pad + row[c];
     }
-    std::printf("%s\n", line.c_str());
+    std::fprintf(out, "%s\n", line.c_str());
   }
 }
 

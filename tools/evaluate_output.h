@@ -2,6 +2,7 @@
 #ifndef DCLOTH_TOOLS_EVALUATE_OUTPUT_H_
 #define DCLOTH_TOOLS_EVALUATE_OUTPUT_H_
 
+#include <cstdio>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,7 +15,7 @@ namespace dcloth::tools {
 Json VariantsJson(std::span<const Variant> variants);
 Json SequencesJson(std::span<const Variant> variants, std::span<const converter::Sequence> sequences,
                    const converter::Bundle& bundle);
-void PrintVariants(std::span<const Variant> variants);
+void PrintVariants(std::span<const Variant> variants, std::FILE* out);
 
 }  // namespace dcloth::tools
 
