@@ -7,7 +7,7 @@ declare -A groups=(
            libeigen3-dev libcli11-dev zlib1g-dev python3"
   [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
           chromium binutils"
-  [train]="blender python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
+  [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
 )
 packages=()
 for group in "${@:-build}"; do

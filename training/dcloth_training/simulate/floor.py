@@ -28,8 +28,7 @@ def floor(name, options, body, chosen):
                                 clips.file_stem(name) + ".safetensors")
         if scale == 1.0 and options.data and os.path.exists(finished):
             return sequence.read(finished).truth[:len(frames)]  # the solver repeats itself exactly
-        return cloth_job.simulate(joined, body, garment.skirt(scale), frames, options.blender,
-                                  chosen).cloth
+        return cloth_job.simulate(joined, body, garment.skirt(scale), frames, chosen).cloth
 
     with concurrent.futures.ThreadPoolExecutor(min(options.workers, 2)) as pool:
         pair = list(pool.map(cloth, (1.0, RADIUS_SCALE)))
@@ -48,7 +47,6 @@ def main():
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE",
                         help="change one solver setting, e.g. --set quality=20")
-    parser.add_argument("--blender", default="blender")
     parser.add_argument("--data", help="ground truth made with the same settings: saves the "
                         "first of the two simulations where the clip is there")
     parser.add_argument("--out", help="write the numbers as JSON")

@@ -39,7 +39,7 @@ def make_character(path, options):
     if os.path.exists(path):
         return body, skirt
     rest = skeleton.rest_motion(settings.DRAPE_FRAMES)
-    hung = cloth_job.simulate(rest, body, skirt, [len(rest) - 2, len(rest) - 1], options.blender)
+    hung = cloth_job.simulate(rest, body, skirt, [len(rest) - 2, len(rest) - 1])
     drape = hung.cloth[1].astype(np.float64)
     reflected = drape[skirt.mirror] * np.array([-1.0, 1.0, 1.0])
     lopsided = np.linalg.norm(drape - reflected, axis=1)
@@ -56,7 +56,7 @@ def make_character(path, options):
         "cloth_rest": skirt.vertices.astype(np.float32), "cloth_faces": skirt.faces,
         "mirror": skirt.mirror, "pinned": skirt.pinned.astype(np.uint8),
     }, {"joint_names": json.dumps(skeleton.NAMES), "parents": json.dumps(skeleton.PARENTS.tolist()),
-        "joint_mirror": json.dumps(skeleton.MIRROR.tolist()), "blender": hung.blender})
+        "joint_mirror": json.dumps(skeleton.MIRROR.tolist())})
     return body, skirt
 
 
@@ -71,10 +71,10 @@ def run_clip(name, kind, motion, record, chosen, context, path):
     began = time.time()
     entry = {"clip": name, "kind": kind, "root": options.root, "settings": chosen}
     try:
-        result = cloth_job.simulate(motion, body, skirt, record, options.blender, chosen)
+        result = cloth_job.simulate(motion, body, skirt, record, chosen)
         entry.update(frames=len(record), simulated_frames=len(motion), fps=skeleton.FPS,
-                     blender=result.blender, seconds=round(result.seconds, 1),
-                     seconds_per_frame=round(result.seconds / len(motion), 3))
+                     seconds=round(result.seconds, 1),
+                     seconds_per_frame=round(result.seconds / len(motion), 4))
         entry.update(checks.measure(result, body, skirt, every=3 if kind == "dynamic" else 1))
         if kind == "static":  # consecutive drapes are different poses: speed means nothing
             for key in [k for k in entry if k.startswith("speed") or k.startswith("settled")]:
@@ -142,8 +142,7 @@ def main():
     parser.add_argument("--clips", default="held_out,static,training")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
-    parser.add_argument("--poses", type=int, default=84, help="quasi-static drapes")
-    parser.add_argument("--blender", default="blender")
+    parser.add_argument("--poses", type=int, default=400, help="quasi-static drapes")
     options = parser.parse_args()
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)

@@ -10,10 +10,10 @@ from ..motion import rotations
 from ..motion.skeleton import HIP_HEIGHT, INDEX, Motion
 
 FELT_JOINTS = ("Hips", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg")
-POSES_A_FILE = 14
+POSES_A_FILE = 20
 MOVE_FRAMES = 8
-HOLD_FRAMES = 12
-SETTINGS = {"quality": 10, "air_damping": 6.0}   # slow motion needs fewer substeps
+HOLD_FRAMES = 20
+SETTINGS = {}
 
 
 def without_root(motion):
