@@ -56,14 +56,20 @@ def remarks(scene, records, wanted):
     if known is not None and set(known) != trained:
         out.append(f"The full model was trained on other clips than the rows trained here: only there "
                    f"{sorted(set(known) - trained)}, only here {sorted(trained - set(known))}.")
-    lengths = {r["key"]: r["fits"] for r in records}
-    for key, stages in (("full_fixed_weights", "stages_1_3"), ("same_budget", "stages_1_2")):
-        short = {n: (f["epochs"], lengths[stages][n]["epochs"])
-                 for n, f in lengths.get(key, {}).items() if n in lengths.get(stages, {})
-                 and f["epochs"] < lengths[stages][n]["epochs"]}
-        if short:
-            out.append(f"{key} had fewer epochs than the full model: " + ", ".join(
-                f"{n} {a} of {b}" for n, (a, b) in short.items()) + ".")
+    asked = scene.provenance.get("command", {}).get("skeleton_epochs", scene.options.skeleton_epochs)
+    for record in records:
+        if record["group"] in ("control", "family"):
+            epochs = list(record["fits"].values())[-1]["epochs"]
+            if epochs < asked:
+                out.append(f"{record['title']}: {epochs} epochs, the full model's stage 2 was given "
+                           f"{asked}.")
+    fits = {r["key"]: r["fits"] for r in records}
+    whole = {name: fit for r in records if r["group"] == "ours" for name, fit in r["fits"].items()}
+    short = [f"{name} {fit['epochs']} of {whole[name]['epochs']}"
+             for name, fit in fits.get("full_fixed_weights", {}).items()
+             if name in whole and fit["epochs"] < whole[name]["epochs"]]
+    if short:
+        out.append(f"full with fixed weights: fewer epochs than the full model, {', '.join(short)}.")
     return out
 
 
@@ -74,7 +80,7 @@ def run(options):
     log = train.Log(options.out)
     scene = Scene(options, log)
     floor = table.read_floor(options.floor, scene.clips)
-    settings = keep.check(scene)
+    settings, scene.full_digest = keep.check(scene), keep.full_digest(scene)
     wanted = [row for row in ROWS if options.rows is None or row.key in options.rows]
     records = []
     for number, row in enumerate(wanted, 1):

@@ -10,11 +10,12 @@ READOUT_STATE = 0.3    # deviation of a code's entries that the readout's first 
 
 
 class Family(nn.Module):
-    """Base class. `sizes`: JSON scalars that shape the parameters. `fixed`: tensors that do not train.
+    """Base class. `sizes`: scalars that shape the parameters. `fixed`: tensors that do not train.
 
     A subclass gives BASE, learned(d, n, sizes), encode(x) and displacement(code, vertices).
     """
     BASE = "plain"
+    STRIDE = 1    # the loss counts every STRIDE-th tick of a window, from a random one on
 
     def __init__(self, sizes, fixed, options):
         super().__init__()

@@ -14,13 +14,20 @@ MODEL = "network.safetensors"
 MOST_BONES = 0.25       # of the vertices: a bone needs a patch to have a rotation
 
 
+def oriented(components):
+    """Components [R, columns] with the largest entry of each positive: their sign means nothing,
+    but the last bit of the data would decide it, and with it the network's first values."""
+    largest = np.abs(components).argmax(1)[:, None]
+    return components * np.where(np.take_along_axis(components, largest, 1) < 0, -1, 1).astype(np.float32)
+
+
 def principal_start(training, n, options):
     """{components [R, 3 n], scale [R]}: the start of a displacement basis, as in stage 2."""
     components, deviations = unskin.principal(
         lambda: (c.residual[::fit_skeleton.BASIS_EVERY].reshape(-1, 3 * n) for c in training),
         sum(len(c.residual[::fit_skeleton.BASIS_EVERY]) for c in training), options.skeleton_rank,
         options.seed)
-    return {"components": components, "scale": deviations.astype(np.float32)}
+    return {"components": oriented(components), "scale": deviations.astype(np.float32)}
 
 
 def bones_start(training, template, count, options):
@@ -40,7 +47,7 @@ def bones_start(training, template, count, options):
     components, deviations = unskin.principal(lambda: iter(blocks), sum(map(len, blocks)),
                                               options.skeleton_rank, options.seed)
     return {"template": template.astype(np.float32), "centres": centres.astype(np.float32),
-            "components": components, "scale": deviations.astype(np.float32),
+            "components": oriented(components), "scale": deviations.astype(np.float32),
             "first_logits": logits}, radius
 
 
@@ -81,9 +88,11 @@ def batches_of(family, base, standardise, clips, options):
             rows = losses.pick_vertices(count, fit_skeleton.VERTICES, generator)
             linear, target = fit_skeleton.gather(some, rows, frames)
             x = torch.stack([w.x(standardise, frames) for w in some])
-            delta = family.displacement(family.code(x), rows)
-            keep = fit_skeleton.counted(some, frames)
-            yield losses.skinned_distance(linear[keep], weights[rows], (delta - target)[keep])
+            ticks = slice(int(torch.randint(0, family.STRIDE, (1,), generator=generator)), None,
+                          family.STRIDE)
+            error = family.displacement(family.code(x)[:, ticks], rows) - target[:, ticks]
+            keep = fit_skeleton.counted(some, frames)[:, ticks]
+            yield losses.skinned_distance(linear[:, ticks][keep], weights[rows], error[keep])
 
     return batches
 

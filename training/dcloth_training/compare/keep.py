@@ -4,6 +4,7 @@ import json
 import os
 
 from .. import dataset, metrics, sequence
+from . import sizes
 from .scene import clip_path
 
 
@@ -26,18 +27,30 @@ def write_json(path, value):
     os.replace(partial, path)
 
 
+def full_digest(scene):
+    """Of the full model's weights: rows that run them are measured again when they change."""
+    path = scene.full
+    return digest([os.path.join(path, "network.safetensors") if os.path.isdir(path) else path])
+
+
 def settings(scene):
-    """Everything that decides the weights of the rows."""
-    full = scene.full
-    if os.path.isdir(full):
-        full = os.path.join(full, "network.safetensors")
+    """Everything that decides the weights of the rows trained here.
+
+    Of the full model that is its options, statistics of features and size alone: a longer trained
+    one of the same kind leaves the families' and most ablations' rows as they are.
+    """
+    net, statistics = scene.net, hashlib.blake2b(digest_size=16)
+    for value in (net.static.template, net.static.initial_weights, *scene.standardise.buffers()):
+        statistics.update(value.float().contiguous().numpy().tobytes())
     options = {k: v for k, v in vars(scene.options).items()
                if k not in ("data", "out", "export", "threads")}
     training = [os.path.join(scene.data, "character.safetensors"),
                 *dataset.find(scene.data, "static"),
                 *dataset.find(scene.data, "dynamic", dataset.HELD_OUT)]
-    return {"full": digest([full]), "data": digest(training), "options": options,
-            "minutes_per_model": scene.minutes}
+    found = {"data": digest(training), "statistics": statistics.hexdigest(),
+             "learned_numbers": sizes.of_network(net, "skeleton"), "options": options,
+             "minutes_per_model": scene.minutes}
+    return json.loads(json.dumps(found))
 
 
 def check(scene):
@@ -78,14 +91,17 @@ def finish(scene, row):
     """Train the row if need be, measure what is missing, keep it -> its record, or None."""
     if not row.applies(scene):
         return None
-    folder = os.path.join(scene.folder, row.folder)
+    folder = os.path.join(scene.folder, row.folder(scene))
     path = os.path.join(scene.folder, row.key + ".json")
+    of_full = scene.full_digest if row.OF_FULL else None
     record = {}
     if os.path.exists(path):
         with open(path) as file:
             record = json.load(file)
         known = {name: clip["file"] for name, clip in record["clips"].items()}
-        if all(known.get(c) == digest([clip_path(scene.data, c)]) for c in scene.clips):
+        if record["full"] != of_full:
+            record = {}
+        elif all(known.get(c) == digest([clip_path(scene.data, c)]) for c in scene.clips):
             return record
     model = row.load(scene, folder)
     if model is None:
@@ -93,7 +109,7 @@ def finish(scene, row):
         scene.log(f"{row.title}: training")
         row.train(scene, folder)
         model = row.load(scene, folder)
-    record.update(key=row.key, title=row.title, group=row.group, note=row.note,
+    record.update(key=row.key, title=row.title, group=row.group, note=row.note, full=of_full,
                   parameters=model.parameters, minutes=model.minutes, fits=model.fits)
     measure(scene, row, model, record)
     write_json(path, record)

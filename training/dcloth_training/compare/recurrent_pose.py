@@ -11,7 +11,7 @@ from .family import Family, Readout, as_vectors, columns_of
 
 
 class RecurrentPose(Family):
-    """d -> hidden (ReLU) -> GRU of hidden -> size (ReLU); the last activations weigh the basis."""
+    """d -> hidden (ReLU) -> GRU of hidden -> size (tanh); the last activations weigh the basis."""
 
     def __init__(self, features, sizes, fixed, options):
         super().__init__(sizes, fixed, options)
@@ -29,7 +29,7 @@ class RecurrentPose(Family):
 
     def encode(self, x):
         state = self.gru(torch.relu(self.encoder(x)))[0]
-        return torch.relu(self.decoder(state))
+        return torch.tanh(self.decoder(state))
 
     def displacement(self, code, vertices=None):
         """code [..., k] -> [..., v, 3] of `vertices`, or of all."""

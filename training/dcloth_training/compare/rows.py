@@ -60,7 +60,11 @@ class Row:
     group: str     # "scale", "ours", "ablation", "control" or "family"
     note: str
 
-    folder = property(lambda self: self.key)    # of its weights, below --out
+    OF_FULL = False    # True where the row runs weights of the full model
+
+    def folder(self, scene):
+        """Of its weights, below --out."""
+        return self.key
 
     def applies(self, scene):
         """False where the full model lacks the stage that this row is about."""
@@ -84,6 +88,7 @@ class Skinned(Row):
 class Full(Row):
     """The full model up to a stage."""
     stages: str = "mesh"
+    OF_FULL = True
 
     def applies(self, scene):
         return network.STAGES.index(self.stages) <= network.STAGES.index(scene.net.last_stage())
@@ -103,8 +108,9 @@ class Frozen(Row):
     frozen: str = "weights"
     stages: Optional[str] = "static"    # None: as many as the full model has
 
-    # Both rows of a part share a folder: the longer training goes on from the shorter one's.
-    folder = property(lambda self: f"{self.frozen}_frozen")
+    def folder(self, scene):
+        # Both rows of a part share one: the longer training goes on from the shorter one's.
+        return f"{self.frozen}_frozen"
 
     def last(self, scene):
         return self.stages or scene.net.last_stage()
@@ -132,6 +138,10 @@ class Frozen(Row):
 @dataclass
 class SameBudget(Row):
     """Stage 2 trained again on the full model's stage 1, with the families' budget."""
+    OF_FULL = True
+
+    def folder(self, scene):
+        return f"{self.key}_{scene.full_digest[:8]}"
 
     def train(self, scene, folder):
         training, validation = scene.prepared("stage 1", scene.net.static)

@@ -111,7 +111,7 @@ class Scene:
     def base(self, name):
         """A static stage that is linear blend skinning alone: "plain" or "hips" weights, D = 0."""
         static = self.net.static
-        weights = static.initial_weights
+        weights = static.initial_weights.contiguous()    # a bundle's and a fit's differ in their order
         if name == "hips":
             weights = torch.zeros_like(weights)
             weights[:, self.anchor()] = 1

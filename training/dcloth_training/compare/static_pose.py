@@ -10,14 +10,17 @@ from .family import Family, Readout, as_vectors, columns_of
 
 
 class StaticPose(Family):
-    """d -> hidden -> hidden -> size, ReLU; the last activations weigh the basis."""
+    """d -> hidden -> hidden (ReLU) -> size (tanh); the last activations weigh the basis.
+
+    tanh, as stage 2's state has it: of the units of a last ReLU many slept on every pose.
+    """
 
     def __init__(self, features, sizes, fixed, options):
         super().__init__(sizes, fixed, options)
         hidden, size = sizes["hidden"], sizes["size"]
         self.mlp = nn.Sequential(nn.Linear(features, hidden), nn.ReLU(),
                                  nn.Linear(hidden, hidden), nn.ReLU(),
-                                 nn.Linear(hidden, size), nn.ReLU())
+                                 nn.Linear(hidden, size), nn.Tanh())
         self.readout = Readout(size, len(self.scale))
 
     @staticmethod

@@ -22,6 +22,9 @@ SMALLEST_PATCH = 8
 class VirtualBones(Family):
     """fixed: template [n, 3], centres [K, 3], components [R, 6 K], scale [R], first_logits [n, K]."""
     BASE = "hips"
+    # A step at n = 7,952 and K = 358: 0.185 s with every tick, 0.066 s with every fourth (a basis 0.025
+    # to 0.040 s, one core). The GRU still walks through all of them.
+    STRIDE = 4
 
     def __init__(self, features, sizes, fixed, options):
         logits = torch.as_tensor(fixed["first_logits"])
