@@ -117,7 +117,7 @@ def markdown(table):
         for r in table["rows"]]
     return "\n".join([
         "# Ablation and comparison", "",
-        f"{len(table['clips'])} held-out clips, {sum(table['frames'].values())} frames. E_d: mean vertex "
+        f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames. E_d: mean vertex "
         "distance; E_n: mean angle between vertex normals. std is over frames, p99 over vertices and "
         "frames; each is taken per clip and averaged over clips, every clip counting the same. Learned "
         "numbers: what training moved and a run stores, weight matrices folded. Training minutes: in the "
@@ -143,8 +143,10 @@ def picture(table, path):
             value = row["average"][metric]
             axis.barh(at, value["mean"], xerr=value["std"], color=COLOURS[row["group"]],
                       error_kw={"elinewidth": 0.8, "capsize": 2})
-            axis.text(0, at, f" {value['mean']:.1f}", va="center", fontsize=7)
-        axis.set(xlabel=label + " (mean, deviation over frames; held out)", xlim=(0, None))
+            axis.text(value["mean"] + value["std"], at, f"  {value['mean']:.1f}", va="center",
+                      fontsize=7)
+        axis.set(xlabel=label + " (mean, deviation over frames; held out)", xlim=(0, 1.1 * max(
+            sum(r["average"][metric][s] for s in ("mean", "std")) for r in rows)))
         axis.grid(axis="x", alpha=0.3)
     axes[0].set_yticks(range(len(rows)))
     axes[0].set_yticklabels([row["title"] for row in rows], fontsize=8)
