@@ -3,6 +3,7 @@
 An epoch's random numbers depend on (seed, stage, epoch) alone, so a resumed run repeats an
 uninterrupted one bit for bit (same machine, same thread count).
 """
+import contextlib
 import copy
 import math
 import os
@@ -14,6 +15,31 @@ from . import checkpoint
 
 CLIP_NORM = 1.0
 FINAL_RATE = 0.02     # of the first learning rate, at the end of the cosine
+
+
+_limit_minutes = None
+
+
+@contextlib.contextmanager
+def limited(minutes):
+    """Inside the block every fit() runs as many epochs as `minutes` pay for (None: all of them).
+
+    The number is settled by the first epoch's time and kept in the checkpoint: the schedule still
+    ends at FINAL_RATE, and a resumed run goes on with the same number. It depends on the machine's
+    speed; where bits must repeat on another machine, limit the epochs instead.
+    """
+    global _limit_minutes
+    before, _limit_minutes = _limit_minutes, minutes
+    try:
+        yield
+    finally:
+        _limit_minutes = before
+
+
+def affordable(epochs, minutes, epoch_seconds, validation_seconds, validate_every):
+    """How many of `epochs` fit into `minutes`; the first has been run already."""
+    cost = epoch_seconds + validation_seconds / validate_every
+    return max(1, min(epochs, int(60 * minutes / max(cost, 1e-9))))
 
 
 def seed_epoch(seed, stage, epoch):
@@ -28,8 +54,10 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
     """Train `module` and leave it at its best validated epoch -> history (list of dicts).
 
     batches(generator): yields loss tensors, one a step. validate(): error in metres.
-    Resumes from folder/<stage>.safetensors and saves there after every validated epoch.
+    Resumes from folder/<stage>.safetensors and saves there after every validated epoch. A history
+    entry's `minutes` are those of all epochs up to it, validation included, over all resumptions.
     """
+    started = time.monotonic()
     path = os.path.join(folder, stage + ".safetensors")
     parameters = [p for p in module.parameters() if p.requires_grad]
     optimiser = torch.optim.AdamW(parameters, lr=rate, weight_decay=decay)
@@ -38,15 +66,19 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         module.load_state_dict(state["module"])
         optimiser.load_state_dict(state["optimiser"])
         first, best, best_at, history = (state[k] for k in ("epoch", "best", "best_at", "history"))
+        epochs = min(epochs, state.get("epochs", epochs))
+        validation_seconds = 0.0
     else:
         module.eval()
         error = validate()
         first, best, best_at = 0, copy.deepcopy(module.state_dict()), 0
         history = [{"epoch": 0, "validation_mm": 1e3 * error}]
+        validation_seconds = time.monotonic() - started
         log(f"{stage}: before training {1e3 * error:.2f} mm on validation")
+    spent = history[-1].get("minutes", 0.0)
     lowest = min(h["validation_mm"] for h in history)
     for epoch in range(first, epochs):
-        if patience and epoch - best_at > patience:
+        if epoch >= epochs or patience and epoch - best_at > patience:
             break
         began = time.monotonic()
         for group in optimiser.param_groups:
@@ -63,16 +95,21 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         if not math.isfinite(total):
             raise FloatingPointError(f"{stage}: loss not finite in epoch {epoch + 1}; "
                                      f"lower --rate, or resume from an older checkpoint")
+        if epoch == 0 and _limit_minutes is not None:
+            # The schedule starts at `rate` whatever the number of epochs, so it may be set here.
+            epochs = affordable(epochs, _limit_minutes, time.monotonic() - began,
+                                validation_seconds, validate_every)
         if (epoch + 1) % validate_every and epoch + 1 != epochs:
             continue
         module.eval()
         error = 1e3 * validate()
         history.append({"epoch": epoch + 1, "training_mm": 1e3 * total / max(steps, 1),
-                        "validation_mm": error, "seconds": round(time.monotonic() - began, 2)})
+                        "validation_mm": error, "seconds": round(time.monotonic() - began, 2),
+                        "minutes": round(spent + (time.monotonic() - started) / 60, 3)})
         if error < lowest:
             lowest, best_at, best = error, epoch + 1, copy.deepcopy(module.state_dict())
         checkpoint.save(path, {"module": module.state_dict(), "optimiser": optimiser.state_dict(),
-                               "epoch": epoch + 1, "best": best, "best_at": best_at,
+                               "epoch": epoch + 1, "epochs": epochs, "best": best, "best_at": best_at,
                                "history": history})
         log(f"{stage}: epoch {epoch + 1}/{epochs} training {history[-1]['training_mm']:.2f} mm, "
             f"validation {error:.2f} mm (best {lowest:.2f} at {best_at}), "

@@ -32,10 +32,14 @@ def angles_degrees(normals, other):
 
 
 def summary(positions, truth, faces):
-    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std}}; std over the frames' means."""
+    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std, p99}}.
+
+    std is over the frames' means, p99 over all vertices of all frames.
+    """
     d = distances_mm(positions, truth)
     angle = angles_degrees(vertex_normals(positions, faces), vertex_normals(truth, faces))
     frame_angle = np.nanmean(angle, axis=1)
     return {"position_mm": {"mean": float(d.mean()), "std": float(d.mean(1).std()),
                             "p99": float(np.percentile(d, 99)), "max": float(d.max())},
-            "normal_deg": {"mean": float(np.nanmean(angle)), "std": float(frame_angle.std())}}
+            "normal_deg": {"mean": float(np.nanmean(angle)), "std": float(frame_angle.std()),
+                           "p99": float(np.nanpercentile(angle, 99))}}

@@ -21,6 +21,10 @@ from .stages.skeleton_stage import SkeletonStage
 from .stages.static_stage import StaticStage
 
 
+# What --freeze keeps from training: pivots start at D = 0, weights at the nearest-point weights.
+FROZEN = {"pivots": "mlp", "weights": "residual_weights"}
+
+
 def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add = parser.add_argument
@@ -32,6 +36,7 @@ def arguments(argv=None):
     add("--threads", type=int, default=2)
     add("--rate", type=float, default=1e-3)
     add("--stages", choices=network.STAGES, default="mesh", help="last stage to train")
+    add("--freeze", choices=sorted(FROZEN), help="ablation: leave this part of stage 1 as it starts")
     add("--no-root-motion", action="store_true")
     add("--static-width", type=int, default=256)
     add("--static-epochs", type=int, default=60)
@@ -128,6 +133,8 @@ def run(options):
     standard = features.fit_standard(rows)
     statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
     net = build(fitted, character, standard, options, statistics, options.stages)
+    if options.freeze:
+        getattr(net.static, FROZEN[options.freeze]).requires_grad_(False)
     drapes = fit_static.Drapes(static_clips, character)
     histories = fit_static.train(net.static, net.standardise, drapes, options, options.out, log)
     drapes = None

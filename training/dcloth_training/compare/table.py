@@ -1,0 +1,166 @@
+"""The finished rows as table.json, table.md and table.png."""
+import json
+import os
+
+import numpy as np
+
+from .keep import write_json
+
+METRICS = {"position_mm": ("mean", "std", "p99", "max"), "normal_deg": ("mean", "std", "p99")}
+COLOURS = {"scale": "#9a9a9a", "ours": "#1f6fb4", "ablation": "#8fbbe0", "control": "#5f9e6e",
+           "family": "#d98b3a"}
+
+
+def average(record, clips):
+    """Each statistic averaged over clips, every clip counting the same."""
+    return {metric: {s: float(np.mean([record["clips"][c][metric][s] for c in clips])) for s in names}
+            for metric, names in METRICS.items()}
+
+
+def read_floor(path, clips):
+    """{clip: floor in mm} of simulate/floor.py's file, for those of `clips` that it has."""
+    if path is None:
+        return {}
+    with open(path) as file:
+        try:
+            found = {row["clip"]: float(row["mean_mm"]) for row in json.load(file)["clips"]}
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{path}: not a floor file ({error!r}); expected what "
+                             f"simulate/floor.py --out writes") from None
+    return {c: found[c] for c in clips if c in found}
+
+
+def collect(records, clips, floor, settings, remarks):
+    """The whole table as one JSON value."""
+    rows = [{**r, "average": average(r, clips), "clips": {c: r["clips"][c] for c in clips}}
+            for r in records]
+    return {"clips": clips, "frames": {c: rows[0]["clips"][c]["frames"] for c in clips},
+            "floor_mm": floor, "settings": settings, "remarks": remarks, "rows": rows,
+            "better_than_full": better(rows, clips)}
+
+
+def better(rows, clips):
+    """Where a row outside ours beats the deepest of ours: [{row, clip or "average", by}]."""
+    ours = [r for r in rows if r["group"] == "ours"]
+    if not ours:
+        return []
+    full, out = ours[-1], []
+    for row in rows:
+        if row["group"] == "ours":
+            continue
+        for place in ["average", *clips]:
+            mine, other = (r["average"] if place == "average" else r["clips"][place]
+                           for r in (full, row))
+            for metric, names in METRICS.items():
+                gain = mine[metric]["mean"] - other[metric]["mean"]
+                if gain > 0:
+                    out.append({"row": row["key"], "clip": place, "metric": metric, "by": gain})
+    return out
+
+
+def _grid(head, lines):
+    rule = ["---"] + ["---:"] * (len(head) - 1)
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in [head, rule, *lines])
+
+
+def _mean_floor(floor, clips):
+    return f"{np.mean([floor[c] for c in clips]):.2f}" if all(c in floor for c in clips) else "-"
+
+
+def _main_grid(table):
+    clips, floor = table["clips"], table["floor_mm"]
+    head = ["model", "E_d mean ± std, mm", "p99", "E_n mean ± std, deg", "p99", "learned numbers",
+            "training, min"] + (["floor, mm"] if floor else [])
+    lines = []
+    for row in table["rows"]:
+        d, n = (row["average"][m] for m in METRICS)
+        minutes = "-" if row["minutes"] is None else f"{row['minutes']:.1f}"
+        lines.append([row["title"], f"{d['mean']:.2f} ± {d['std']:.2f}", f"{d['p99']:.1f}",
+                      f"{n['mean']:.2f} ± {n['std']:.2f}", f"{n['p99']:.1f}",
+                      f"{row['parameters']:,}", minutes]
+                     + ([_mean_floor(floor, clips)] if floor else []))
+    return _grid(head, lines)
+
+
+def _clip_grid(table, metric):
+    floor = table["floor_mm"] if metric == "position_mm" else {}
+    head = ["clip"] + (["floor"] if floor else []) + [r["title"] for r in table["rows"]]
+    lines = []
+    for clip in table["clips"]:
+        cells = [f"`{clip}` ({table['frames'][clip]})"]
+        if floor:
+            cells.append(f"{floor[clip]:.2f}" if clip in floor else "-")
+        values = [r["clips"][clip][metric] for r in table["rows"]]
+        lowest = min(v["mean"] for v in values)
+        for v in values:
+            text = f"{v['mean']:.2f} ± {v['std']:.2f}"
+            cells.append(f"**{text}**" if v["mean"] == lowest else text)
+        lines.append(cells)
+    return _grid(head, lines)
+
+
+def _better_text(table):
+    titles = {r["key"]: r["title"] for r in table["rows"]}
+    units = {"position_mm": "mm of E_d", "normal_deg": "degrees of E_n"}
+    if not any(r["group"] == "ours" for r in table["rows"]):
+        return ["None of ours was asked for."]
+    if not table["better_than_full"]:
+        return ["None, on no clip."]
+    return [f"- {titles[b['row']]}, {b['clip']}: by {b['by']:.2f} {units[b['metric']]}"
+            for b in table["better_than_full"]]
+
+
+def markdown(table):
+    fits = [f"- {r['title']}: {r['note']}." + "".join(
+        f" {name} {f['epochs']} epochs, best at {f['best_epoch']}"
+        f" ({f['validation_mm']:.2f} mm on validation);" for name, f in r["fits"].items()).rstrip(";")
+        for r in table["rows"]]
+    return "\n".join([
+        "# Ablation and comparison", "",
+        f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames. E_d: mean vertex "
+        "distance; E_n: mean angle between vertex normals. std is over frames, p99 over vertices and "
+        "frames; each is taken per clip and averaged over clips, every clip counting the same. Learned "
+        "numbers: what training moved and a run stores, weight matrices folded. Training minutes: in the "
+        "loops of optimisation, validation included, all stages of the row together."
+        + (" Floor: what two simulations of a clip disagree on." if table["floor_mm"] else ""), "",
+        _main_grid(table), "", "## E_d per clip, mm (frames in brackets; lowest in bold)", "",
+        _clip_grid(table, "position_mm"), "", "## E_n per clip, degrees", "",
+        _clip_grid(table, "normal_deg"), "", "## Rows better than the deepest of ours", "",
+        *_better_text(table), "", "## What the rows are", "", *fits, "",
+        *(["## Remarks", "", *(f"- {r}" for r in table["remarks"]), ""] if table["remarks"] else [])])
+
+
+def picture(table, path):
+    """Bars of E_d and E_n with their deviation over frames; the floor as a line."""
+    import matplotlib
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+    rows = table["rows"]
+    figure, axes = pyplot.subplots(1, 2, sharey=True, figsize=(10, 0.9 + 0.34 * len(rows)))
+    for axis, (metric, label) in zip(axes, (("position_mm", "$E_d$, mm"),
+                                            ("normal_deg", "$E_n$, degrees"))):
+        for at, row in enumerate(rows):
+            value = row["average"][metric]
+            axis.barh(at, value["mean"], xerr=value["std"], color=COLOURS[row["group"]],
+                      error_kw={"elinewidth": 0.8, "capsize": 2})
+            axis.text(value["mean"] + value["std"], at, f"  {value['mean']:.1f}", va="center",
+                      fontsize=7)
+        axis.set(xlabel=label + " (mean, deviation over frames; held out)", xlim=(0, 1.1 * max(
+            sum(r["average"][metric][s] for s in ("mean", "std")) for r in rows)))
+        axis.grid(axis="x", alpha=0.3)
+    axes[0].set_yticks(range(len(rows)))
+    axes[0].set_yticklabels([row["title"] for row in rows], fontsize=8)
+    axes[0].invert_yaxis()
+    floor = table["floor_mm"]
+    if floor and all(c in floor for c in table["clips"]):
+        axes[0].axvline(np.mean(list(floor.values())), color="black", linewidth=0.8, linestyle="--")
+    figure.tight_layout()
+    figure.savefig(path, dpi=100)
+    pyplot.close(figure)
+
+
+def write(table, folder):
+    write_json(os.path.join(folder, "table.json"), table)
+    with open(os.path.join(folder, "table.md"), "w") as file:
+        file.write(markdown(table))
+    picture(table, os.path.join(folder, "table.png"))
