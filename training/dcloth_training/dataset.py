@@ -15,7 +15,8 @@ import torch
 from . import features, network, sequence, unskin
 
 HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run",
-            "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1")
+            "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1",
+            "procedural/demo_run_stop", "procedural/demo_jump_spin")
 # Taken from the training clips to choose when to stop; each has relatives left in training.
 VALIDATION = ("mocap/walk", "procedural/hula_twist", "mocap/stealthy_walk")
 

@@ -2,11 +2,12 @@
 
 A script lists (seconds, {parameter: value}) keys; values glide smoothly from key to key. The
 seed varies speeds, step length and phase by a few per cent, so one script yields many clips.
-Names starting with `demo_` are held out: never train on them.
+Names starting with `demo_` are held out: never train on them. `random_<seed>` is a chain of random
+segments (random_script.py), RANDOM_FRAMES long.
 """
 import numpy as np
 
-from . import gait
+from . import gait, random_script
 from .skeleton import FPS
 
 # name -> (seed, phase at the start, events, keys). Speeds m/s, turn rad/s, lengths m.
@@ -23,6 +24,14 @@ SCRIPTS = {
         (2.1, {"sway": 0.0, "twist": 0.0, "turn": 4.5, "arms": 0.55}),
         (2.8, {"turn": 4.5, "arms": 0.55}), (3.4, {"turn": 0.0, "arms": 0.25}),
         (5.0, {"arms": 0.15})]),
+    "demo_run_stop": (103, 0.55, (("jump", 2.0, 0.08),), [
+        (0.0, {}), (0.35, {}), (1.3, {"forward": 2.7}), (2.5, {"forward": 3.1, "turn": 0.0}),
+        (2.9, {"turn": -1.1, "forward": 2.6}), (3.3, {"turn": 0.0, "forward": 0.0, "lean": -0.04}),
+        (3.8, {"lean": 0.0, "left": 0.0}), (4.3, {"left": 0.65})]),
+    "demo_jump_spin": (104, 0.0, (("jump", 0.9, 0.17), ("jump", 3.1, 0.11)), [
+        (0.0, {}), (1.3, {"turn": 0.0, "arms": 0.0}), (2.0, {"turn": -3.4, "arms": 0.45}),
+        (2.5, {"turn": -3.4, "forward": 0.0}), (3.0, {"turn": 0.0, "arms": 0.3}),
+        (3.5, {"forward": 0.9, "sway": 0.0}), (4.1, {"forward": 0.0, "sway": 0.045})]),
     # Training.
     "walk_start_stop": (1, 0.0, (), [
         (0.0, {}), (0.3, {}), (1.0, {"forward": 1.1}), (2.2, {"forward": 1.2}),
@@ -112,6 +121,9 @@ TRAINING = tuple(name for name in SCRIPTS if not name.startswith("demo_"))
 
 
 TAIL_FRAMES = 18              # after the last key: the garment swings out
+SCRIPT_FRAMES = 150
+RANDOM_FRAMES = 300
+_RANDOM = "random_"
 
 
 def tracks(keys, frames, generator):
@@ -130,12 +142,21 @@ def tracks(keys, frames, generator):
     return out
 
 
-def clip(name, frames=150, seed=None):
-    """The scripted clip `name`, at most `frames` long; its own seed unless one is given."""
-    if name not in SCRIPTS:
-        raise KeyError(f"no procedural clip '{name}', expected one of {sorted(SCRIPTS)}")
-    own_seed, phase, events, keys = SCRIPTS[name]
-    frames = min(frames, int(keys[-1][0] * FPS) + TAIL_FRAMES)
+def clip(name, frames=None, seed=None):
+    """The scripted clip `name`, at most `frames` long; its own seed unless one is given.
+
+    `random_<seed>` is made up on the spot and is exactly `frames` long (RANDOM_FRAMES).
+    """
+    number = name[len(_RANDOM):]
+    if name.startswith(_RANDOM) and number.isdigit():
+        own_seed, frames = int(number), frames or RANDOM_FRAMES
+        phase, events, keys = random_script.script(own_seed, frames / FPS)
+    elif name in SCRIPTS:
+        own_seed, phase, events, keys = SCRIPTS[name]
+        frames = min(frames or SCRIPT_FRAMES, int(keys[-1][0] * FPS) + TAIL_FRAMES)
+    else:
+        raise KeyError(f"no procedural clip '{name}', expected random_<seed> or one of "
+                       f"{sorted(SCRIPTS)}")
     generator = np.random.default_rng(own_seed if seed is None else seed)
     made = tracks(keys, frames, generator)
     return gait.pose(made, phase + generator.uniform(0, 0.1), events)

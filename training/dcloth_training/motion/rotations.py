@@ -77,3 +77,25 @@ def heading_of(rotation):
     """
     left = rotation[..., :, 0]
     return np.arctan2(-left[..., 2], left[..., 0])
+
+
+def continuous_quaternions(matrix):
+    """[T, ..., 3, 3] -> [T, ..., 4] whose sign never flips from frame to frame."""
+    q = quaternion_from_matrix(matrix)
+    flips = np.where(np.sum(q[1:] * q[:-1], -1, keepdims=True) < 0, -1.0, 1.0)
+    return q * np.concatenate([np.ones_like(q[:1, ..., :1]), np.cumprod(flips, 0)])
+
+
+def vectors_from_quaternions(quaternion):
+    """Unit quaternions [..., 4] -> rotation vectors [..., 3], angles 0..2 pi (sign is kept)."""
+    length = np.linalg.norm(quaternion[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(length, quaternion[..., :1])
+    # Below 1e-9 the angle over the sine is 2 to rounding (angle near 0).
+    return quaternion[..., 1:] * np.where(length > 1e-9, angle / np.maximum(length, 1e-9), 2.0)
+
+
+def matrix_from_vector(vector):
+    """Rotation vectors [..., 3] -> [..., 3, 3] (Rodrigues' formula by way of quaternions)."""
+    half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
+    return matrix_from_quaternion(
+        np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vector], -1))

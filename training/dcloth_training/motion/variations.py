@@ -1,0 +1,168 @@
+"""Seeded variations of a clip: what the same person might have done on another take.
+
+A network learns a garment only where it has seen motion, and recorded clips are few. A variation
+plays faster or slower, moves wider or narrower, holds itself a little differently and walks a
+curve. Nothing is mirrored here: mirror images come for free when training. Feet may slide.
+
+All ingredients are C1 in time, so that joint speeds stay within the factors stated at the top.
+"""
+import numpy as np
+
+from . import rotations, timing
+from .skeleton import FPS, INDEX, Motion
+
+RATE = (0.8, 1.25)            # playback speed, constant part
+RATE_WAVER = 0.08             # slow change of playback speed on top, of its value
+AMPLITUDE = (0.8, 1.2)        # of a joint's rotation about its mean over the clip
+JOINT_SPREAD = 0.05           # joints differ that much from the clip's own amplitude
+SCALED_BELOW = 2.0            # rad: a joint that leaves its mean farther keeps its rotation
+OFFSET_DEGREES = 4.0          # largest offset of a joint about one axis
+OFFSET_HERTZ = (0.08, 0.6)
+TURN_RATE = 0.6               # rad/s added to the heading, constant part and waver together
+OVERLAP_FRAMES = 15           # two clips fade into each other: half a second
+
+# Joints whose carriage varies, and the axes: knees bend one way only.
+_OFFSETS = {"Hips": "XYZ", "Chest": "XYZ", "LeftUpLeg": "XYZ", "RightUpLeg": "XYZ",
+            "LeftLeg": "X", "RightLeg": "X"}
+_LEGS = tuple(name for name in INDEX if name.endswith("Leg"))
+
+
+def band_limited(frames, generator, low=OFFSET_HERTZ[0], high=OFFSET_HERTZ[1], waves=3):
+    """A smooth random curve [frames] in -1..1: a sum of `waves` sines of low..high Hz."""
+    share = generator.dirichlet(np.ones(waves))
+    hertz = generator.uniform(low, high, waves)
+    phase = generator.uniform(0, 2 * np.pi, waves)
+    return np.sin(2 * np.pi * np.outer(np.arange(frames) / FPS, hertz) + phase) @ share
+
+
+def split_heading(hips):
+    """Hips' rotations [T, 3, 3] -> unwrapped heading [T] rad and what is left of the rotation."""
+    heading = np.unwrap(rotations.heading_of(hips))
+    return heading, rotations.about_axis("Y", -heading) @ hips
+
+
+def warp_time(motion, generator):
+    """Play faster or slower, by a constant and a slowly changing factor."""
+    rate = np.exp(generator.uniform(*np.log(RATE)))
+    longest = int(np.ceil(len(motion) / (RATE[0] * (1 - RATE_WAVER)))) + 2
+    speed = rate * (1 + RATE_WAVER * band_limited(longest, generator, 0.05, 0.3))
+    times = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))])
+    return timing.sample(motion, times[times <= len(motion) - 1])
+
+
+def _rescale(local, factor):
+    """Rotations [T, 3, 3] with their deviation from the mean scaled by `factor`."""
+    quaternions = rotations.continuous_quaternions(local)
+    _, axes = np.linalg.eigh(quaternions.T @ quaternions)
+    mean = rotations.matrix_from_quaternion(axes[:, -1])      # chordal mean
+    deviation = rotations.continuous_quaternions(mean.T @ local)
+    if deviation[0, 0] < 0:
+        deviation = -deviation
+    vectors = rotations.vectors_from_quaternions(deviation)
+    if np.linalg.norm(vectors, axis=-1).max() > SCALED_BELOW:
+        return local
+    return mean @ rotations.matrix_from_vector(factor * vectors)
+
+
+def scale_amplitude(motion, generator):
+    """Wider or narrower movement; wider steps also carry the hips farther over the ground."""
+    factor = generator.uniform(AMPLITUDE[0] + JOINT_SPREAD, AMPLITUDE[1] - JOINT_SPREAD)
+    local = motion.local.copy()
+    heading, tilt = split_heading(local[:, 0])
+    own = factor + generator.uniform(-JOINT_SPREAD, JOINT_SPREAD, local.shape[1])
+    local[:, 0] = rotations.about_axis("Y", heading) @ _rescale(tilt, own[0])
+    for joint in range(1, local.shape[1]):
+        local[:, joint] = _rescale(local[:, joint], own[joint])
+    steps = own[[INDEX[name] for name in _LEGS]].mean()
+    root = motion.root[0] + (motion.root - motion.root[0]) * np.array([steps, 1.0, steps])
+    return Motion(root, local)
+
+
+def offset_joints(motion, generator):
+    """Another carriage: slowly changing offsets of a few degrees on hips, spine and legs."""
+    local = motion.local.copy()
+    frames, largest = len(motion), np.radians(OFFSET_DEGREES)
+    heading, tilt = split_heading(local[:, 0])
+    local[:, 0] = tilt
+    for name, axes in _OFFSETS.items():
+        joint = INDEX[name]
+        for axis in axes:
+            angle = generator.uniform(0.3, 1.0) * largest * band_limited(frames, generator)
+            if axes == "X":                        # a knee only bends more, it is not broken
+                angle = 0.5 * (largest + angle)
+            local[:, joint] = local[:, joint] @ rotations.about_axis(axis, angle)
+    local[:, 0] = rotations.about_axis("Y", heading) @ local[:, 0]
+    return Motion(motion.root, local)
+
+
+def curve_path(motion, generator):
+    """Turn the heading as the clip goes on; the path over the ground curves with it."""
+    rate = TURN_RATE * (0.5 * generator.uniform(-1, 1)
+                        + 0.5 * band_limited(len(motion), generator, 0.05, 0.3))
+    yaw = np.concatenate([[0.0], np.cumsum(rate[1:])]) / FPS
+    local = motion.local.copy()
+    local[:, 0] = rotations.about_axis("Y", yaw) @ local[:, 0]
+    steps = np.diff(motion.root, axis=0)
+    middle = 0.5 * (yaw[1:] + yaw[:-1])
+    turned = np.einsum("tij,tj->ti", rotations.about_axis("Y", middle), steps)
+    root = motion.root[0] + np.concatenate([np.zeros((1, 3)), np.cumsum(turned, 0)])
+    return Motion(root, local)
+
+
+def vary(motion, seed):
+    """A plausible other take of `motion` [T frames] -> Motion of 0.74 T to 1.36 T frames.
+
+    The same seed gives the same take, bit for bit. Cost: about a millisecond a frame.
+    """
+    generator = np.random.default_rng([0x7661, seed])
+    for change in (warp_time, scale_amplitude, offset_joints, curve_path):
+        motion = change(motion, generator)
+    return motion
+
+
+def _in_own_frame(motion):
+    """Heading [T], its steps [T-1], and the root's steps [T-1, 3] as seen by the walker."""
+    heading, _ = split_heading(motion.local[:, 0])
+    middle = 0.5 * (heading[1:] + heading[:-1])
+    steps = np.einsum("tji,tj->ti", rotations.about_axis("Y", middle), np.diff(motion.root, axis=0))
+    return heading, np.diff(heading), steps
+
+
+def join(first, second, overlap=OVERLAP_FRAMES):
+    """`second` fades in while `first` still plays its last `overlap` frames.
+
+    timing.append holds the pose but not the speed: a run that is followed by a kick would stop
+    dead within one frame. Here speeds fade too: that of the root over the ground, of the heading
+    and, through the rotations, of every joint.
+    """
+    overlap = min(overlap, len(first) - 1, len(second) - 1)
+    start = len(first) - overlap
+    smooth = np.arange(overlap + 1) / overlap
+    smooth = smooth * smooth * (3 - 2 * smooth)
+
+    def both(a, b, fade):
+        fade = fade[:len(a) - start].reshape((-1,) + (1,) * (a.ndim - 1))
+        mixed = (1 - fade) * a[start:] + fade * b[:len(fade)]
+        return np.concatenate([a[:start], mixed, b[len(fade):]])
+
+    heading, turns_a, steps_a = _in_own_frame(first)
+    _, turns_b, steps_b = _in_own_frame(second)
+    turns = both(turns_a, turns_b, smooth[1:])
+    heading = heading[0] + np.concatenate([[0.0], np.cumsum(turns)])
+    middle = 0.5 * (heading[1:] + heading[:-1])
+    steps = np.einsum("tij,tj->ti", rotations.about_axis("Y", middle),
+                      both(steps_a, steps_b, smooth[1:]))
+    root = first.root[0] + np.concatenate([np.zeros((1, 3)), np.cumsum(steps, 0)])
+    root[:, 1] = both(first.root[:, 1], second.root[:, 1], smooth)  # height itself, or it drifts
+
+    local_a, local_b = first.local.copy(), second.local.copy()
+    local_a[:, 0], local_b[:, 0] = split_heading(first.local[:, 0])[1], split_heading(
+        second.local[:, 0])[1]
+    between = rotations.continuous_quaternions(
+        np.swapaxes(local_a[start:], -1, -2) @ local_b[:overlap])
+    between = between * np.where(between[:1, :, :1] < 0, -1.0, 1.0)
+    vectors = rotations.vectors_from_quaternions(between)
+    mixed = local_a[start:] @ rotations.matrix_from_vector(smooth[:-1, None, None] * vectors)
+    local = np.concatenate([local_a[:start], mixed, local_b[overlap:]])
+    local[:, 0] = rotations.about_axis("Y", heading) @ local[:, 0]
+    return Motion(root, local)
