@@ -1,7 +1,7 @@
 """Make the ground truth: one resumable, atomic file a clip.
 
     python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
-        [--clips held_out,static,training | --clips mocap/walk,procedural/jumps] [--root fixed]
+        [--clips held_out,static,training,random,variations | --clips mocap/walk] [--root fixed]
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
 and one JSON line a clip in DIR/manifest.jsonl. Finished files are skipped; a clip that fails or is
@@ -114,7 +114,8 @@ def static_tours(options):
 def tasks(options, context):
     """Callables in order of importance, each returning (entry, seconds)."""
     groups = {"held_out": clips.HELD_OUT, "procedural": clips.PROCEDURAL,
-              "recorded": clips.RECORDED, "training": clips.training()}
+              "recorded": clips.RECORDED, "training": clips.training(),
+              "random": clips.RANDOM, "variations": clips.VARIATIONS}
     for word in options.clips.split(","):
         if word == "static":
             for number, poses in static_tours(options):
@@ -139,7 +140,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", required=True)
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
-    parser.add_argument("--clips", default="held_out,static,training")
+    parser.add_argument("--clips", default="held_out,static,training,random,variations")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--poses", type=int, default=400, help="quasi-static drapes")
