@@ -24,7 +24,7 @@ def _errors(mesh, static, clips, embedded, every=8):
     total = ticks = 0
     for clip, s in zip(clips, embedded):
         delta = (mesh.coefficients(torch.from_numpy(s)) @ basis).reshape(len(clip), -1, 3)
-        error = delta - torch.from_numpy(clip.residual[:, ::every])
+        error = delta - torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
         total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
         ticks += len(clip)
     return total / ticks
@@ -48,7 +48,7 @@ def _chunks(mesh, body_points, static, clips, options, generator):
                 s, states = mesh.embedded(body_points(frames[:, t]), states)
                 embedded.append(s)
             rows = losses.pick_vertices(count, VERTICES, generator)
-            target = np.stack([c.residual[ticks].take(rows.numpy(), 1) for c in some])
+            target = np.stack([c.wanted(ticks, rows.numpy()) for c in some])
             q = mesh.coefficients(torch.stack(embedded, 1))
             delta = (q @ mesh.basis[:, rows].flatten(1)).reshape(target.shape)
             linear = torch.stack([c.pose.linear[ticks] for c in some])
@@ -60,8 +60,8 @@ def train(mesh, body_points, static, training, validation, options, folder, log=
     """-> {step: history}; leaves the best of the three steps in `mesh`."""
     count = len(static.template)
     components, deviations = unskin.principal(
-        lambda: (c.residual[::BASIS_EVERY].reshape(-1, 3 * count) for c in training),
-        sum(len(c.residual[::BASIS_EVERY]) for c in training), len(mesh.basis), options.seed)
+        lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
+        sum(-(-len(c) // BASIS_EVERY) for c in training), len(mesh.basis), options.seed)
     mesh.basis.requires_grad_(False)
 
     def head(stage):

@@ -47,7 +47,7 @@ def gather(windows, vertices, frames):
     """(linear [B, T, m, 3, 3], residual [B, T, v, 3]) of a batch of windows."""
     linear = torch.stack([w.clip.pose.linear[w.first:w.first + frames] for w in windows])
     rows = vertices.numpy()
-    target = np.stack([w.clip.residual[w.first:w.first + frames].take(rows, 1) for w in windows])
+    target = np.stack([w.clip.wanted(slice(w.first, w.first + frames), rows) for w in windows])
     return linear, torch.from_numpy(target)
 
 
@@ -65,7 +65,7 @@ def clip_errors(reduced, static, standardise, clips, every=8):
     total, ticks = 0.0, 0
     for clip in clips:
         delta = reduced.coefficients(standardise(clip.pose.x)[None])[0] @ columns
-        error = delta.reshape(len(clip), -1, 3) - torch.from_numpy(clip.residual[:, ::every])
+        error = delta.reshape(len(clip), -1, 3) - torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
         total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
         ticks += len(clip)
     return total / ticks
@@ -75,8 +75,8 @@ def train(skeleton, static, standardise, training, validation, options, folder, 
     """-> history; leaves the trained GRU and basis in `skeleton`."""
     count = len(static.template)
     components, deviations = unskin.principal(
-        lambda: (c.residual[::BASIS_EVERY].reshape(-1, 3 * count) for c in training),
-        sum(len(c.residual[::BASIS_EVERY]) for c in training), options.skeleton_rank, options.seed)
+        lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
+        sum(-(-len(c) // BASIS_EVERY) for c in training), options.skeleton_rank, options.seed)
     torch.manual_seed(options.seed)
     reduced = Reduced(skeleton.gru, components, deviations, options)
     weights, frames = static.weights().detach(), options.window
@@ -108,4 +108,4 @@ def subtract(skeleton, standardise, clips):
     flat = skeleton.basis.reshape(len(skeleton.basis), -1)
     for clip in clips:
         state = skeleton(standardise(clip.pose.x)[None])[0][0]
-        clip.residual -= (state @ flat).reshape(clip.residual.shape).numpy()
+        clip.residual[:] = clip.wanted() - (state @ flat).reshape(clip.residual.shape).numpy()

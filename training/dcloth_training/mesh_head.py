@@ -90,7 +90,7 @@ def best_shrink(weights, clips, predicted, every=8):
     for factor in np.arange(0.0, 1.31, 0.1):
         total = ticks = 0
         for clip, delta in zip(clips, predicted):
-            error = float(factor) * delta - torch.from_numpy(clip.residual[:, ::every])
+            error = float(factor) * delta - torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
             total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
             ticks += len(clip)
         if total / ticks < best[1]:
@@ -119,7 +119,7 @@ def fit(stage, mesh, body_points, static, components, deviations, training, vali
             rows = losses.pick_vertices(count, VERTICES, generator)
             at = rows.numpy()
             target = np.stack([place[i][0].residual[place[i][1]].take(at, 0)
-                               for i in ticks.tolist()])
+                               for i in ticks.tolist()]).astype(np.float32)
             columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
             delta = (head(u[ticks]) @ columns).reshape(target.shape)
             yield losses.skinned_distance(linear[ticks], weights[rows],
@@ -131,7 +131,7 @@ def fit(stage, mesh, body_points, static, components, deviations, training, vali
     @torch.no_grad()
     def validate():
         total = sum(float(losses.skinned_distance(
-            c.pose.linear, weights[::every], delta - torch.from_numpy(c.residual[:, ::every])))
+            c.pose.linear, weights[::every], delta - torch.from_numpy(c.wanted(vertices=slice(None, None, every)))))
             * len(c) for c, delta in zip(validation, predicted()))
         return total / sum(map(len, validation))
 

@@ -24,8 +24,8 @@ def oriented(components):
 def principal_start(training, n, options):
     """{components [R, 3 n], scale [R]}: the start of a displacement basis, as in stage 2."""
     components, deviations = unskin.principal(
-        lambda: (c.residual[::fit_skeleton.BASIS_EVERY].reshape(-1, 3 * n) for c in training),
-        sum(len(c.residual[::fit_skeleton.BASIS_EVERY]) for c in training), options.skeleton_rank,
+        lambda: (c.wanted(slice(None, None, fit_skeleton.BASIS_EVERY)).reshape(-1, 3 * n) for c in training),
+        sum(-(-len(c) // fit_skeleton.BASIS_EVERY) for c in training), options.skeleton_rank,
         options.seed)
     return {"components": oriented(components), "scale": deviations.astype(np.float32)}
 
@@ -37,7 +37,7 @@ def bones_start(training, template, count, options):
     patch = virtual_bones.patches(template, centres)
     blocks = []
     for clip in training:
-        frames = clip.residual[::DECOMPOSE_EVERY]
+        frames = clip.wanted(slice(None, None, DECOMPOSE_EVERY))
         for at in range(0, len(frames), CHUNK):
             vectors, shifts = virtual_bones.decompose(np.asarray(frames[at:at + CHUNK], np.float32),
                                                       template, centres, patch)
@@ -72,7 +72,7 @@ def clip_errors(family, base, standardise, clips):
     weights, total = base.weights()[rows], 0.0
     for clip in clips:
         code = family.code(standardise(clip.pose.x)[None])[0]
-        error = family.displacement(code, rows) - torch.from_numpy(clip.residual[:, ::EVERY])
+        error = family.displacement(code, rows) - torch.from_numpy(clip.wanted(vertices=slice(None, None, EVERY)))
         total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
     return total / sum(map(len, clips))
 
