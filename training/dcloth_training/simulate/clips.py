@@ -118,10 +118,10 @@ def _variation(name, motion_folder):
     if base not in training() or base in NOT_VARIED or not number.isdigit():
         raise ValueError(f"clip '{name}': only training clips that do not validate are varied, as "
                          f"<clip>~<number>, e.g. '{VARIATIONS[0]}'")
-    seed = zlib.crc32(name.encode())
-    generator = np.random.default_rng(seed)
+    own_seed = seed(name)
+    generator = np.random.default_rng(own_seed)
     pool = [clip for clip in (RECORDED if motion_folder else PROCEDURAL) if clip not in NOT_VARIED]
-    motion = variations.vary(_take(base, motion_folder), seed)
+    motion = variations.vary(_take(base, motion_folder), own_seed)
     while len(motion) < LONG_FRAMES:
         other = _take(pool[generator.integers(len(pool))], motion_folder)
         motion = variations.join(motion, variations.vary(other, int(generator.integers(1 << 31))))
@@ -137,6 +137,16 @@ def load(name, motion_folder=None):
     else:
         motion, frames = _take(name, motion_folder), MAX_FRAMES
     return timing.ease_in(motion, EASE_FRAMES)[:frames]
+
+
+def seed(name):
+    """The number a made-up or varied clip is drawn from; None for a recording as it is."""
+    if "~" in name:
+        return zlib.crc32(name.encode())
+    stem = name.partition("/")[2]
+    if stem in procedural.SCRIPTS:
+        return procedural.SCRIPTS[stem][0]
+    return int(stem[len("random_"):]) if name.startswith("procedural/random_") else None
 
 
 def file_stem(name):

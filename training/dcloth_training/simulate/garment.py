@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..motion.skeleton import HIP_HEIGHT
+from ..motion.skeleton import HIP_HEIGHT, INDEX
+from .mannequin import NOT_COLLIDING
 
 RINGS = 71
 PLEATS = 14
@@ -28,11 +29,22 @@ PLEAT_DEPTH = 0.16            # of the radius at the hem; grows with the square 
 
 @dataclass
 class Garment:
-    """vertices [n, 3] m, faces [c, 3] outward, mirror [n] permutation, pinned [n] bool."""
+    """vertices [n, 3] m, faces [c, 3] outward, mirror [n] permutation, pinned [n] bool.
+
+    pin_joints [n]: the joint each pinned vertex follows, -1 where free; the hips unless given.
+    not_colliding: joints whose part of the body this garment is not collided with
+    (mannequin.mannequin takes it).
+    """
     vertices: np.ndarray
     faces: np.ndarray
     mirror: np.ndarray
     pinned: np.ndarray
+    pin_joints: np.ndarray = None
+    not_colliding: tuple = NOT_COLLIDING
+
+    def __post_init__(self):
+        if self.pin_joints is None:
+            self.pin_joints = np.where(self.pinned, INDEX["Hips"], -1)
 
 
 def _half_axes(way):

@@ -38,7 +38,8 @@ _LIMBS = (
     ("LeftForeArm", (0.458, 0.4796, -0.024), (0.717, 0.4796, -0.024), 0.043, 0.029),
     ("LeftHand", (0.725, 0.4796, -0.022), (0.820, 0.4760, -0.018), 0.033, 0.027),
 )
-# Arms and head never hold up a skirt, and arms that brush it tangle it: not collided with.
+# Arms and head never hold up a skirt, and arms that brush it tangle it: not collided with. A garment
+# with sleeves says otherwise (garment.Garment.not_colliding).
 NOT_COLLIDING = tuple(n for n in NAMES if "Arm" in n or "Hand" in n or n == "Neck")
 
 
@@ -151,8 +152,8 @@ def _neighbour_mean(quads, count):
     return sparse.diags(1.0 / np.asarray(graph.sum(1)).ravel()) @ graph
 
 
-def mannequin():
-    """Build the mannequin in bind pose."""
+def mannequin(not_colliding=NOT_COLLIDING):
+    """Build the mannequin in bind pose; `not_colliding` joints are left out of the collider."""
     vertices, quads = _surface_nets()
     mean = _neighbour_mean(quads, len(vertices))
     for _ in range(6):  # alternate even spacing and exact position
@@ -168,7 +169,7 @@ def mannequin():
     weights = np.where((weights >= smallest_kept) & (weights > 0.01), weights, 0.0)
     weights /= weights.sum(1, keepdims=True)
 
-    bare = weights[:, [INDEX[n] for n in NOT_COLLIDING]].sum(1)
+    bare = weights[:, [INDEX[n] for n in not_colliding]].sum(1)
     faces = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
     vertices = vertices + np.array([0.0, HIP_HEIGHT, 0.0])
     return Mannequin(vertices, faces, weights, bare < 0.5)

@@ -1,0 +1,94 @@
+"""The quality report as files: report.json for programs, report.md for people."""
+import json
+import os
+
+import numpy as np
+
+COLUMNS = (("clip", "clip"), ("frames", "frames"), ("seed", "seed"), ("stretch_p99", "stretch p99"),
+           ("stretch_max", "stretch max"), ("stretch_max_frame", "at frame"),
+           ("penetration_max_mm", "penetration mm"),
+           ("speed_max", "speed max m/s"), ("speed_mean", "speed mean m/s"),
+           ("floor_mean_mm", "floor mm"), ("floor_entered_mm", "floor, entered late mm"),
+           ("alive_mm", "alive mm"), ("sha256", "SHA-256"), ("fault", "fault"))
+GROUPS = (("held_out", "Held out: never trained on"), ("training", "Training: scripted and recorded"),
+          ("random", "Training: random procedural"), ("variation", "Training: variations"))
+
+
+def _cell(row, key):
+    value = row.get(key)
+    if value is None:
+        return ""
+    return value[:12] if key == "sha256" else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def table(rows):
+    """Markdown table of `rows`; columns that no row fills are left out."""
+    columns = [(key, title) for key, title in COLUMNS if any(r.get(key) is not None for r in rows)]
+    lines = ["| " + " | ".join(title for _, title in columns) + " |", "|---" * len(columns) + "|"]
+    return lines + ["| " + " | ".join(_cell(row, key) for key, _ in columns) + " |" for row in rows]
+
+
+def summary(rows):
+    """One row a group: how much there is, the worst of everything and the mean floor."""
+    lines = ["| group | clips | frames | stretch p99 | stretch max | penetration mm | speed max m/s "
+             "| floor mm, mean (clips) | floor mm, worst clip | alive / floor |", "|---" * 10 + "|"]
+    for group, title in GROUPS:
+        own = [row for row in rows if row["group"] == group]
+        if not own:
+            continue
+        worst = [max((row[key] for row in own if row[key] is not None), default=None) for key in (
+            "stretch_p99", "stretch_max", "penetration_max_mm", "speed_max")]
+        floors = [row for row in own if row.get("floor_mean_mm") is not None]
+        cells = ["", "", ""]
+        if floors:
+            mean = np.mean([row["floor_mean_mm"] for row in floors])
+            highest = max(floors, key=lambda row: row["floor_mean_mm"])
+            alive = np.mean([row["alive_mm"] or 0.0 for row in floors])
+            cells = [f"{mean:.2f} ({len(floors)})",
+                     f"{highest['floor_mean_mm']:g} {highest['clip']}", f"{alive / max(mean, 1e-9):.0f}"]
+        lines.append(f"| {title} | {len(own)} | {sum(row['frames'] for row in own)} | "
+                     + " | ".join("" if w is None else f"{w:g}" for w in worst)
+                     + " | " + " | ".join(cells) + " |")
+    return lines
+
+
+def markdown(found):
+    """The report as Markdown text."""
+    rows = found["clips"]
+    regimes = sorted({row["regime"] or "unknown" for row in rows})
+    seconds = sum(row["frames"] for row in rows) / 30.0
+    out = [f"# Ground truth {found['data']}", "",
+           f"{len(rows)} clips, {sum(row['frames'] for row in rows)} frames ({seconds / 60:.1f} minutes), "
+           f"{found['drapes']} quasi-static drapes; {found['cloth_vertices']} cloth vertices, "
+           f"{found['cloth_faces']} triangles. Root motion: {', '.join(regimes)}.", "",
+           "Stretch is edge length over rest length; p99 and max are of the worst frame. The floor is "
+           "the mean distance", "between two simulations of the clip that differ by 0.05 % of the "
+           "garment's radius: no network can be expected", "to do better. Alive is the mean distance "
+           "of the cloth from its mean shape in the hips' frame.", "", *summary(rows), ""]
+    out += [f"![pictures]({name})" for name in found["sheets"]] + [""] * bool(found["sheets"])
+    out += ["## Where to look first", "",
+            "The clips with the most stretched edge; p99 says whether it is one edge or the cloth. "
+            "Faults would stand here too.", "",
+            *table(sorted(rows, key=lambda row: (not row["fault"], -row["stretch_max"]))[:10]), ""]
+    for group, title in GROUPS:
+        own = [row for row in rows if row["group"] == group]
+        if own:
+            out += [f"## {title}", "", *table(own), ""]
+    if found["refused"]:
+        out += ["## Refused", "", "| clip | why |", "|---|---|",
+                *(f"| {name} | {why} |" for name, why in found["refused"].items()), ""]
+    if found["missing"]:
+        out += ["## Not simulated yet", "", ", ".join(found["missing"]), ""]
+    out += ["## Left out", "", "| clips | why |", "|---|---|",
+            *(f"| {patterns.replace('*/', '').replace('*', '…').replace(' ', ', ')} | {why} |"
+              for patterns, why in found["left_out"]), ""]
+    return "\n".join(out)
+
+
+def write(found, folder):
+    """report.json and report.md; each appears whole or not at all."""
+    for name, text in (("report.json", json.dumps(found, indent=1)), ("report.md", markdown(found))):
+        path = os.path.join(folder, name)
+        with open(path + ".part", "w") as file:
+            file.write(text + "\n")
+        os.replace(path + ".part", path)

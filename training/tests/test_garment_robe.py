@@ -1,0 +1,151 @@
+"""The robe: symmetric, one clean sheet, evenly meshed, clear of the body, pinned at the yoke."""
+import numpy as np
+import pytest
+from scipy import sparse
+
+from dcloth_training.motion import skeleton
+from dcloth_training.motion.skeleton import HIP_HEIGHT, INDEX
+from dcloth_training.simulate import checks, garment, garment_robe, mannequin
+
+
+@pytest.fixture(scope="module")
+def robe():
+    return garment_robe.robe()
+
+
+def directed_sides(faces):
+    return np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)])
+
+
+def test_robe_is_exactly_mirror_symmetric(robe):
+    n = len(robe.vertices)
+    assert 9500 <= n <= 9900 and robe.mirror.dtype == np.int32
+    assert np.array_equal(robe.mirror[robe.mirror], np.arange(n))
+    assert np.array_equal(robe.vertices[robe.mirror], robe.vertices * [-1, 1, 1])
+    assert np.array_equal(robe.pinned[robe.mirror], robe.pinned)
+    own = robe.mirror == np.arange(n)
+    assert np.array_equal(own, robe.vertices[:, 0] == 0.0) and own.sum() > 100
+    triangles = {tuple(sorted(f)) for f in robe.faces.tolist()}
+    assert len(triangles) == len(robe.faces)
+    assert {tuple(sorted(f)) for f in robe.mirror[robe.faces].tolist()} == triangles
+
+
+def test_robe_is_one_manifold_sheet_with_four_openings(robe):
+    n = len(robe.vertices)
+    sides = directed_sides(robe.faces)
+    assert len(np.unique(sides, axis=0)) == len(sides)      # consistently oriented, no side thrice
+    pairs, uses = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
+    assert set(uses) == {1, 2} and set(np.unique(robe.faces)) == set(range(n))
+
+    def pieces(edges, vertices):
+        graph = sparse.coo_matrix((np.ones(len(edges)), edges.T), (n, n))
+        labels = sparse.csgraph.connected_components(graph, directed=False)[1]
+        return len(np.unique(labels[vertices]))
+
+    assert pieces(pairs, np.arange(n)) == 1
+    border = pairs[uses == 1]
+    assert pieces(border, np.unique(border)) == 4           # hem, two cuffs, neck
+    assert (np.bincount(border.ravel())[np.unique(border)] == 2).all()
+    # A sphere with four holes: no handle, no twist.
+    assert n - len(pairs) + len(robe.faces) == 2 - 4
+    # Around every vertex the triangles form one fan: their opposite sides make one open or closed path.
+    opposite = robe.faces[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2)
+    corner = robe.faces.ravel()
+    order = np.argsort(corner, kind="stable")
+    starts = np.searchsorted(corner[order], np.arange(n + 1))
+    for v in range(n):
+        ring = opposite[order[starts[v]:starts[v + 1]]]
+        step = dict(ring.tolist())
+        first = (set(step) - set(step.values()) or set(step)).pop()
+        at, seen = first, 0
+        while at in step and seen < len(step):
+            at, seen = step[at], seen + 1
+        assert seen == len(ring)
+
+
+def test_robe_faces_outward(robe):
+    """Rays from a face leave the robe: the field behind it is negative, before it positive."""
+    a, b, c = (robe.vertices[robe.faces[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    middle = (a + b + c) / 3 - [0, HIP_HEIGHT, 0]
+    # A pleat at the hem, 24 mm deep and 12 a turn, has a radius of curvature of 18 mm: a chord of
+    # 26 mm leaves the surface by 4.7 mm. 7 mm is beyond that and well within a fold.
+    assert (garment_robe._field(middle + 0.007 * normal) > 0).all()
+    assert (garment_robe._field(middle - 0.007 * normal) < 0).all()
+
+
+def test_robe_is_evenly_meshed(robe):
+    pairs = checks.edges(robe.faces)
+    length = 1e3 * np.linalg.norm(robe.vertices[pairs[:, 0]] - robe.vertices[pairs[:, 1]], axis=1)
+    # 2.09 square metres in 9,700 vertices: cells of 14.7 mm, diagonals of 21 mm. A cell may be half
+    # to twice that; 98 % stay within 11 to 27 mm.
+    low, high = np.percentile(length, [1, 99])
+    assert low > 10.5 and high < 27.5 and length.min() > 5 and length.max() < 40
+    a, b, c = (robe.vertices[robe.faces[:, i]] for i in range(3))
+    cosines = [np.einsum("ij,ij->i", q - p, r - p) / np.linalg.norm(q - p, axis=1)
+               / np.linalg.norm(r - p, axis=1) for p, q, r in ((a, b, c), (b, c, a), (c, a, b))]
+    angles = np.degrees(np.arccos(cosines))
+    assert np.percentile(angles.min(0), 1) > 30 and angles.min() > 15
+    assert np.percentile(angles.max(0), 99) < 105 and angles.max() < 140
+
+
+def test_robe_is_clear_of_the_body(robe):
+    at = robe.vertices - [0, HIP_HEIGHT, 0]
+    middles = at[robe.faces].mean(1)
+    assert mannequin.surface_distance(at).min() >= 0.010
+    assert mannequin.surface_distance(middles).min() >= 0.009
+
+
+def test_robe_reaches_from_cuff_to_cuff_and_to_mid_shin(robe):
+    low, high = robe.vertices.min(0), robe.vertices.max(0)
+    hand = skeleton.bind_matrices()[INDEX["LeftHand"], :3, 3]
+    assert abs(high[0] - hand[0]) < 0.03 and low[0] == -high[0]
+    knee, ankle = HIP_HEIGHT - 0.421546, HIP_HEIGHT - 0.421546 - 0.409870
+    assert abs(low[1] - (knee + ankle) / 2) < 0.03
+
+
+def test_pleats_grow_to_the_hem_and_flutes_to_the_cuffs(robe):
+    at = robe.vertices - [0, HIP_HEIGHT, 0]
+
+    def waves(points, centre, axes):
+        radius = np.linalg.norm((points - centre)[:, axes], axis=1)
+        angle = np.arctan2(*(points - centre)[:, axes].T)
+        # Curvature of the outline changes sign twice a wave: count maxima of the radius.
+        sorted_radius = radius[np.argsort(angle)]
+        smooth = sum(np.roll(sorted_radius, k) for k in (-1, 0, 1)) / 3
+        return int(((smooth > np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1))).sum())
+
+    hem = at[np.isclose(at[:, 1], garment_robe.HEM)]
+    assert waves(hem, np.zeros(3), [0, 2]) == garment_robe.PLEATS
+    cuff = at[np.isclose(at[:, 0], garment_robe.CUFF)]
+    assert 4 <= waves(cuff, cuff.mean(0), [2, 1]) <= garment_robe.FLUTES
+
+
+def test_yoke_is_pinned_to_the_chest_and_the_skirt_to_the_hips(robe):
+    assert 200 < robe.pinned.sum() < 500
+    yoke = robe.vertices[robe.pinned] - [0, HIP_HEIGHT, 0]
+    assert yoke[:, 1].min() > 0.40 and np.abs(yoke[:, 0]).max() < 0.15
+    assert np.array_equal(robe.pin_joints >= 0, robe.pinned)
+    assert set(robe.pin_joints[robe.pinned]) == {INDEX["Chest"]}
+    skirt = garment.skirt()
+    assert set(skirt.pin_joints[skirt.pinned]) == {INDEX["Hips"]}
+    assert set(skirt.pin_joints[~skirt.pinned]) == {-1}
+
+
+def test_each_garment_names_its_collider(robe):
+    skirt = garment.skirt()
+    with_arms, without = (mannequin.mannequin(g.not_colliding) for g in (robe, skirt))
+    assert with_arms.collider.all() and np.array_equal(with_arms.vertices, without.vertices)
+    assert np.array_equal(without.collider, mannequin.mannequin().collider)
+    arms = with_arms.weights[:, [INDEX["LeftForeArm"], INDEX["RightHand"]]].sum(1) > 0.6
+    assert arms.any() and not without.collider[arms].any()
+
+
+def test_radius_scale_widens_every_free_part_a_little(robe):
+    other = garment_robe.robe(1.0005)
+    shift = np.linalg.norm(other.vertices - robe.vertices, axis=1)
+    # 0.05 % of a radius of 0.05 to 0.29 m.
+    assert 1e-5 < np.percentile(shift, 1) and 1e-4 < shift.max() < 2e-4
+    assert np.array_equal(other.faces, robe.faces)
+    assert np.array_equal(other.vertices[other.mirror], other.vertices * [-1, 1, 1])
