@@ -61,7 +61,7 @@ def test_mannequin_is_closed_weighted_and_clear_of_the_skirt(body):
 def test_pins_follow_the_hips():
     skirt, rest = garment.skirt(), skeleton.rest_motion(2)
     rest.root[1] += [0.5, 0.0, 1.0]
-    pins = cloth_job.pin_to_hips(skirt, skeleton.joint_matrices(rest))
+    pins = cloth_job.pin_paths(skirt, skeleton.joint_matrices(rest))
     assert np.allclose(pins[0], skirt.vertices[skirt.pinned]) and np.allclose(pins[1] - pins[0], [0.5, 0.0, 1.0])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..motion import skeleton
 from . import mannequin, settings, solver
 
-# Parts of the body that cloth touches one by one, so that crossing legs do not swallow the cloth between them.
+# Parts of the body that cloth touches one by one: crossing legs must not swallow what is between.
 PARTS = (("Hips", "Chest", "Neck"), ("LeftUpLeg", "LeftLeg", "LeftFoot"),
          ("RightUpLeg", "RightLeg", "RightFoot"), ("LeftArm", "LeftForeArm", "LeftHand"),
          ("RightArm", "RightForeArm", "RightHand"))
@@ -25,11 +25,10 @@ class Result:
     seconds: float          # solver wall time
 
 
-def pin_to_hips(garment, matrices):
-    """Where the garment's pinned vertices go: rigidly with the hips. [T, p, 3]"""
+def pin_paths(garment, matrices):
+    """Where the garment's pinned vertices go: rigidly with the joints they follow. [T, p, 3]"""
     points = garment.vertices[garment.pinned]
-    weights = np.zeros((len(points), len(skeleton.NAMES)))
-    weights[:, 0] = 1.0
+    weights = np.eye(len(skeleton.NAMES))[garment.pin_joints[garment.pinned]]
     return skeleton.skin(points, weights, skeleton.bind_matrices(), matrices)
 
 
@@ -61,7 +60,7 @@ def simulate(motion, body, garment, record, chosen=None):
     start = matrices[0, 0] @ np.linalg.inv(skeleton.bind_matrices()[0])
     rest = garment.vertices @ start[:3, :3].T + start[:3, 3]
     cloth = solver.run(rest, garment.faces, np.flatnonzero(garment.pinned),
-                       pin_to_hips(garment, matrices), faces, posed, body_parts(weights, faces),
+                       pin_paths(garment, matrices), faces, posed, body_parts(weights, faces),
                        matrices[:, 0], chosen or settings.GROUND_TRUTH)
     if len(cloth) < len(motion):
         raise SimulationError(f"the cloth came apart at frame {len(cloth)} of {len(motion)}")

@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import sequence
 from ..motion import skeleton
-from . import clips, cloth_job, garment, mannequin, run, settings
+from . import clips, cloth_job, mannequin, run, settings
 
 RADIUS_SCALE = 1.0005
 ENTER_FRAME = 15        # the second history begins here,
@@ -34,21 +34,22 @@ def _apart(first, second):
     return 1e3 * np.linalg.norm(first - second, axis=-1).mean(1)
 
 
-def floor(name, options, body, chosen):
+def floor(name, options, chosen):
     """One clip -> {"clip", "frames", "mean_mm", "end_mm", "entered_mm", "alive_mm", "per_frame_mm"}.
 
     `entered_mm` is None for clips that end before the second history is forgotten.
     """
-    motion = run.prepare(name, options)
+    motion, make = run.prepare(name, options), run.GARMENTS[options.garment]
+    body = mannequin.mannequin(make().not_colliding)
     path = os.path.join(options.data, "dynamic", clips.file_stem(name) + ".safetensors")
     data = sequence.read(path)
     joined, frames = run.with_lead(motion)
-    perturbed = cloth_job.simulate(joined, body, garment.skirt(RADIUS_SCALE), frames, chosen)
+    perturbed = cloth_job.simulate(joined, body, make(RADIUS_SCALE), frames, chosen)
     distance = _apart(data.truth, perturbed.cloth)
     entered, first = None, ENTER_FRAME + FORGET_FRAMES
     if len(motion) > first + skeleton.FPS / 2:
         late, frames = run.with_lead(motion[ENTER_FRAME:])
-        cloth = cloth_job.simulate(late, body, garment.skirt(), frames[FORGET_FRAMES:], chosen).cloth
+        cloth = cloth_job.simulate(late, body, make(), frames[FORGET_FRAMES:], chosen).cloth
         entered = round(float(_apart(data.truth[first:], cloth).mean()), 2)
     return {"clip": name, "frames": len(data.truth), "root": options.root,
             "mean_mm": round(float(distance.mean()), 2), "end_mm": round(float(distance[-1]), 2),
@@ -62,13 +63,14 @@ def main():
     parser.add_argument("--data", required=True, help="ground truth made by run.py")
     parser.add_argument("--motion")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--garment", choices=run.GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--out", help="write the numbers as JSON")
     options = parser.parse_args()
-    body, rows = mannequin.mannequin(), []
+    rows = []
     names = options.clips or clips.HELD_OUT + clips.training()
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
-        for row in pool.map(lambda name: floor(name, options, body, settings.GROUND_TRUTH), names):
+        for row in pool.map(lambda name: floor(name, options, settings.GROUND_TRUTH), names):
             rows.append(row)
             print(f"{row['clip']}: {row['mean_mm']} mm over {row['frames']} frames, "
                   f"{row['end_mm']} at the end, entered late {row['entered_mm']}, "

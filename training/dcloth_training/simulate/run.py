@@ -20,7 +20,7 @@ import numpy as np
 
 from .. import safetensors_io, sequence
 from ..motion import skeleton, timing
-from . import checks, clips, cloth_job, garment, mannequin, settings, statics
+from . import checks, clips, cloth_job, garment, garment_robe, mannequin, settings, statics
 
 _LOCK = threading.Lock()
 
@@ -33,15 +33,19 @@ def with_lead(motion):
     return joined, np.arange(len(lead), len(joined))
 
 
+GARMENTS = {"skirt": garment.skirt, "robe": garment_robe.robe}
+
+
 def make_character(path, options):
-    """Mannequin, topology and the skirt as it hangs in the bind pose."""
-    body, skirt = mannequin.mannequin(), garment.skirt()
+    """Mannequin, topology and the garment as it hangs in the bind pose."""
+    worn = GARMENTS[options.garment]()
+    body = mannequin.mannequin(worn.not_colliding)
     if os.path.exists(path):
-        return body, skirt
+        return body, worn
     rest = skeleton.rest_motion(settings.DRAPE_FRAMES)
-    hung = cloth_job.simulate(rest, body, skirt, [len(rest) - 2, len(rest) - 1])
+    hung = cloth_job.simulate(rest, body, worn, [len(rest) - 2, len(rest) - 1])
     drape = hung.cloth[1].astype(np.float64)
-    reflected = drape[skirt.mirror] * np.array([-1.0, 1.0, 1.0])
+    reflected = drape[worn.mirror] * np.array([-1.0, 1.0, 1.0])
     lopsided = np.linalg.norm(drape - reflected, axis=1)
     moving = np.linalg.norm(hung.cloth[1] - hung.cloth[0], axis=1).mean()
     print(f"character: drape moves {1e3 * moving:.3f} mm a frame, lopsided by "
@@ -53,11 +57,11 @@ def make_character(path, options):
         "body_weights": body.weights.astype(np.float32),
         "body_collider": body.collider.astype(np.uint8),
         "cloth_template": (0.5 * (drape + reflected)).astype(np.float32),
-        "cloth_rest": skirt.vertices.astype(np.float32), "cloth_faces": skirt.faces,
-        "mirror": skirt.mirror, "pinned": skirt.pinned.astype(np.uint8),
+        "cloth_rest": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
+        "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8),
     }, {"joint_names": json.dumps(skeleton.NAMES), "parents": json.dumps(skeleton.PARENTS.tolist()),
         "joint_mirror": json.dumps(skeleton.MIRROR.tolist())})
-    return body, skirt
+    return body, worn
 
 
 def manifest(options, entry):
@@ -67,15 +71,15 @@ def manifest(options, entry):
 
 def run_clip(name, kind, motion, record, chosen, context, path):
     """Simulate, check, write. Returns the manifest entry; raises nothing on a bad clip."""
-    options, body, skirt = context
+    options, body, worn = context
     began = time.time()
     entry = {"clip": name, "kind": kind, "root": options.root, "settings": chosen}
     try:
-        result = cloth_job.simulate(motion, body, skirt, record, chosen)
+        result = cloth_job.simulate(motion, body, worn, record, chosen)
         entry.update(frames=len(record), simulated_frames=len(motion), fps=skeleton.FPS,
                      seconds=round(result.seconds, 1),
                      seconds_per_frame=round(result.seconds / len(motion), 4))
-        entry.update(checks.measure(result, body, skirt, every=3 if kind == "dynamic" else 1))
+        entry.update(checks.measure(result, body, worn, every=3 if kind == "dynamic" else 1))
         if kind == "static":  # consecutive drapes are different poses: speed means nothing
             for key in [k for k in entry if k.startswith("speed") or k.startswith("settled")]:
                 del entry[key]
@@ -142,16 +146,17 @@ def main():
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
     parser.add_argument("--clips", default="held_out,static,training,random,variations")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--garment", choices=GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--poses", type=int, default=400, help="quasi-static drapes")
     options = parser.parse_args()
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)
-    body, skirt = make_character(os.path.join(options.out, "character.safetensors"), options)
+    body, worn = make_character(os.path.join(options.out, "character.safetensors"), options)
     refused, began = 0, time.time()
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
         waiting = {pool.submit(function, *arguments): name
-                   for name, function, arguments in tasks(options, (options, body, skirt))}
+                   for name, function, arguments in tasks(options, (options, body, worn))}
         for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
             entry, _ = future.result()
             refused += "refused" in entry
