@@ -37,7 +37,8 @@ Heading HeadingOf(const Affine& hips, const Heading& before) {
   return {x / length, -z / length};
 }
 
-// Hosts scale limbs to zero to hide them, and some send zeros before a character is posed: no rotation can be read there.
+// Hosts scale limbs to zero to hide them, and some send zeros before a character is posed: no rotation can be
+// read there.
 bool IsCollapsed(const Affine& a) {
   const double volume = a.m[0][0] * (a.m[1][1] * a.m[2][2] - a.m[1][2] * a.m[2][1]) -
                         a.m[0][1] * (a.m[1][0] * a.m[2][2] - a.m[1][2] * a.m[2][0]) +
