@@ -29,9 +29,10 @@ struct PrecisionPlan {
   std::string only;
 };
 
-// The precision applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size. The static
-// MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8 would save 0.1 MB. All
-// else (geometry, gates, mesh layers, embedding, biases) stays f32. Throws Error where fp16 overflows.
+// The precision applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size.
+// The static MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8
+// would save 0.1 MB. All else (geometry, gates, mesh layers, embedding, biases) stays f32. Throws Error where
+// fp16 overflows.
 ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan);
 
 }  // namespace dcloth::converter

@@ -44,10 +44,11 @@ void MeasureTensorCosts(const Bundle& bundle, const FoldedBundle& folded, Precis
   for (const Sequence& sequence : motion) {
     std::vector<float> expected;
     expected.reserve(sequence.frame_count * floats);
-    Rollout(reference, sequence, stages, [&](size_t, std::span<const float> positions, std::span<const float>) {
-      expected.insert(expected.end(), positions.begin(), positions.end());
-      step();
-    });
+    Rollout(reference, sequence, stages,
+            [&](size_t, std::span<const float> positions, std::span<const float>) {
+              expected.insert(expected.end(), positions.begin(), positions.end());
+              step();
+            });
     for (Variant& variant : variants) {
       Rollout(variant.model, sequence, stages,
               [&](size_t frame, std::span<const float> positions, std::span<const float>) {

@@ -32,7 +32,8 @@ int RunConvert(const Options& options) {
     throw converter::Error({.path = {}, .tensor = {}, .found = found, .expected = {}, .mend = mend});
   };
   if (options.precision == "auto" && (!options.bounded || options.motion.empty())) {
-    usage("--precision auto without a bound to keep and motion to test it on", "add --max-error-mm E and --motion SEQ");
+    usage("--precision auto without a bound to keep and motion to test it on",
+          "add --max-error-mm E and --motion SEQ");
   }
   if (options.bounded && options.motion.empty()) {
     usage("--max-error-mm without motion to measure it on", "add --motion SEQ, once or more");
@@ -82,13 +83,15 @@ void AddConvert(CLI::App& app, int& exit_code) {
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("-o,--output", options->model, "the model file to write (.dcloth)")->required();
   command
-      ->add_option("--precision", options->precision, "fp32, fp16, int8, or auto: the smallest within --max-error-mm")
+      ->add_option("--precision", options->precision,
+                   "fp32, fp16, int8, or auto: the smallest within --max-error-mm")
       ->check(CLI::IsMember({"fp32", "fp16", "int8", "auto"}))
       ->capture_default_str();
   CLI::Option* bound =
       command
-          ->add_option("--max-error-mm", options->max_error_mm,
-                       "largest allowed distance of any vertex to the fp32 model on --motion; exit 1 when missed")
+          ->add_option(
+              "--max-error-mm", options->max_error_mm,
+              "largest allowed distance of any vertex to the fp32 model on --motion; exit 1 when missed")
           ->check(CLI::PositiveNumber);
   command
       ->add_option("--motion,--calibrate", options->motion,

@@ -9,7 +9,8 @@
 
 namespace dcloth::tools {
 
-// Figures that do not exist are null: snr_db of a tensor that is stored exactly, cost_mm where nothing was measured.
+// Figures that do not exist are null: snr_db of a tensor that is stored exactly, cost_mm where nothing was
+// measured.
 Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::path& bundle,
                  const std::filesystem::path& model);
 

@@ -16,7 +16,9 @@ using dcloth::testing::BuildBundle;
 using dcloth::testing::BuildSequence;
 using dcloth::testing::BundleSpec;
 
-Bundle ParseBundle(const BundleSpec& spec) { return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b")); }
+Bundle ParseBundle(const BundleSpec& spec) {
+  return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b"));
+}
 std::vector<Sequence> Motion(const BundleSpec& spec, uint32_t frames) {
   std::vector<Sequence> motion;
   motion.push_back(SequenceFrom(SafeFile::Parse(BuildSequence(spec, frames).Bytes(), "s")));
@@ -33,8 +35,8 @@ const TensorReport& Find(const ConvertReport& report, const std::string& name) {
                        [&](const TensorReport& tensor) { return tensor.name == name; });
 }
 
-// The coefficients' weights underflow as halves, and a basis as much larger makes up for them: in f32 the same network,
-// in fp16 the whole mesh stage is lost by this one tensor.
+// The coefficients' weights underflow as halves, and a basis as much larger makes up for them: in f32 the
+// same network, in fp16 the whole mesh stage is lost by this one tensor.
 TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
   BundleSpec spec;
   Bundle bundle = ParseBundle(spec);
@@ -42,9 +44,11 @@ TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
   const ConvertReport healthy = ReportOf(bundle, Precision::kFp16, motion);
   const std::string poisoned = "mesh_stage.coefficients.weights";
   MeshWeights& mesh = *bundle.mesh;
-  const float shrink = 2e-8f / mesh.coefficients.weight.cwiseAbs().maxCoeff();  // half of the smallest half is 3e-8
+  const float shrink =
+      2e-8f / mesh.coefficients.weight.cwiseAbs().maxCoeff();  // half of the smallest half is 3e-8
   mesh.coefficients.weight *= shrink;
-  // The hidden layer takes a part of the rest (a ReLU lets positive factors through), so that all stay below 65504.
+  // The hidden layer takes a part of the rest (a ReLU lets positive factors through), so that all stay below
+  // 65504.
   constexpr float kHidden = 1e3f;
   mesh.hidden.weight *= kHidden;
   mesh.hidden.bias *= kHidden;
@@ -58,7 +62,8 @@ TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
   EXPECT_EQ(ranked[0]->name, poisoned);
   EXPECT_EQ(ranked[0]->loss.zeroed, static_cast<uint64_t>(mesh.coefficients.weight.size()));
   EXPECT_GT(ranked[0]->cost->mean_mm, 10 * ranked[1]->cost->mean_mm);
-  for (size_t i = 1; i < ranked.size(); ++i) EXPECT_LE(ranked[i]->cost->mean_mm, ranked[i - 1]->cost->mean_mm);
+  for (size_t i = 1; i < ranked.size(); ++i)
+    EXPECT_LE(ranked[i]->cost->mean_mm, ranked[i - 1]->cost->mean_mm);
   EXPECT_LT(Find(healthy, poisoned).cost->mean_mm, 0.01 * ranked[0]->cost->mean_mm);
 }
 
@@ -101,7 +106,8 @@ TEST(TensorCostTest, MeasuredOnMotionOnlyAndForLossyTensorsOnly) {
     EXPECT_EQ(tensor.cost.has_value(), stored_smaller) << tensor.name;
     lossy += stored_smaller ? 1 : 0;
   }
-  EXPECT_EQ(lossy, 7u);  // two of the static stage, two of the skeleton stage, two of the mesh stage, the basis
+  EXPECT_EQ(lossy,
+            7u);  // two of the static stage, two of the skeleton stage, two of the mesh stage, the basis
   EXPECT_EQ(calls, 5 * (lossy + 1));
   EXPECT_EQ(total, calls);
 }
