@@ -68,7 +68,7 @@ struct Candidate {
 
 Candidate Write(const Bundle& bundle, const FoldedBundle& folded, Precision precision) {
   try {
-    const ModelParts parts = Assemble(bundle, folded, precision);
+    const ModelParts parts = Assemble(bundle, folded, {precision, {}});
     Candidate candidate{WriteModel(parts), {}};
     for (const PackedTensor* tensor : TensorsOf(parts)) candidate.tensors.push_back(tensor->report);
     return candidate;
@@ -129,6 +129,7 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
     report.model_bytes = candidate.bytes.size();
     report.instance_bytes = model.instance_bytes();
     report.tensors = std::move(candidate.tensors);
+    MeasureTensorCosts(bundle, folded, precision, options.motion, &report.tensors, options.progress);
     result.bytes = std::move(candidate.bytes);
     return result;
   }

@@ -15,6 +15,7 @@
 #include "converter/precision.h"
 #include "converter/prune.h"
 #include "converter/sequence.h"
+#include "converter/tensor_cost.h"
 
 namespace dcloth::converter {
 
@@ -28,6 +29,7 @@ struct ConvertOptions {
   // to the strongest, and the report says what that costs.
   uint32_t influences = 8;
   uint32_t body_influences = 8;
+  ProgressCallback progress;  // of measuring each tensor's cost on the motion
 };
 
 // One precision that was tried on the motion.
@@ -43,7 +45,7 @@ struct ConvertReport {
   uint64_t instance_bytes = 0;  // lent memory per garment
   uint32_t joint_count = 0;     // joints that a host supplies
   uint32_t dropped_joints = 0;  // of the bundle's, not needed
-  std::vector<TensorReport> tensors;
+  std::vector<TensorReport> tensors;  // with what each costs on the motion
   PruneReport influences;       // of the static stage
   PruneReport body_influences;  // of the body points; all zero without a mesh stage
   std::vector<Trial> trials;    // empty without motion

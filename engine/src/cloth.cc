@@ -79,6 +79,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
 void ResetCloth(Cloth* cloth) {
   const ModelView& model = *cloth->model;
   cloth->root = RootMotion();
+  std::memset(cloth->features, 0, model.features.length * sizeof(float));
   ClearSkeletonState(cloth);
   ClearMeshState(model, cloth->mesh);
   for (float* increments : cloth->increments) {

@@ -16,7 +16,7 @@ struct Cloth {
   RootMotion root;
   Affine* joints;      // [joint_count], scratch of a tick and of a frame
   float* matrices;     // [m, 12], scratch of a frame
-  float* features;     // x [d]
+  float* features;     // x [d], kept from tick to tick
   float* hidden;       // [padded width] of the static stage
   int16_t* quantized;  // activations of the widest int8 layer
   SkeletonScratch skeleton;

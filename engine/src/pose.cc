@@ -8,6 +8,7 @@ namespace {
 
 constexpr size_t kPoseFloats = 16;
 constexpr double kShortestHeading = 0.2;  // of the projected left axis; NETWORK.md
+constexpr double kSmallestVolume = 1e-6;  // of a joint's linear part: scaled to 1 % along each axis; NETWORK.md
 
 Affine JointMatrix(const dcloth_pose& pose, size_t joint) {
   const float* g = pose.joint_matrices + joint * kPoseFloats;
@@ -34,6 +35,15 @@ Heading HeadingOf(const Affine& hips, const Heading& before) {
   const double length = std::sqrt(x * x + z * z);
   if (length < kShortestHeading) return before;
   return {x / length, -z / length};
+}
+
+// Hosts scale limbs to zero to hide them, and some send zeros before a character is posed: no rotation can be
+// read there.
+bool IsCollapsed(const Affine& a) {
+  const double volume = a.m[0][0] * (a.m[1][1] * a.m[2][2] - a.m[1][2] * a.m[2][1]) -
+                        a.m[0][1] * (a.m[1][0] * a.m[2][2] - a.m[1][2] * a.m[2][0]) +
+                        a.m[0][2] * (a.m[1][0] * a.m[2][1] - a.m[1][1] * a.m[2][0]);
+  return volume > -kSmallestVolume && volume < kSmallestVolume;
 }
 
 // Signed angle from `from` to `to` in (-pi, pi]: the wrapped difference of two yaws.
@@ -88,6 +98,10 @@ void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, Root
   size_t i = 0;
   for (size_t joint = 0; joint < features.joint_count; ++joint) {
     const Affine local = ToHeading(heading, bound.joints[features.joints[joint]]);
+    if (IsCollapsed(local)) {
+      i += 9;
+      continue;
+    }
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c, ++i) x[i] = Standardise(features, i, local.m[r][c]);
     }

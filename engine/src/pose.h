@@ -37,7 +37,8 @@ struct RootMotion {
 // H^-1 M for a matrix whose origin is the hips.
 Affine ToHeading(const Heading& heading, const Affine& matrix);
 
-// Moves `root` to this tick and writes the standardised, clamped features x [d].
+// Moves `root` to this tick and writes the standardised, clamped features x [d]. A collapsed joint leaves its nine as
+// they were, so x lives as long as the cloth.
 void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, RootMotion* root, float* x);
 
 }  // namespace dcloth::engine

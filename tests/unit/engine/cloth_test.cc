@@ -164,6 +164,32 @@ TEST_F(ClothTest, ExtremePosesLeaveAFiniteState) {
   for (const float x : cloth.positions()) ASSERT_TRUE(std::isfinite(x));
 }
 
+// NETWORK.md, "Pose": joints without volume leave the features as they were, so the skeleton stage sees a held pose.
+TEST_F(ClothTest, CollapsedJointsKeepTheirFeatures) {
+  const auto scaled = [&](double tick, float scale) {
+    std::vector<float> matrices = Pose(tick);
+    for (size_t i = 0; i < matrices.size(); ++i) {
+      if (i % 16 < 12 && i % 4 != 3) matrices[i] *= scale;
+    }
+    return matrices;
+  };
+  OwnedCloth held(opened_), collapsed(opened_), small(opened_);
+  for (OwnedCloth* cloth : {&held, &collapsed, &small}) Advance(cloth, 0, 11, DCLOTH_STAGES_SKELETON);
+  ASSERT_EQ(held.Tick(Pose(10), DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+  ASSERT_EQ(collapsed.Tick(scaled(10, 0.0f), DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+  ExpectSameFrame(&held, &collapsed, 10);
+  // 2 % along each axis is a volume of 8e-6: still a rotation, and one far from the pose before.
+  ASSERT_EQ(small.Tick(scaled(10, 0.02f), DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+  ASSERT_EQ(small.Skin(Pose(10), 1), DCLOTH_OK);
+  EXPECT_NE(small.positions(), held.positions());
+
+  // After a reset nothing of the past is left to keep.
+  OwnedCloth fresh(opened_);
+  ASSERT_EQ(dcloth_cloth_reset(held.get()), DCLOTH_OK);
+  for (OwnedCloth* cloth : {&held, &fresh}) ASSERT_EQ(cloth->Tick(scaled(0, 0.0f), kAll), DCLOTH_OK);
+  ExpectSameFrame(&held, &fresh, 0);
+}
+
 TEST_F(ClothTest, BadArgumentsAreRefused) {
   OwnedCloth cloth(opened_);
   const std::vector<float> matrices = Pose(0);
