@@ -9,6 +9,8 @@
 #include "engine/format/view.h"
 #include "engine/src/cloth.h"
 #include "engine/src/isa.h"
+#include "engine/src/tick_work.h"
+#include "engine/src/update.h"
 
 namespace {
 
@@ -43,6 +45,8 @@ bool CheckStorage(const void* storage, size_t size, size_t needed, Diagnostic* d
                                "lend what the storage_size function asks for");
 }
 
+constexpr float kLongestSeconds = 3.4028235e38f;  // the largest float: all that is not infinite
+
 bool StrideIsUsable(uint32_t stride_bytes) {
   return stride_bytes >= 3 * sizeof(float) && stride_bytes % sizeof(float) == 0;
 }
@@ -70,6 +74,12 @@ bool OutputIsUsable(const dcloth_output* output, uint32_t vertex_count) {
 bool StagesAreUsable(uint32_t stages, uint32_t held) {
   return (stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH) &&
          stages <= held;
+}
+
+bool FrameIsUsable(const dcloth_frame* frame, uint32_t held) {
+  constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED;
+  return frame != nullptr && frame->struct_size >= sizeof(dcloth_frame) && StagesAreUsable(frame->stages, held) &&
+         frame->seconds >= 0.0f && frame->seconds <= kLongestSeconds && (frame->flags & ~kFlags) == 0;
 }
 
 }  // namespace
@@ -145,6 +155,25 @@ dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size
 dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth) {
   if (cloth == nullptr) return DCLOTH_ERROR_ARGUMENT;
   dcloth::engine::ResetCloth(ClothOf(cloth));
+  return DCLOTH_OK;
+}
+
+dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
+                                  const dcloth_output* output, dcloth_timer* timer) {
+  if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
+  const ModelView& model = *ClothOf(cloth)->model;
+  if (!FrameIsUsable(frame, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
+  if (output != nullptr && !OutputIsUsable(output, model.vertex_count)) return DCLOTH_ERROR_ARGUMENT;
+  return dcloth::engine::UpdateCloth(ClothOf(cloth), *pose, *frame, output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
+}
+
+dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info) {
+  if (cloth == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_cloth_info))
+    return DCLOTH_ERROR_ARGUMENT;
+  const Cloth& described = *reinterpret_cast<const Cloth*>(cloth);
+  info->in_work = dcloth::engine::TickInWork(described) ? 1 : 0;
+  info->lag_seconds = static_cast<float>(described.clock.lag() / static_cast<double>(described.model->tick_rate));
+  info->tick_share = described.work_done;
   return DCLOTH_OK;
 }
 

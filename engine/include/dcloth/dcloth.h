@@ -1,7 +1,7 @@
 /* dcloth: learned cloth inside a game's frame budget. The C ABI, valid C99; the only header a host needs.
  *
- * The way through: open a model from memory you own, ask how much memory one garment needs, lend it, then per network
- * tick call dcloth_cloth_tick and per drawn frame dcloth_cloth_skin.
+ * The way through: open a model from memory you own, ask how much memory one garment needs, lend it, then call
+ * dcloth_cloth_update once per frame with the time that has passed, the pose and your vertex buffers.
  *
  * Promises. No function allocates, starts a thread, opens a file, reads a clock, throws or aborts. Model bytes are
  * untrusted: dcloth_model_open checks everything the run path relies on, in every build. Any number of cloths may share
@@ -95,6 +95,47 @@ typedef struct dcloth_pose {
   uint32_t column_major;         /* 0: rows are contiguous; 1: columns are contiguous */
 } dcloth_pose;
 
+/* One frame of time.
+ *
+ * The network ticks at its own rate (dcloth_model_info.tick_seconds) on a grid that starts with the first update after a
+ * reset. An update runs the ticks that have become due since the last one, each with the pose of its own moment, blended
+ * from the last update's pose and this one's; then it draws the displacement between the last two ticks on the skeleton of
+ * this very pose. The pose is never late; the displacement is late by the shortest time that keeps it smooth
+ * (dcloth_cloth_info.lag_seconds): nothing where each frame has its tick, half a tick at twice the tick rate, up to one tick
+ * at any other rate. It settles within the first ticks.
+ *
+ * Hitch: at most DCLOTH_MAX_TICKS ticks run per update, the latest ones. Those before them are skipped and count as time
+ *   that passed, so the character's speed stays right.
+ * Pause: `seconds` 0 runs no tick; the frame is drawn with the pose given, and the same pose gives the same vertices.
+ * Teleport: DCLOTH_FRAME_JUMPED tells that the character was moved since the last update (a portal, a new world origin) and
+ *   keeps the cloth as it hangs: nothing is taken for motion, and the next tick carries on with the last velocity. A jump
+ *   that is not announced looks like one tick at the highest speed seen in training.
+ * Cut: dcloth_cloth_reset forgets everything; the next update ticks at once, whatever `seconds` says, and draws that tick.
+ * Time that is negative, NaN or infinite is refused with ARGUMENT and the state is untouched; any other is a hitch. */
+#define DCLOTH_MAX_TICKS 2
+enum {
+  /* Spread a tick over the frames until the next one is due, each with a part that follows its length, so that no frame
+   * pays for all of it. The ticks are the same, and late by about (tick_seconds - one frame) more: half a tick at twice the
+   * tick rate, less than one at any. The first tick after a reset still runs whole, and so do ticks that are due in one
+   * frame with another, and those of frames as long as a tick. The flag may change from frame to frame. */
+  DCLOTH_FRAME_PIPELINED = 1,
+  DCLOTH_FRAME_JUMPED = 2
+};
+typedef struct dcloth_frame {
+  uint32_t struct_size;  /* set to sizeof(dcloth_frame) */
+  uint32_t stages;       /* one of DCLOTH_STAGES_*, at most what the model holds; taken up by the next tick that starts */
+  float seconds;         /* since the last update: 0 or more, finite */
+  uint32_t flags;        /* DCLOTH_FRAME_* or 0 */
+} dcloth_frame;
+
+/* What the last update did. */
+typedef struct dcloth_cloth_info {
+  uint32_t struct_size;  /* set to sizeof(dcloth_cloth_info) before the call */
+  uint32_t in_work;      /* 1 while a tick is begun and not complete */
+  float lag_seconds;     /* by how much the displacement drawn is older than the pose */
+  float tick_share;      /* network work of the last update in ticks, by estimated cost: 1 is a whole tick */
+} dcloth_cloth_info;
+
 /* Where vertices go. Each vertex is three floats; stride_bytes is the distance between vertices: at least 12, a
  * multiple of 4. Only those twelve bytes of a vertex are read and written. */
 typedef struct dcloth_output {
@@ -162,12 +203,24 @@ DCLOTH_API size_t dcloth_cloth_storage_size(const dcloth_model* model);
 DCLOTH_API dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size_t storage_size,
                                              dcloth_cloth** cloth, dcloth_error* error);
 
-/* Forgets all motion: recurrent state, displacement, velocity. After a teleport, a cut or a spawn.
+/* Forgets all motion: recurrent state, displacement, velocity, time. After a teleport, a cut or a spawn.
  * Memory: none. Thread: owner. Errors: ARGUMENT. Cost: clears the state. */
 DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
 
-/* Advances the network by one tick of dcloth_model_info.tick_seconds with the pose at the tick's end. `stages` is one of
- * DCLOTH_STAGES_*, at most what the model holds. A refused pose leaves the state untouched.
+/* Runs the ticks that are due and draws: the call for every frame, whatever its rate; see dcloth_frame. `output` may be
+ * null for a garment that is not seen. A refused call leaves state and outputs untouched.
+ * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: due ticks or their share, and dcloth_cloth_skin's. */
+DCLOTH_API dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
+                                             const dcloth_output* output, dcloth_timer* timer);
+
+/* Describes the last update. Memory: none. Thread: owner. Errors: ARGUMENT. Cost: none. */
+DCLOTH_API dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info);
+
+/* The next two are update's halves, for hosts with a clock of their own at the tick rate.
+ *
+ * Advances the network by one tick of dcloth_model_info.tick_seconds with the pose at the tick's end. `stages` is one of
+ * DCLOTH_STAGES_*, at most what the model holds. A tick that an update left in work is completed first, and update's next
+ * tick is due one tick later. A refused pose leaves the state untouched.
  * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: the network; see `dcloth profile`. */
 DCLOTH_API dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages,
                                            dcloth_timer* timer);

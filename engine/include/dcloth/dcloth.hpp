@@ -50,6 +50,11 @@ inline dcloth_pose MakePose(const float* matrices, uint32_t joint_count,
   return {sizeof(dcloth_pose), joint_count, matrices, static_cast<uint32_t>(layout)};
 }
 
+// `flags` are DCLOTH_FRAME_*.
+inline dcloth_frame MakeFrame(float seconds, Stages stages, uint32_t flags = 0) {
+  return {sizeof(dcloth_frame), static_cast<uint32_t>(stages), seconds, flags};
+}
+
 // Tightly packed vertex arrays; `normals` may be null.
 inline dcloth_output MakeOutput(float* positions, float* normals, uint32_t vertex_count) {
   constexpr uint32_t kStride = 3 * sizeof(float);
@@ -93,6 +98,20 @@ class Cloth {
   bool is_created() const { return cloth_ != nullptr; }
 
   Status Reset() { return static_cast<Status>(dcloth_cloth_reset(cloth_)); }
+
+  // `output` may be null.
+  Status Update(const dcloth_pose& pose, const dcloth_frame& frame, const dcloth_output* output,
+                dcloth_timer* timer = nullptr) {
+    return static_cast<Status>(dcloth_cloth_update(cloth_, &pose, &frame, output, timer));
+  }
+
+  // All zero where no cloth is created.
+  dcloth_cloth_info Describe() const {
+    dcloth_cloth_info info = {};
+    info.struct_size = sizeof(info);
+    (void)dcloth_cloth_describe(cloth_, &info);
+    return info;
+  }
 
   Status Tick(const dcloth_pose& pose, Stages stages, dcloth_timer* timer = nullptr) {
     return static_cast<Status>(dcloth_cloth_tick(cloth_, &pose, static_cast<uint32_t>(stages), timer));

@@ -69,14 +69,24 @@ class OwnedCloth {
     const dcloth_pose pose = Pose(matrices);
     return dcloth_cloth_tick(cloth_, &pose, stages, nullptr);
   }
+  // A frame drawn into positions() and normals().
+  dcloth_status Update(const std::vector<float>& matrices, float seconds, uint32_t stages, uint32_t flags = 0) {
+    const dcloth_pose pose = Pose(matrices);
+    const dcloth_frame frame = {sizeof(dcloth_frame), stages, seconds, flags};
+    const dcloth_output output = Output();
+    return dcloth_cloth_update(cloth_, &pose, &frame, &output, nullptr);
+  }
   dcloth_status Skin(const std::vector<float>& matrices, float blend) {
     const dcloth_pose pose = Pose(matrices);
-    const dcloth_output output = {sizeof(dcloth_output), model_.info().vertex_count, positions_.data(), 12, 12,
-                                  normals_.data()};
+    const dcloth_output output = Output();
     return dcloth_cloth_skin(cloth_, &pose, blend, &output, nullptr);
   }
 
  private:
+  dcloth_output Output() {
+    return {sizeof(dcloth_output), model_.info().vertex_count, positions_.data(), 12, 12, normals_.data()};
+  }
+
   const OpenedModel& model_;
   AlignedBytes storage_;
   dcloth_cloth* cloth_ = nullptr;
