@@ -12,10 +12,10 @@ namespace {
 using format::LinearView;
 using format::ModelView;
 
-// Picoseconds, fitted to kernels/README.md (one Zen 3 core): products stream their weights from memory, 24.4 MB of f32
-// in 1.63 ms, 12.2 MB of f16 in 0.84, 6.1 MB of int8 in 0.42; hidden layers of 7,964 vertices take 0.253 ms at F = 8
+// Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of weights out of
+// the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices take 0.253 ms at F = 8
 // and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add; skinning takes 0.039 ms for 7,952 vertices.
-constexpr uint64_t kPerByte = 68;
+constexpr uint64_t kPerByte = 40;
 constexpr uint64_t kPerLayerVertex = 20000;
 constexpr uint64_t kPerMultiplyAdd = 27;
 constexpr uint64_t kPerSkinnedVertex = 5000;

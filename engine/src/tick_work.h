@@ -12,7 +12,7 @@
 
 namespace dcloth::engine {
 
-// Estimated time of a tick in picoseconds on one slow core with cold caches, from the sizes alone: it weighs parts
+// Estimated time of a tick in picoseconds on one core, from the sizes alone: it weighs parts
 // against each other, so that equal portions take about equal time. The constants and their source are in the .cc file.
 uint64_t TickCost(const format::ModelView& model, uint32_t stages);
 

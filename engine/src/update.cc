@@ -12,10 +12,10 @@ namespace {
 constexpr uint64_t kAllOfIt = UINT64_MAX;
 
 // A pipelined frame does this times its length in ticks of a tick's cost. Work then follows the frame time, however
-// frames and ticks fall, and what is left when the next tick is due fits into that frame's own part. The tenth above 1
+// frames and ticks fall, and what is left when the next tick is due fits into that frame's own part. The little above 1
 // keeps a host whose frame time wobbles from finishing a frame late. Rejected: equal parts over the frames until the next
 // tick, which a wobble of the frame time turns into a whole tick in one frame.
-constexpr double kPipelinePace = 1.1;
+constexpr double kPipelinePace = 1.05;
 
 void StartTick(Cloth* cloth, const Affine* pose, uint32_t stages, uint32_t elapsed_ticks, Stopwatch* watch) {
   BoundPose bound = {cloth->bound, {}};

@@ -21,7 +21,7 @@ struct History {
   std::vector<double> tick_times;  // where each tick lay, by the clock of the frames
 };
 
-// Plays frame times; all ticks run in the frame that finds them due or (pipelined) at 1.1 times the pace of time.
+// Plays frame times; all ticks run in the frame that finds them due or (pipelined) at 1.05 times the pace of time.
 History Play(const std::vector<double>& steps, bool pipelined = false) {
   FrameClock clock;
   History history;
@@ -35,7 +35,7 @@ History Play(const std::vector<double>& steps, bool pipelined = false) {
     newest += due.count + due.skipped;
     for (uint32_t i = 0; i < due.count; ++i) history.tick_times.push_back(now - (1 - due.fraction[i]) * step);
     if (due.count > 0) work = pipelined && f > 0 ? 0 : 1;
-    work += 1.1 * step;
+    work += 1.05 * step;
     const bool in_work = work < 1;
     const double behind = clock.Behind(in_work);
     EXPECT_GE(behind, 0);

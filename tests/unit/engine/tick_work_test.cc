@@ -77,7 +77,7 @@ TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
     const uint64_t cost = engine::TickCost(*inside->model, stages);
     // The widest items are panels: of the layer over all vertices, or of the static stage, which is one item.
     const uint64_t widest =
-        68 * 32 * 4 * std::max<uint64_t>(mesh ? model.numbers.n : 0, model.numbers.d + 21 * 1 + 21);
+        40 * 32 * 4 * std::max<uint64_t>(mesh ? model.numbers.n : 0, model.numbers.d + 21 * 1 + 21);
     engine::Stopwatch watch(nullptr);
     engine::BoundPose bound = {inside->bound, {}};
     engine::BindPose(*inside->model, inside->pose_before, &bound);
