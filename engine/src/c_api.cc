@@ -9,6 +9,8 @@
 #include "engine/format/view.h"
 #include "engine/src/cloth.h"
 #include "engine/src/isa.h"
+#include "engine/src/joint_binding.h"
+#include "engine/src/output.h"
 #include "engine/src/tick_work.h"
 #include "engine/src/update.h"
 
@@ -47,10 +49,6 @@ bool CheckStorage(const void* storage, size_t size, size_t needed, Diagnostic* d
 
 constexpr float kLongestSeconds = 3.4028235e38f;  // the largest float: all that is not infinite
 
-bool StrideIsUsable(uint32_t stride_bytes) {
-  return stride_bytes >= 3 * sizeof(float) && stride_bytes % sizeof(float) == 0;
-}
-
 bool FloatsAreAligned(const float* values) { return reinterpret_cast<uintptr_t>(values) % sizeof(float) == 0; }
 
 bool PoseArgumentIsUsable(const dcloth_pose* pose) {
@@ -60,15 +58,8 @@ bool PoseArgumentIsUsable(const dcloth_pose* pose) {
 
 bool TimerIsUsable(const dcloth_timer* timer) { return timer == nullptr || timer->struct_size >= sizeof(dcloth_timer); }
 
-bool OutputIsUsable(const dcloth_output* output, uint32_t vertex_count) {
-  if (output == nullptr || output->struct_size < sizeof(dcloth_output) || output->vertex_count != vertex_count)
-    return false;
-  if (output->positions == nullptr || !FloatsAreAligned(output->positions) ||
-      !StrideIsUsable(output->position_stride_bytes)) {
-    return false;
-  }
-  return output->normals == nullptr ||
-         (FloatsAreAligned(output->normals) && StrideIsUsable(output->normal_stride_bytes));
+bool OutputArgumentIsUsable(const dcloth_output* output, const ModelView& model) {
+  return output != nullptr && dcloth::engine::OutputIsUsable(*output, model.vertex_count);
 }
 
 bool StagesAreUsable(uint32_t stages, uint32_t held) {
@@ -152,6 +143,38 @@ dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size
   return DCLOTH_OK;
 }
 
+dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* names, uint32_t count,
+                                       dcloth_error* error) {
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || names == nullptr || count == 0) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer or no name",
+                    "a cloth and the names of the host's joints", "");
+    return diagnostic.status();
+  }
+  dcloth::engine::PoseBinding& binding = ClothOf(cloth)->binding;
+  if (!dcloth::engine::MatchJoints(*ClothOf(cloth)->model, names, count, binding.joint_map, &diagnostic))
+    return diagnostic.status();
+  binding.host_joint_count = count;
+  return DCLOTH_OK;
+}
+
+dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error) {
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || space == nullptr || space->struct_size < sizeof(dcloth_space) ||
+      !dcloth::engine::MakeSpace(*space, &ClothOf(cloth)->binding.space)) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a space that is none",
+                    "struct_size set, left, up and forward along three different axes, metres_per_unit from 0.0001 to "
+                    "1000, joint_frames 0 or 1",
+                    "");
+    return diagnostic.status();
+  }
+  return DCLOTH_OK;
+}
+
+uint64_t dcloth_output_scratch_size(const dcloth_output* output) {
+  return output == nullptr ? 0 : dcloth::engine::ScratchBytes(*output);
+}
+
 dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth) {
   if (cloth == nullptr) return DCLOTH_ERROR_ARGUMENT;
   dcloth::engine::ResetCloth(ClothOf(cloth));
@@ -163,7 +186,7 @@ dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, 
   if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& model = *ClothOf(cloth)->model;
   if (!FrameIsUsable(frame, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
-  if (output != nullptr && !OutputIsUsable(output, model.vertex_count)) return DCLOTH_ERROR_ARGUMENT;
+  if (output != nullptr && !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
   return dcloth::engine::UpdateCloth(ClothOf(cloth), *pose, *frame, output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 
@@ -188,7 +211,7 @@ dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, fl
                                 dcloth_timer* timer) {
   if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& model = *ClothOf(cloth)->model;
-  if (!(blend >= 0.0f && blend <= 1.0f) || !OutputIsUsable(output, model.vertex_count)) return DCLOTH_ERROR_ARGUMENT;
+  if (!(blend >= 0.0f && blend <= 1.0f) || !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
   return dcloth::engine::SkinCloth(ClothOf(cloth), *pose, blend, *output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 

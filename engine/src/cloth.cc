@@ -8,6 +8,7 @@
 #include "engine/src/normals.h"
 #include "engine/src/skinning.h"
 #include "engine/src/static_stage.h"
+#include "engine/src/tangents.h"
 
 namespace dcloth::engine {
 namespace {
@@ -40,6 +41,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   auto* cloth = arena.Take<Cloth>(1);
   Cloth placed = {};
   placed.model = &model;
+  placed.binding = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count)};
   placed.bound = arena.Take<Affine>(model.joint_count);
   placed.pose_before = arena.Take<Affine>(model.joint_count);
   placed.pose_now = arena.Take<Affine>(model.joint_count);
@@ -58,6 +60,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   if (storage != nullptr) {
     std::memset(storage, 0, arena.size());
     *out = new (cloth) Cloth(placed);
+    for (uint32_t j = 0; j < model.joint_count; ++j) placed.binding.joint_map[j] = j;
     ResetCloth(*out);
   }
   return arena.size();
@@ -96,11 +99,18 @@ void SkinFrame(Cloth* cloth, const BoundPose& bound, double behind, const dcloth
   const TickPair ticks = {{cloth->increments[from], cloth->increments[to]},
                           {cloth->displacement[from], cloth->displacement[to]},
                           static_cast<float>(1 - (behind - whole))};
-  SkinRelative(kernels, model, bound, ticks, cloth->matrices, output);
+  const Space& space = cloth->binding.space;
+  const Surface surface = SurfaceOf(output);
+  SkinRelative(kernels, model, space, bound, ticks, cloth->matrices, surface);
   watch->Lap(DCLOTH_STEP_SKINNING);
-  RunNormals(kernels, model, output);
+  RunNormals(kernels, model, surface);
+  RunTangents(model, space.mirrored, output, surface);
   watch->Lap(DCLOTH_STEP_NORMALS);
-  MoveToWorld(bound.origin, output);
+  // To the host's floats and back is exact but for the unit, whose error a float does not see.
+  float origin[3];
+  for (int i = 0; i < 3; ++i)
+    origin[space.axis[i]] = static_cast<float>(space.sign[i] * bound.origin[i] / space.metres_per_unit);
+  FinishOutput(origin, space.mirrored, surface, output);
   watch->Lap(DCLOTH_STEP_SKINNING);
 }
 

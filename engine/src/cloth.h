@@ -40,6 +40,7 @@ constexpr uint32_t kTickSlots = 3;
 
 struct Cloth {
   const format::ModelView* model;
+  PoseBinding binding;  // outlives resets
   RootMotion root;
   FrameClock clock;
   TickWork work;

@@ -60,19 +60,20 @@ float Standardise(const format::FeaturesView& features, size_t i, double value) 
 
 }  // namespace
 
-bool PoseIsUsable(const format::ModelView& model, const dcloth_pose& pose) {
-  if (pose.joint_count != model.joint_count) return false;
-  const size_t count = size_t{model.joint_count} * kPoseFloats;
+bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose) {
+  if (pose.joint_count != binding.host_joint_count) return false;
   bool usable = true;
-  for (size_t i = 0; i < count; ++i) {
-    const float value = pose.joint_matrices[i];
-    usable &= value >= -kMaxPoseMagnitude && value <= kMaxPoseMagnitude;
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    const float* matrix = pose.joint_matrices + binding.joint_map[j] * kPoseFloats;
+    for (size_t i = 0; i < kPoseFloats; ++i)
+      usable &= matrix[i] >= -kMaxPoseMagnitude && matrix[i] <= kMaxPoseMagnitude;
   }
   return usable;
 }
 
-void ReadPose(const format::ModelView& model, const dcloth_pose& pose, Affine* joints) {
-  for (size_t j = 0; j < model.joint_count; ++j) joints[j] = JointMatrix(pose, j);
+void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints) {
+  for (size_t j = 0; j < model.joint_count; ++j)
+    joints[j] = FromHost(binding.space, JointMatrix(pose, binding.joint_map[j]));
 }
 
 void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound) {

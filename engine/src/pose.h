@@ -5,17 +5,25 @@
 #include "dcloth/dcloth.h"
 #include "engine/format/view.h"
 #include "engine/src/affine.h"
+#include "engine/src/space.h"
 
 namespace dcloth::engine {
 
 // Larger numbers in a pose are refused like infinity, so that no pose can drive the recurrent state out of float range.
 constexpr float kMaxPoseMagnitude = 1e9f;
 
-// Every joint is there and every matrix element is finite.
-bool PoseIsUsable(const format::ModelView& model, const dcloth_pose& pose);
+// How a host gives its poses.
+struct PoseBinding {
+  Space space;
+  uint32_t host_joint_count;  // matrices in a pose
+  uint32_t* joint_map;        // [joint_count], the host's index of each joint of the model
+};
 
-// G_j of every joint, [joint_count].
-void ReadPose(const format::ModelView& model, const dcloth_pose& pose, Affine* joints);
+// Every joint is there and every matrix element of the model's joints is finite.
+bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose);
+
+// G_j of every joint, [joint_count], in the model's space.
+void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints);
 
 // G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
 struct BoundPose {

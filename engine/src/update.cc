@@ -62,9 +62,9 @@ void Draw(Cloth* cloth, const Affine* pose, double behind, const dcloth_output& 
 
 bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_timer* timer) {
   Stopwatch watch(timer);
-  if (!PoseIsUsable(*cloth->model, pose)) return false;
+  if (!PoseIsUsable(*cloth->model, cloth->binding, pose)) return false;
   ContinueTick(cloth, kAllOfIt, &watch);
-  ReadPose(*cloth->model, pose, cloth->pose_before);
+  ReadPose(*cloth->model, cloth->binding, pose, cloth->pose_before);
   StartTick(cloth, cloth->pose_before, stages, 1, &watch);
   ContinueTick(cloth, kAllOfIt, &watch);
   cloth->clock.Restart();
@@ -73,8 +73,8 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
 
 bool SkinCloth(Cloth* cloth, const dcloth_pose& pose, float blend, const dcloth_output& output, dcloth_timer* timer) {
   Stopwatch watch(timer);
-  if (!PoseIsUsable(*cloth->model, pose)) return false;
-  ReadPose(*cloth->model, pose, cloth->pose_now);
+  if (!PoseIsUsable(*cloth->model, cloth->binding, pose)) return false;
+  ReadPose(*cloth->model, cloth->binding, pose, cloth->pose_now);
   Draw(cloth, cloth->pose_now, 1 - static_cast<double>(blend), output, &watch);
   return true;
 }
@@ -83,8 +83,8 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
                  dcloth_timer* timer) {
   Stopwatch watch(timer);
   const format::ModelView& model = *cloth->model;
-  if (!PoseIsUsable(model, pose)) return false;
-  ReadPose(model, pose, cloth->pose_now);
+  if (!PoseIsUsable(model, cloth->binding, pose)) return false;
+  ReadPose(model, cloth->binding, pose, cloth->pose_now);
   if ((frame.flags & DCLOTH_FRAME_JUMPED) != 0) {
     std::memcpy(cloth->pose_before, cloth->pose_now, model.joint_count * sizeof(Affine));
     cloth->root.jumped = cloth->root.started;

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "dcloth/dcloth.h"
+#include "dcloth/dcloth.hpp"
 #include "tests/unit/engine/model_builder.h"
 
 namespace dcloth::testing {
@@ -17,6 +17,13 @@ inline dcloth_error EmptyError() {
   dcloth_error error = {};
   error.struct_size = sizeof(error);
   return error;
+}
+
+// Float positions and normals (null when not wanted) at one stride.
+inline dcloth_output FloatOutput(size_t vertex_count, float* positions, uint32_t stride_bytes, float* normals) {
+  dcloth_output output = MakeOutput(positions, normals, static_cast<uint32_t>(vertex_count));
+  output.position_stride_bytes = output.normal_stride_bytes = stride_bytes;
+  return output;
 }
 
 class OpenedModel {
@@ -84,7 +91,7 @@ class OwnedCloth {
 
  private:
   dcloth_output Output() {
-    return {sizeof(dcloth_output), model_.info().vertex_count, positions_.data(), 12, 12, normals_.data()};
+    return MakeOutput(positions_.data(), normals_.data(), model_.info().vertex_count);
   }
 
   const OpenedModel& model_;

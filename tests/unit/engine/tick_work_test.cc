@@ -20,7 +20,7 @@ size_t TickInPortions(Cloth* cloth, const std::vector<float>& matrices, uint32_t
                       std::mt19937_64* random) {
   engine::Stopwatch watch(nullptr);
   engine::BoundPose bound = {cloth->bound, {}};
-  engine::ReadPose(*cloth->model, OwnedCloth::Pose(matrices), cloth->pose_now);
+  engine::ReadPose(*cloth->model, cloth->binding, OwnedCloth::Pose(matrices), cloth->pose_now);
   engine::BindPose(*cloth->model, cloth->pose_now, &bound);
   engine::BeginTick(cloth, bound, stages, 1, &watch);
   size_t portions = 0;

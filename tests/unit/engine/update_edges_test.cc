@@ -77,7 +77,7 @@ TEST_F(UpdateEdgesTest, HitchesRunTwoTicksAtTheRightSpeed) {
   std::vector<float> features[2];
   for (const uint32_t elapsed : {1u, 3u}) {
     engine::RootMotion root = inside->root;
-    engine::ReadPose(*inside->model, OwnedCloth::Pose(Moved(stance, 0.01 * elapsed, 0.02 * elapsed)), inside->pose_now);
+    engine::ReadPose(*inside->model, inside->binding, OwnedCloth::Pose(Moved(stance, 0.01 * elapsed, 0.02 * elapsed)), inside->pose_now);
     engine::BindPose(*inside->model, inside->pose_now, &bound);
     engine::UpdateFeatures(*inside->model, bound, elapsed, &root, inside->features);
     features[elapsed / 2] = RootFeatures(&once, model_.numbers);
