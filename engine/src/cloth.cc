@@ -43,6 +43,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.model = &model;
   placed.binding = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count)};
   placed.bound = arena.Take<Affine>(model.joint_count);
+  placed.pose_older = arena.Take<Affine>(model.joint_count);
   placed.pose_before = arena.Take<Affine>(model.joint_count);
   placed.pose_now = arena.Take<Affine>(model.joint_count);
   placed.matrices = arena.Take<float>(size_t{12} * model.static_stage.bone_count);
@@ -84,6 +85,7 @@ void ResetCloth(Cloth* cloth) {
   cloth->tick_count = 0;
   cloth->stages = DCLOTH_STAGES_MESH;
   cloth->work_done = 0;
+  cloth->older_step = 0;
 }
 
 uint32_t ModelStages(const ModelView& model) {

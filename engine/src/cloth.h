@@ -45,6 +45,7 @@ struct Cloth {
   FrameClock clock;
   TickWork work;
   Affine* bound;        // [joint_count], scratch of a tick and of a frame
+  Affine* pose_older;   // [joint_count], the pose of the update before the last one
   Affine* pose_before;  // [joint_count], the pose of the last update
   Affine* pose_now;     // [joint_count], the pose of this one
   float* matrices;      // [m, 12], scratch of a frame
@@ -60,6 +61,7 @@ struct Cloth {
   uint32_t tick_count;  // complete since the reset, up to kTickSlots
   uint32_t stages;      // of the newest tick, in work or not; all after a reset
   float work_done;      // by the last update, 1 for a whole tick
+  double older_step;    // ticks from pose_older to pose_before; 0 where one motion does not hold both
 };
 
 // Slot that the tick in work fills.

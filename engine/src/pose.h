@@ -30,7 +30,7 @@ struct BoundPose {
   Affine* joints;    // [joint_count]
   double origin[3];  // the hips' world position
 };
-// `pose` and `bound->joints` differ.
+// `pose` may be `bound->joints`.
 void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound);
 
 // H's rotation about +Y: its X axis is (cosine, 0, -sine).

@@ -53,7 +53,7 @@ Quaternion ToQuaternion(const double (&m)[3][3]) {
   return q;
 }
 
-// The rotation `fraction` of the way from none to q. Normalising the straight blend with none is off the even arc by
+// The rotation `fraction` of the way from none to q, which need not be of length 1 where that is 1. Normalising the straight blend with none is off the even arc by
 // less than 0.002 rad for half a radian between two frames, which is fast, and never degenerates since q.w >= 0.
 void PartialRotation(const Quaternion& q, double fraction, double (&m)[3][3]) {
   double w = 1 - fraction + fraction * q.w, x = fraction * q.v[0], y = fraction * q.v[1], z = fraction * q.v[2];
@@ -75,23 +75,56 @@ Affine Straight(const Affine& from, const Affine& to, double fraction) {
   return out;
 }
 
-Affine Blend(const Affine& from, const Affine& to, double fraction) {
-  Affine out = Straight(from, to, fraction);
-  Axes a, b;
-  if (!SplitAxes(from, &a) || !SplitAxes(to, &b)) return out;
-  double turn[3][3], part[3][3];  // b a^-1 and the part of it
+// b a^-1.
+Quaternion TurnBetween(const Axes& a, const Axes& b) {
+  double turn[3][3];
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) {
       turn[r][c] = b.rotation[r][0] * a.rotation[c][0] + b.rotation[r][1] * a.rotation[c][1] +
                    b.rotation[r][2] * a.rotation[c][2];
     }
   }
-  PartialRotation(ToQuaternion(turn), fraction, part);
+  return ToQuaternion(turn);
+}
+
+// The parabola y with y(0) = 0, y(1) = now, y(-gap) = older is fraction now + bend (older + gap now).
+double BendOf(double gap, double fraction) { return (fraction * fraction - fraction) / (gap * gap + gap); }
+
+// Rotations as tan(angle / 2) times the axis, where a parabola through three of them is one of vectors. Only for turns
+// below 120 degrees: a frame that turns further says nothing about the one before it.
+bool CurvedRotation(const Quaternion& now, const Quaternion& older, double gap, double fraction, Quaternion* q) {
+  constexpr double kSmallestCosine = 0.5;  // of half the angle
+  if (gap == 0 || now.w < kSmallestCosine || older.w < kSmallestCosine) return false;
+  const double bend = BendOf(gap, fraction);
+  q->w = 1;
+  for (int i = 0; i < 3; ++i) {
+    const double to = now.v[i] / now.w, from = older.v[i] / older.w;
+    q->v[i] = fraction * to + bend * (from + gap * to);
+  }
+  return true;
+}
+
+Affine Between(const Affine& older, const Affine& before, const Affine& now, double gap, double fraction) {
+  Affine out = Straight(before, now, fraction);
+  for (int r = 0; r < 3 && gap != 0; ++r) {
+    const double start = before.m[r][3];
+    out.m[r][3] += BendOf(gap, fraction) * (older.m[r][3] - start + gap * (now.m[r][3] - start));
+  }
+  Axes o, b, n;
+  if (!SplitAxes(before, &b) || !SplitAxes(now, &n)) return out;
+  const Quaternion turn = TurnBetween(b, n);
+  double part[3][3];
+  Quaternion curved;
+  if (SplitAxes(older, &o) && CurvedRotation(turn, TurnBetween(b, o), gap, fraction, &curved)) {
+    PartialRotation(curved, 1, part);
+  } else {
+    PartialRotation(turn, fraction, part);
+  }
   for (int c = 0; c < 3; ++c) {
-    const double length = a.length[c] + fraction * (b.length[c] - a.length[c]);
+    const double length = b.length[c] + fraction * (n.length[c] - b.length[c]);
     for (int r = 0; r < 3; ++r) {
-      out.m[r][c] = length * (part[r][0] * a.rotation[0][c] + part[r][1] * a.rotation[1][c] +
-                              part[r][2] * a.rotation[2][c]);
+      out.m[r][c] = length * (part[r][0] * b.rotation[0][c] + part[r][1] * b.rotation[1][c] +
+                              part[r][2] * b.rotation[2][c]);
     }
   }
   return out;
@@ -99,8 +132,9 @@ Affine Blend(const Affine& from, const Affine& to, double fraction) {
 
 }  // namespace
 
-void BlendPoses(const Affine* from, const Affine* to, double fraction, size_t joint_count, Affine* out) {
-  for (size_t j = 0; j < joint_count; ++j) out[j] = Blend(from[j], to[j], fraction);
+void PoseBetween(const PoseHistory& history, double fraction, size_t joint_count, Affine* out) {
+  for (size_t j = 0; j < joint_count; ++j)
+    out[j] = Between(history.older[j], history.before[j], history.now[j], history.older_gap, fraction);
 }
 
 }  // namespace dcloth::engine
