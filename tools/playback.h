@@ -28,7 +28,8 @@ class Player {
   void Tick(std::span<const float> pose, dcloth_timer* timer = nullptr);
   void Skin(std::span<const float> pose, float blend, dcloth_timer* timer = nullptr);
 
-  // dcloth_cloth_update; `draw` false leaves positions() and normals() alone. Returns ticks run, parts included.
+  // dcloth_cloth_update; `draw` false leaves positions() and normals() alone. Returns ticks run, parts
+  // included.
   double Update(std::span<const float> pose, float seconds, uint32_t flags, bool draw, dcloth_timer* timer = nullptr);
 
   std::span<const float> positions() const { return positions_; }  // of the last Skin or Update, [n, 3] world, metres

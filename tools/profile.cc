@@ -49,8 +49,8 @@ class Profiler {
     }
   }
 
-  // From a reset through the whole sequence. Only the engine's calls are timed, and the first frame, which starts with a
-  // whole tick in any mode, is not kept.
+  // From a reset through the whole sequence. Only the engine's calls are timed, and the first frame, which
+  // starts with a whole tick in any mode, is not kept.
   void Round(bool first, std::vector<ProfiledFrame>* frames) {
     const auto count = static_cast<size_t>(std::floor(poses_.duration_seconds() * options_.fps + 1e-6)) + 1;
     player_.Reset();
@@ -67,7 +67,8 @@ class Profiler {
   converter::MeshError error() const { return meter_.Result(); }
 
  private:
-  // One frame in two calls, so that ticks and drawing are told apart: an update without drawing, then one without time.
+  // One frame in two calls, so that ticks and drawing are told apart: an update without drawing, then one
+  // without time.
   ProfiledFrame Time() {
     const uint32_t flags = options_.pipelined ? DCLOTH_FRAME_PIPELINED : 0;
     ProfiledFrame frame;

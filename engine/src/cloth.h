@@ -1,5 +1,5 @@
-// One garment on one character: the memory of an instance, its reset, and a frame's skinning. Ticks are in tick_work.h,
-// time in update.h.
+// One garment on one character: the memory of an instance, its reset, and a frame's skinning. Ticks are in
+// tick_work.h, time in update.h.
 #ifndef DCLOTH_ENGINE_SRC_CLOTH_H_
 #define DCLOTH_ENGINE_SRC_CLOTH_H_
 
@@ -35,7 +35,8 @@ struct TickWork {
   float input_scale;    // of the product in work
 };
 
-// Results of ticks that an instance keeps: two to draw between, and a third that is in work or, drawn late, still needed.
+// Results of ticks that an instance keeps: two to draw between, and a third that is in work or, drawn late,
+// still needed.
 constexpr uint32_t kTickSlots = 3;
 
 struct Cloth {

@@ -9,8 +9,8 @@
 
 namespace dcloth::engine {
 
-// Writes the host's index of every joint of the model into `joint_map`, [joint_count]; of equal names the first. False
-// where some are missing: the text names them, and `joint_map` is untouched.
+// Writes the host's index of every joint of the model into `joint_map`, [joint_count]; of equal names the
+// first. False where some are missing: the text names them, and `joint_map` is untouched.
 bool MatchJoints(const format::ModelView& model, const char* const* names, uint32_t count, uint32_t* joint_map,
                  format::Diagnostic* diagnostic);
 

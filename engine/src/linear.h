@@ -18,8 +18,8 @@ size_t QuantizedElements(const format::LinearView& linear);
 // Bytes of weights that a panel's product over `row_count` rows streams.
 size_t PanelBytes(const format::LinearView& linear, size_t row_count);
 
-// y = activation(x W + bias) over the first `row_count` rows of W, which is even where W is a basis. x holds row_count
-// floats; y has room for all padded columns.
+// y = activation(x W + bias) over the first `row_count` rows of W, which is even where W is a basis. x holds
+// row_count floats; y has room for all padded columns.
 struct LinearProduct {
   const format::LinearView* linear;
   const float* x;
@@ -29,11 +29,12 @@ struct LinearProduct {
   float* y;
 };
 
-// Returns the scale of `quantized`, which ApplyPanels wants back; 1 with float weights, where nothing is written.
+// Returns the scale of `quantized`, which ApplyPanels wants back; 1 with float weights, where nothing is
+// written.
 float QuantizeInput(const kernels::KernelTable& kernels, const LinearProduct& product);
 
-// Panels [begin, begin + count) of y. A panel's result does not depend on which others are computed with it, so a
-// product may be spread over calls.
+// Panels [begin, begin + count) of y. A panel's result does not depend on which others are computed with it,
+// so a product may be spread over calls.
 void ApplyPanels(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
                  size_t count);
 

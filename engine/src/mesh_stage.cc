@@ -79,8 +79,8 @@ void ClearMeshState(const ModelView& model, const MeshMemory& memory) {
   if (floats != 0) std::memset(memory.state, 0, floats * sizeof(float));
 }
 
-// X: body points in the heading frame, standardised. Both are folded into the joint matrices, diag(1/deviation) (H^-1
-// G_j B_j^-1 - mean), which is exact because a point's weights sum to 1.
+// X: body points in the heading frame, standardised. Both are folded into the joint matrices,
+// diag(1/deviation) (H^-1 G_j B_j^-1 - mean), which is exact because a point's weights sum to 1.
 void PrepareBodyPoints(const ModelView& model, const BoundPose& bound, const Heading& heading,
                        const MeshMemory& memory) {
   const MeshStageView& stage = model.mesh_stage;

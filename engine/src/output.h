@@ -9,7 +9,8 @@
 
 namespace dcloth::engine {
 
-// Float arrays that the garment is computed in: the host's own buffers where all of them hold floats, else its scratch.
+// Float arrays that the garment is computed in: the host's own buffers where all of them hold floats, else
+// its scratch.
 struct Surface {
   float* positions;
   size_t position_stride_bytes;
@@ -26,8 +27,8 @@ size_t ScratchBytes(const dcloth_output& output);
 
 Surface SurfaceOf(const dcloth_output& output);
 
-// Moves positions by `origin` (host units), turns normals outward in a mirrored space, stores what is no float in its
-// format and takes the bounds.
+// Moves positions by `origin` (host units), turns normals outward in a mirrored space, stores what is no
+// float in its format and takes the bounds.
 void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, const dcloth_output& output);
 
 }  // namespace dcloth::engine

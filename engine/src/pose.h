@@ -52,7 +52,8 @@ struct RootMotion {
 // H^-1 M for a matrix whose origin is the hips.
 Affine ToHeading(const Heading& heading, const Affine& matrix);
 
-// Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped features x [d].
+// Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped
+// features x [d].
 void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, uint32_t elapsed_ticks, RootMotion* root,
                     float* x);
 

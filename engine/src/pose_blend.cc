@@ -53,8 +53,9 @@ Quaternion ToQuaternion(const double (&m)[3][3]) {
   return q;
 }
 
-// The rotation `fraction` of the way from none to q, which need not be of length 1 where that is 1. Normalising the straight blend with none is off the even arc by
-// less than 0.002 rad for half a radian between two frames, which is fast, and never degenerates since q.w >= 0.
+// The rotation `fraction` of the way from none to q, which need not be of length 1 where that is 1.
+// Normalising the straight blend with none is off the even arc by less than 0.002 rad for half a radian
+// between two frames, which is fast, and never degenerates since q.w >= 0.
 void PartialRotation(const Quaternion& q, double fraction, double (&m)[3][3]) {
   double w = 1 - fraction + fraction * q.w, x = fraction * q.v[0], y = fraction * q.v[1], z = fraction * q.v[2];
   const double scale = 1 / std::sqrt(w * w + x * x + y * y + z * z);
@@ -90,8 +91,8 @@ Quaternion TurnBetween(const Axes& a, const Axes& b) {
 // The parabola y with y(0) = 0, y(1) = now, y(-gap) = older is fraction now + bend (older + gap now).
 double BendOf(double gap, double fraction) { return (fraction * fraction - fraction) / (gap * gap + gap); }
 
-// Rotations as tan(angle / 2) times the axis, where a parabola through three of them is one of vectors. Only for turns
-// below 120 degrees: a frame that turns further says nothing about the one before it.
+// Rotations as tan(angle / 2) times the axis, where a parabola through three of them is one of vectors. Only
+// for turns below 120 degrees: a frame that turns further says nothing about the one before it.
 bool CurvedRotation(const Quaternion& now, const Quaternion& older, double gap, double fraction, Quaternion* q) {
   constexpr double kSmallestCosine = 0.5;  // of half the angle
   if (gap == 0 || now.w < kSmallestCosine || older.w < kSmallestCosine) return false;

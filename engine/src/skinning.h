@@ -15,8 +15,8 @@ struct TickPair {
   float blend;
 };
 
-// Writes positions in the host's space relative to the hips, so that floats stay fine wherever the character is.
-// `matrices` is scratch of [m, 12] floats.
+// Writes positions in the host's space relative to the hips, so that floats stay fine wherever the character
+// is. `matrices` is scratch of [m, 12] floats.
 void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
                   const BoundPose& bound, const TickPair& ticks, float* matrices, const Surface& surface);
 

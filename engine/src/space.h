@@ -1,5 +1,5 @@
-// The host's axes and unit of length: G_host in, G in the model's space out, and the way back as a matrix that skinning
-// takes in for nothing.
+// The host's axes and unit of length: G_host in, G in the model's space out, and the way back as a matrix
+// that skinning takes in for nothing.
 #ifndef DCLOTH_ENGINE_SRC_SPACE_H_
 #define DCLOTH_ENGINE_SRC_SPACE_H_
 
@@ -10,7 +10,8 @@
 
 namespace dcloth::engine {
 
-// Host axis that each model axis points along: model vector a is host vector h with h[axis[i]] = sign[i] a[i].
+// Host axis that each model axis points along: model vector a is host vector h with h[axis[i]] = sign[i]
+// a[i].
 struct Space {
   uint8_t axis[3] = {0, 1, 2};
   double sign[3] = {1, 1, 1};

@@ -50,7 +50,8 @@ bool MakePerpendicular(const float* n, float* v) {
 
 void Finish(const float* normal, float hand, float* tangent) {
   if (!MakePerpendicular(normal, tangent)) {
-    // Texture coordinates that say nothing: any direction in the surface, away from the normal's largest part.
+    // Texture coordinates that say nothing: any direction in the surface, away from the normal's largest
+    // part.
     const bool along_x = normal[0] * normal[0] > 0.5f;
     tangent[0] = along_x ? 0.0f : 1.0f;
     tangent[1] = along_x ? 1.0f : 0.0f;

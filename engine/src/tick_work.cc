@@ -12,9 +12,10 @@ namespace {
 using format::LinearView;
 using format::ModelView;
 
-// Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of weights out of
-// the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices take 0.253 ms at F = 8
-// and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add; skinning takes 0.039 ms for 7,952 vertices.
+// Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of
+// weights out of the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices
+// take 0.253 ms at F = 8 and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add; skinning takes
+// 0.039 ms for 7,952 vertices.
 constexpr uint64_t kPerByte = 40;
 constexpr uint64_t kPerLayerVertex = 20000;
 constexpr uint64_t kPerMultiplyAdd = 27;
@@ -93,7 +94,8 @@ void WakeStages(Cloth* cloth, uint32_t stages) {
   cloth->stages = stages;
 }
 
-// Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so in any.
+// Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so
+// in any.
 void ClearCoefficientPads(const ModelView& model, float* coefficients) {
   const uint32_t units = model.skeleton_stage.units, columns = model.mesh_stage.coefficients.columns;
   if (units % 2 != 0) coefficients[units] = 0.0f;

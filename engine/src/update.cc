@@ -11,10 +11,10 @@ namespace {
 
 constexpr uint64_t kAllOfIt = UINT64_MAX;
 
-// A pipelined frame does this times its length in ticks of a tick's cost. Work then follows the frame time, however
-// frames and ticks fall, and what is left when the next tick is due fits into that frame's own part. The little above 1
-// keeps a host whose frame time wobbles from finishing a frame late. Rejected: equal parts over the frames until the next
-// tick, which a wobble of the frame time turns into a whole tick in one frame.
+// A pipelined frame does this times its length in ticks of a tick's cost. Work then follows the frame time,
+// however frames and ticks fall, and what is left when the next tick is due fits into that frame's own part.
+// The little above 1 keeps a host whose frame time wobbles from finishing a frame late. Rejected: equal parts
+// over the frames until the next tick, which a wobble of the frame time turns into a whole tick in one frame.
 constexpr double kPipelinePace = 1.05;
 
 void StartTick(Cloth* cloth, const Affine* pose, uint32_t stages, uint32_t elapsed_ticks, Stopwatch* watch) {
@@ -30,8 +30,8 @@ double OlderGap(const Cloth& cloth) {
   return step > 0 && older < kMostUnlike * step && step < kMostUnlike * older ? older / step : 0;
 }
 
-// Finishes what an earlier frame left and starts the ticks that are due. All but the last one run whole, and that one
-// too where there is nothing to draw before it.
+// Finishes what an earlier frame left and starts the ticks that are due. All but the last one run whole, and
+// that one too where there is nothing to draw before it.
 uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& frame, Stopwatch* watch) {
   const bool pipelined = (frame.flags & DCLOTH_FRAME_PIPELINED) != 0;
   uint64_t spent = due.count != 0 || !pipelined ? ContinueTick(cloth, kAllOfIt, watch) : 0;
@@ -56,8 +56,8 @@ uint64_t RunPart(Cloth* cloth, uint64_t tick_cost, uint64_t spent, Stopwatch* wa
   return whole > spent ? ContinueTick(cloth, whole - spent, watch) : 0;
 }
 
-// The pose of this frame becomes the last one. A frame without time replaces the last one, so that a pause leaves the motion
-// before it in memory.
+// The pose of this frame becomes the last one. A frame without time replaces the last one, so that a pause
+// leaves the motion before it in memory.
 void RememberPose(Cloth* cloth, bool jumped) {
   if (cloth->clock.step() > 0) {
     std::swap(cloth->pose_older, cloth->pose_before);

@@ -21,7 +21,8 @@ struct History {
   std::vector<double> tick_times;  // where each tick lay, by the clock of the frames
 };
 
-// Plays frame times; all ticks run in the frame that finds them due or (pipelined) at 1.05 times the pace of time.
+// Plays frame times; all ticks run in the frame that finds them due or (pipelined) at 1.05 times the pace of
+// time.
 History Play(const std::vector<double>& steps, bool pipelined = false) {
   FrameClock clock;
   History history;
@@ -70,8 +71,8 @@ TEST(FrameClockTest, RunsEveryTickAtItsTime) {
   }
 }
 
-// After 100 s the lag is what the pattern of frames and ticks needs, less what leaks away in between: 144 Hz comes round
-// every five ticks.
+// After 100 s the lag is what the pattern of frames and ticks needs, less what leaks away in between: 144 Hz
+// comes round every five ticks.
 TEST(FrameClockTest, LagIsTheLeastThatTheRateAllows) {
   for (const Rate& rate : kRates) {
     for (const bool pipelined : {false, true}) {
@@ -83,8 +84,8 @@ TEST(FrameClockTest, LagIsTheLeastThatTheRateAllows) {
   }
 }
 
-// The moment drawn moves with the frames: never back, never faster than the leak, and a second after the start never
-// slower than what a lag grown back after five ticks takes.
+// The moment drawn moves with the frames: never back, never faster than the leak, and a second after the
+// start never slower than what a lag grown back after five ticks takes.
 void ExpectEvenFlow(const std::vector<double>& steps, const History& history, double slack) {
   size_t settled = 0;
   double time = 0;
@@ -109,8 +110,8 @@ TEST(FrameClockTest, DrawnMomentFlowsEvenly) {
   }
 }
 
-// 59.94 Hz passes slowly through every position on the grid. The lag follows; a slip of one frame happens at most once
-// per turn of about 33 s, which the tick count of that time bounds.
+// 59.94 Hz passes slowly through every position on the grid. The lag follows; a slip of one frame happens at
+// most once per turn of about 33 s, which the tick count of that time bounds.
 TEST(FrameClockTest, FollowsARateThatDriftsAgainstTheTicks) {
   const std::vector<double> steps = Steady(59.94, 12000);
   const History history = Play(steps);

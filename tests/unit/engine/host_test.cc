@@ -62,8 +62,8 @@ class HostTest : public ::testing::Test {
   OpenedModel opened_{model_};
 };
 
-// All 48 spaces and both kinds of joint frames, with a unit that is a power of two: the same positions to the bit, turned.
-// Normals add three squares in another order, two roundings.
+// All 48 spaces and both kinds of joint frames, with a unit that is a power of two: the same positions to the
+// bit, turned. Normals add three squares in another order, two roundings.
 TEST_F(HostTest, EverySpaceHasTheSameGarment) {
   OwnedCloth plain(opened_);
   for (int tick = 0; tick < 3; ++tick) ASSERT_EQ(plain.Tick(Pose(tick), kAll), DCLOTH_OK);
@@ -91,8 +91,8 @@ TEST_F(HostTest, EverySpaceHasTheSameGarment) {
   EXPECT_EQ(left_handed, 24u);
 }
 
-// Centimetres are no power of two: hosts round 100 times their metres, up to 2^-24 of 8 m, at the joints and at the
-// vertices, and the network sees velocities off by twice that times 30.
+// Centimetres are no power of two: hosts round 100 times their metres, up to 2^-24 of 8 m, at the joints and
+// at the vertices, and the network sees velocities off by twice that times 30.
 TEST_F(HostTest, CentimetresDifferByRounding) {
   const Axes unreal = {{1, 2, 0}, {-1, 1, 1}};
   OwnedCloth plain(opened_), centimetres(opened_);

@@ -76,9 +76,9 @@ TEST_F(OutputTest, BoundsAreThoseOfThePositions) {
   }
 }
 
-// Against the sums in double over the positions drawn. A float sum of k terms is off by at most gamma(k + 4) of their
-// magnitudes (Higham, lemma 3.1; four roundings a term, up to 20 triangles a vertex); where the sum nearly cancels or
-// stands on the surface, that is a large part of what is left, and the vertex says nothing.
+// Against the sums in double over the positions drawn. A float sum of k terms is off by at most gamma(k + 4)
+// of their magnitudes (Higham, lemma 3.1; four roundings a term, up to 20 triangles a vertex); where the sum
+// nearly cancels or stands on the surface, that is a large part of what is left, and the vertex says nothing.
 TEST_F(OutputTest, TangentsFollowTheTexture) {
   const Frame frame = Floats();
   struct Sum {
@@ -140,8 +140,8 @@ TEST_F(OutputTest, TangentsFollowTheTexture) {
   EXPECT_GT(checked, n() * 3 / 4);
 }
 
-// Every mix of formats in one interleaved buffer: the halves are the floats rounded, the floats are the floats, and
-// between attributes, behind the last vertex and behind the scratch nothing changes.
+// Every mix of formats in one interleaved buffer: the halves are the floats rounded, the floats are the
+// floats, and between attributes, behind the last vertex and behind the scratch nothing changes.
 TEST_F(OutputTest, FormatsAndPlacesMix) {
   const Frame expected = Floats();
   for (const uint32_t mix : {1u, 2u, 3u, 4u, 5u, 6u, 7u}) {

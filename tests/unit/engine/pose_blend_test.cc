@@ -46,8 +46,8 @@ double ArcError(double angle, double fraction) {
                   fraction * angle);
 }
 
-// Up to half a turn, about any axis, with stretched axes: the same axis, the blended lengths, an angle off by what the
-// formula of the straight blend says and rounding.
+// Up to half a turn, about any axis, with stretched axes: the same axis, the blended lengths, an angle off by
+// what the formula of the straight blend says and rounding.
 TEST(PoseBlendTest, TurnsAboutTheSameAxis) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
@@ -74,8 +74,9 @@ TEST(PoseBlendTest, TurnsAboutTheSameAxis) {
   EXPECT_LT(worst_arc, 0.002) << "what the comment in pose_blend.cc says";
 }
 
-// A motion that speeds up, seen by three frames of unlike length: positions on their parabola, rotations where the parabola
-// of tan(angle / 2) has them. Both to rounding; and the true motion is nearer than the straight blend by far.
+// A motion that speeds up, seen by three frames of unlike length: positions on their parabola, rotations
+// where the parabola of tan(angle / 2) has them. Both to rounding; and the true motion is nearer than the
+// straight blend by far.
 TEST(PoseBlendTest, ThreeFramesFollowTheCurve) {
   const Axis axis = {0.6, 0, 0.8};
   const auto angle = [](double t) { return 0.4 * t + 0.15 * t * t; };

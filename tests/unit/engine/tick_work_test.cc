@@ -61,7 +61,8 @@ TEST_P(TickWorkTest, PortionsGiveTheSameBits) {
   dcloth_isa_select(nullptr);
 }
 
-// A portion overshoots its budget by less than one item, and a model without a stage has a tick without its parts.
+// A portion overshoots its budget by less than one item, and a model without a stage has a tick without its
+// parts.
 TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
   for (const bool mesh : {true, false}) {
     ModelSpec spec;

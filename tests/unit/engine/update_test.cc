@@ -12,8 +12,8 @@ const double kAnyRate[] = {24, 30, 60, 90, 120, 144, 0};
 
 class RateTest : public UpdateTest {
  protected:
-  // Largest distance of a tick at `rate` from the same tick at 30 Hz, both drawn on one pose so that nothing but the
-  // network differs.
+  // Largest distance of a tick at `rate` from the same tick at 30 Hz, both drawn on one pose so that nothing
+  // but the network differs.
   double TickError(double rate) {
     const std::vector<float> still = Pose(0);
     OwnedCloth cloth(opened_), reference(opened_);
@@ -33,8 +33,8 @@ class RateTest : public UpdateTest {
   }
 };
 
-// A millimetre is the promise. Where frames fall on ticks only the rounding of frame times differs; elsewhere the pose of a
-// tick is blended from two frames.
+// A millimetre is the promise. Where frames fall on ticks only the rounding of frame times differs; elsewhere
+// the pose of a tick is blended from two frames.
 TEST_F(RateTest, EveryRateHasTheTicksOfThirtyHertz) {
   for (const double rate : kAnyRate) {
     const double worst = TickError(rate);
@@ -72,11 +72,12 @@ Changes LargestChanges(const std::vector<std::vector<float>>& ticks) {
   return changes;
 }
 
-// No pop. The displacement drawn is a chain of straight pieces through the ticks, followed at the frames' pace. With
-// steps a and b of the drawn moment (in ticks), slopes at most V and kinks at most K between pieces, its second
-// difference is at most V |b - a| + K S(h), h = max(a, b), S(h) = max over x of sum_k (h - |x - k|)+: h up to 1/2, h^2 + 1/4
-// beyond. Drawn on one pose, vertices are affine in the displacement, so V and K are measured there, on the ticks
-// 30 Hz ticks, from which those of another rate differ by TickError. The lag may shrink by kLagLeak of a step and grow back by what leaks in five ticks (frame_clock.h).
+// No pop. The displacement drawn is a chain of straight pieces through the ticks, followed at the frames'
+// pace. With steps a and b of the drawn moment (in ticks), slopes at most V and kinks at most K between
+// pieces, its second difference is at most V |b - a| + K S(h), h = max(a, b), S(h) = max over x of sum_k (h -
+// |x - k|)+: h up to 1/2, h^2 + 1/4 beyond. Drawn on one pose, vertices are affine in the displacement, so V
+// and K are measured there, on the ticks 30 Hz ticks, from which those of another rate differ by TickError.
+// The lag may shrink by kLagLeak of a step and grow back by what leaks in five ticks (frame_clock.h).
 TEST_F(RateTest, NoFramePops) {
   const std::vector<float> still = Pose(0);
   for (const uint32_t flags : {uint32_t{0}, uint32_t{DCLOTH_FRAME_PIPELINED}}) {
@@ -99,7 +100,8 @@ TEST_F(RateTest, NoFramePops) {
       const Changes changes = LargestChanges(ticks);
       // Seven roundings of coordinates below 8 m.
       const double rounding = 8 * 0x1p-24 * 7, error = TickError(rate);
-      // Uneven frames may still set a record of the lag; 2 % of a tick is granted to them after the first second.
+      // Uneven frames may still set a record of the lag; 2 % of a tick is granted to them after the first
+      // second.
       const double lag_change = rate == 0 ? 0.02 : 5 * engine::kLagLeak + engine::kTickTolerance;
       double worst = 0, tightest = 1e9;
       for (size_t f = 2; f < drawn.size(); ++f) {
@@ -122,8 +124,8 @@ TEST_F(RateTest, NoFramePops) {
   }
 }
 
-// The same ticks to the bit, only later: what is complete after a frame is the tick that a direct host has, or the one
-// before it. Where two ticks are due in a frame the direct host shows the second alone.
+// The same ticks to the bit, only later: what is complete after a frame is the tick that a direct host has,
+// or the one before it. Where two ticks are due in a frame the direct host shows the second alone.
 TEST_F(RateTest, PipelinedTicksAreTheSame) {
   const std::vector<float> still = Pose(0);
   for (const double rate : kAnyRate) {
@@ -147,9 +149,9 @@ TEST_F(RateTest, PipelinedTicksAreTheSame) {
   }
 }
 
-// Work per frame, by the engine's own cost model rather than the clock on the wall: after the first frame no frame at 60 Hz
-// does more than 1.5 times the median, also when frame times wobble by a tenth or drift against the ticks. At 30 Hz and
-// below every frame has a whole tick, and spreading has nothing to spread.
+// Work per frame, by the engine's own cost model rather than the clock on the wall: after the first frame no
+// frame at 60 Hz does more than 1.5 times the median, also when frame times wobble by a tenth or drift
+// against the ticks. At 30 Hz and below every frame has a whole tick, and spreading has nothing to spread.
 TEST_F(RateTest, PipelinedFramesDoEqualWork) {
   const TestModel model = Build(200);  // 2,000 vertices: items are small against a frame's part
   const OpenedModel opened(model);
