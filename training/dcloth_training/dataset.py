@@ -112,6 +112,9 @@ def split(clips, validation):
             [c for c in clips if c.name in validation])
 
 
+WARM_UP = 12    # ticks in which a state of zero cannot know how the cloth was moving
+
+
 @dataclass
 class Window:
     """`frames` consecutive ticks of one clip, started from a reset."""
@@ -119,15 +122,15 @@ class Window:
     first: int
     warm_up: int     # leading ticks that do not count, since the cloth was already moving
 
-    def x(self, standardise, frames):
-        """Raw features with the reset's zero root motion in the first tick."""
+    def x(self, standardise, frames, go_on=False):
+        """Features; the first tick has a reset's zero root motion unless the state goes on."""
         x = self.clip.pose.x[self.first:self.first + frames].clone()
-        if self.first and x.shape[1] % 9:
+        if self.first and not go_on and x.shape[1] % 9:
             x[0, -4:] = 0
         return standardise(x)
 
 
-def windows(clips, frames, generator, warm_up=12):
+def windows(clips, frames, generator, warm_up=WARM_UP):
     """A random epoch of windows of `frames` ticks, about one for every `frames` of data.
 
     Half of the windows start with the clip, where the cloth rests as the network's zero state says.

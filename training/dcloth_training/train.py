@@ -44,6 +44,7 @@ def arguments(argv=None):
     add("--skeleton-size", type=int, default=128, help="k_S")
     add("--skeleton-rank", type=int, default=64, help="principal components below S")
     add("--skeleton-epochs", type=int, default=220)
+    add("--long-epochs", type=int, default=40, help="that go on from whole runs' states")
     add("--skeleton-rate", type=float, default=2e-3)
     add("--window", type=int, default=64, help="ticks a training window")
     add("--twist", type=float, default=0.0, help="degrees limbs turn about their bones, see twist.py")
