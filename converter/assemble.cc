@@ -67,7 +67,8 @@ MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, Pr
   parts.embed = PackFloats("mesh_stage.embed", Vector(mesh.embed.weight.row(0).transpose()));
   parts.embed_bias = mesh.embed.bias[0];
   parts.hidden = Pack("mesh_stage.hidden", mesh.hidden, precision);
-  parts.coefficients = Pack("mesh_stage.coefficients", mesh.coefficients, precision);
+  parts.coefficients = Pack("mesh_stage.coefficients",
+                            folded.reduced ? folded.reduced->coefficients : mesh.coefficients, precision);
   return parts;
 }
 
@@ -123,10 +124,16 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision 
   if (bundle.skeleton) {
     parts.skeleton = SkeletonStageParts{Pack("skeleton_stage.input", bundle.skeleton->input, precision),
                                         Pack("skeleton_stage.hidden", bundle.skeleton->hidden, precision)};
-    const StackedBasis stacked = StackBasis(bundle);
-    parts.skeleton_rows = stacked.skeleton_rows;
-    parts.mesh_rows = stacked.mesh_rows;
-    parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), precision);
+    if (folded.reduced) {
+      parts.skeleton_rows = static_cast<uint32_t>(folded.reduced->basis.rows());
+      parts.basis = PackLinear("displacement.basis", folded.reduced->basis, Vector(), precision);
+      parts.head = PackLinear("displacement.head", folded.reduced->head, Vector(), HeadPrecision(precision));
+    } else {
+      const StackedBasis stacked = StackBasis(bundle);
+      parts.skeleton_rows = stacked.skeleton_rows;
+      parts.mesh_rows = stacked.mesh_rows;
+      parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), precision);
+    }
   }
   if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, precision);
   return parts;

@@ -13,6 +13,7 @@
 #include "converter/file.h"
 #include "tools/commands.h"
 #include "tools/json_output.h"
+#include "tools/rank_output.h"
 
 namespace dcloth::tools {
 namespace {
@@ -22,7 +23,8 @@ struct Options {
   std::string precision = "fp32";
   double max_error_mm = 0;
   bool bounded = false;
-  std::vector<std::filesystem::path> motion;
+  std::vector<std::filesystem::path> motion, calibration;
+  std::string rank;
   bool json = false;
 };
 
@@ -36,6 +38,7 @@ Json ReportJson(const converter::ConvertReport& report, const Options& options) 
                {"dropped_joints", report.dropped_joints},
                {"tensors", Json::array()},
                {"pruning", Json::object()},
+               {"basis", RankJson(report.rank)},
                {"trials", Json::array()}};
   for (const converter::TensorReport& t : report.tensors) {
     json["tensors"].push_back({{"name", t.name},
@@ -59,7 +62,9 @@ Json ReportJson(const converter::ConvertReport& report, const Options& options) 
   for (const converter::Trial& t : report.trials) {
     json["trials"].push_back({{"precision", converter::PrecisionName(t.precision)},
                               {"model_bytes", t.model_bytes},
-                              {"error", ToJson(t.error)}});
+                              {"rank", t.rank},
+                              {"error", ToJson(t.error)},
+                              {"calibration", ToJson(t.calibration)}});
   }
   return json;
 }
@@ -86,9 +91,10 @@ void PrintTable(const converter::ConvertReport& report, const Options& options) 
               report.joint_count, report.dropped_joints);
   std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n",
               report.influences.influences, report.influences.removed_mean, report.influences.removed_worst);
+  PrintRank(report.rank);
   for (const converter::Trial& t : report.trials) {
-    std::printf("%s on the given motion, against fp32: mean %.4f, p99 %.4f, max %.4f mm\n",
-                converter::PrecisionName(t.precision), t.error.position_mm.mean, t.error.position_mm.p99,
+    std::printf("%s, %u rows, on the given motion, against fp32: mean %.4f, p99 %.4f, max %.4f mm\n",
+                converter::PrecisionName(t.precision), t.rank, t.error.position_mm.mean, t.error.position_mm.p99,
                 t.error.position_mm.max);
   }
 }
@@ -97,10 +103,11 @@ int RunConvert(const Options& options) {
   const auto usage = [&](const char* found, const char* mend) {
     throw converter::Error({.path = {}, .tensor = {}, .found = found, .expected = {}, .mend = mend});
   };
-  if (options.precision == "auto" && (!options.bounded || options.motion.empty())) {
+  const bool calibrated = !options.calibration.empty(), measured = calibrated || !options.motion.empty();
+  if (options.precision == "auto" && (!options.bounded || !measured)) {
     usage("--precision auto without a bound to keep and motion to test it on", "add --max-error-mm E and --motion SEQ");
   }
-  if (options.bounded && options.motion.empty()) {
+  if (options.bounded && !measured) {
     usage("--max-error-mm without motion to measure it on", "add --motion SEQ, once or more");
   }
   std::error_code ignored;
@@ -110,7 +117,11 @@ int RunConvert(const Options& options) {
   const converter::Bundle bundle = converter::ReadBundle(options.bundle);
   std::vector<converter::Sequence> motion;
   for (const std::filesystem::path& path : options.motion) motion.push_back(converter::ReadSequence(path));
+  std::vector<converter::Sequence> calibration;
+  for (const std::filesystem::path& path : options.calibration) calibration.push_back(converter::ReadSequence(path));
   converter::ConvertOptions convert;
+  convert.rank = ParseRank(options.rank, options.bounded, calibrated);
+  convert.calibration = calibration;
   convert.precision = converter::ParsePrecision(options.precision);
   if (options.bounded) convert.max_error_mm = options.max_error_mm;
   convert.motion = motion;
@@ -138,10 +149,15 @@ void AddConvert(CLI::App& app, int& exit_code) {
   CLI::Option* bound =
       command
           ->add_option("--max-error-mm", options->max_error_mm,
-                       "largest allowed distance of any vertex to the fp32 model on --motion; exit 1 when missed")
+                       "largest allowed distance of any vertex to the fp32 model on --motion and --calibrate; exit 1 when missed")
           ->check(CLI::PositiveNumber);
-  command->add_option("--motion", options->motion, "a sequence to measure on; may be repeated")
+  command->add_option("--motion", options->motion, "a sequence to measure on, and nothing else; may be repeated")
       ->allow_extra_args(false);
+  command->add_option("--calibrate", options->calibration, "a sequence to fit a reduced basis to; may be repeated")
+      ->allow_extra_args(false);
+  command->add_option("--rank", options->rank,
+                      "rows of the displacement basis: exact, full, auto (the fewest within --max-error-mm on "
+                      "--calibrate) or a number; auto where both are given, else exact");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, bound, &exit_code] {
     options->bounded = bound->count() > 0;

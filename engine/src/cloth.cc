@@ -3,6 +3,7 @@
 #include <cstring>
 #include <new>
 
+#include "engine/src/coefficients.h"
 #include "engine/src/displacement.h"
 #include "engine/src/isa.h"
 #include "engine/src/normals.h"
@@ -19,7 +20,7 @@ size_t WidestQuantized(const ModelView& model) {
   const format::LinearView* const layers[] = {&model.static_stage.hidden,  &model.static_stage.increments,
                                               &model.skeleton_stage.input, &model.skeleton_stage.hidden,
                                               &model.mesh_stage.hidden,    &model.mesh_stage.coefficients,
-                                              &model.displacement.basis};
+                                              &model.displacement.head,    &model.displacement.basis};
   size_t widest = 0;
   for (const format::LinearView* layer : layers) {
     const size_t elements = QuantizedElements(*layer);
@@ -39,13 +40,6 @@ void WakeStages(Cloth* cloth, uint32_t stages) {
   if ((woken & (DCLOTH_STAGES_SKELETON & ~DCLOTH_STAGES_STATIC)) != 0) ClearSkeletonState(cloth);
   if ((woken & (DCLOTH_STAGES_MESH & ~DCLOTH_STAGES_SKELETON)) != 0) ClearMeshState(*cloth->model, cloth->mesh);
   cloth->stages = stages;
-}
-
-// Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so in any.
-void ClearCoefficientPads(const ModelView& model, float* coefficients) {
-  const uint32_t units = model.skeleton_stage.units, columns = model.mesh_stage.coefficients.columns;
-  if (units % 2 != 0) coefficients[units] = 0.0f;
-  if (columns % 2 != 0) coefficients[model.displacement.skeleton_rows + columns] = 0.0f;
 }
 
 }  // namespace
@@ -120,10 +114,9 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
   }
   if (stages >= DCLOTH_STAGES_MESH) {
     RunMeshStage(kernels, model, bound, cloth->root.heading, cloth->mesh, cloth->quantized,
-                 cloth->coefficients + model.displacement.skeleton_rows);
+                 cloth->coefficients + MeshCoefficientsAt(model));
     watch.Lap(DCLOTH_STEP_MESH);
   }
-  ClearCoefficientPads(model, cloth->coefficients);
   RunDisplacement(kernels, model, stages, cloth->coefficients, cloth->quantized, cloth->displacement[cloth->current]);
   watch.Lap(DCLOTH_STEP_DISPLACEMENT);
   return true;

@@ -21,7 +21,7 @@ struct Cloth {
   int16_t* quantized;  // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
-  float* coefficients;     // [P, pad, Q, pad]; P is the skeleton stage's state
+  float* coefficients;     // see coefficients.h; P is the skeleton stage's state
   float* increments[2];    // D of the last tick at [current], of the one before at the other
   float* displacement[2];  // delta likewise; null without a basis
   uint32_t current;

@@ -1,0 +1,46 @@
+#include "converter/rank.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+
+#include "converter/calibrate.h"
+
+namespace dcloth::converter {
+
+RankMaker::RankMaker(const Bundle& bundle, const FoldedBundle& folded, std::span<const Sequence> calibration)
+    : bundle_(bundle), folded_(folded), calibration_(calibration) {
+  if (bundle.skeleton) basis_.emplace(bundle);
+}
+
+uint32_t RankMaker::full_rows() const { return basis_ ? basis_->rows() : 0; }
+
+uint32_t RankMaker::exact_rank() const { return basis_ ? StoredRank(basis_->rank()) : 0; }
+
+bool RankMaker::ExactSaves(Precision precision) const {
+  return basis_ && basis_->rank() < basis_->rows() && ReductionSaves(bundle_, basis_->rank(), precision);
+}
+
+std::optional<ReducedBasis> RankMaker::Make(uint32_t rank) {
+  if (rank == kFullRank) return std::nullopt;
+  if (!frame_) {
+    frame_ = basis_->Frame();
+    moment_ = ExpectedMoment(*frame_);
+    if (!calibration_.empty()) {
+      const MatrixD measured = DisplacementMoment(bundle_, folded_, *frame_, calibration_);
+      const double trace = moment_.trace();
+      moment_ = measured + (trace > 0 ? kExpectedShare * measured.trace() / trace : 1.0) * moment_;
+    }
+  }
+  return Reduce(bundle_, *frame_, moment_, std::min(rank, frame_->rank()));
+}
+
+uint32_t SmallestGoodRank(uint32_t top, const std::function<bool(uint32_t rank)>& good) {
+  uint32_t bad = 0, best = top;
+  while (best - bad > 2) {
+    const uint32_t middle = (bad + best) / 4 * 2;
+    (good(middle) ? best : bad) = middle;
+  }
+  return best;
+}
+
+}  // namespace dcloth::converter
