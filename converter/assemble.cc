@@ -24,9 +24,15 @@ std::vector<uint16_t> Subset(const std::vector<uint32_t>& joints, const JointSub
   return indices;
 }
 
+Precision PlannedFor(const PrecisionPlan& plan, const std::string& name) {
+  if (!plan.only.empty() && plan.only != name + ".weights") return Precision::kFp32;
+  const bool static_stage = name.starts_with("static_stage.");
+  return static_stage && plan.precision == Precision::kInt8 ? Precision::kFp16 : plan.precision;
+}
+
 // PyTorch's [out, in] as the [rows = in, columns = out] of the layouts.
-PackedLinear Pack(const std::string& name, const LinearWeights& linear, Precision precision) {
-  return PackLinear(name, linear.weight.transpose(), linear.bias, precision);
+PackedLinear Pack(const std::string& name, const LinearWeights& linear, const PrecisionPlan& plan) {
+  return PackLinear(name, linear.weight.transpose(), linear.bias, PlannedFor(plan, name));
 }
 
 MeshLayerParts AssembleLayer(const MeshLayerWeights& layer, const std::string& name) {
@@ -44,7 +50,7 @@ MeshLayerParts AssembleLayer(const MeshLayerWeights& layer, const std::string& n
   return parts;
 }
 
-MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, Precision precision) {
+MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan) {
   const MeshWeights& mesh = *bundle.mesh;
   const uint32_t n = bundle.vertex_count(), influences = folded.body.influences;
   MeshStageParts parts;
@@ -66,9 +72,9 @@ MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, Pr
   }
   parts.embed = PackFloats("mesh_stage.embed", Vector(mesh.embed.weight.row(0).transpose()));
   parts.embed_bias = mesh.embed.bias[0];
-  parts.hidden = Pack("mesh_stage.hidden", mesh.hidden, precision);
+  parts.hidden = Pack("mesh_stage.hidden", mesh.hidden, plan);
   parts.coefficients = Pack("mesh_stage.coefficients",
-                            folded.reduced ? folded.reduced->coefficients : mesh.coefficients, precision);
+                            folded.reduced ? folded.reduced->coefficients : mesh.coefficients, plan);
   return parts;
 }
 
@@ -86,12 +92,11 @@ FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body
   return folded;
 }
 
-ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision precision) {
+ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan) {
   const uint32_t n = bundle.vertex_count();
-  const Precision static_precision = precision == Precision::kInt8 ? Precision::kFp16 : precision;
   ModelParts parts;
   parts.producer = ProducerText();
-  parts.precision = PrecisionName(precision);
+  parts.precision = PrecisionName(plan.precision);
   parts.garment = bundle.garment;
   parts.tick_rate = static_cast<float>(bundle.tick_rate);
   parts.vertices = n;
@@ -118,24 +123,26 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision 
       PackIndices("static_stage.influence_bones", StoredType::kU8, {n, folded.skin.influences}, folded.skin.columns);
   parts.influence_weights =
       PackFloats("static_stage.influence_weights", {n, folded.skin.influences}, folded.skin.weights);
-  parts.static_hidden = Pack("static_stage.hidden", bundle.static_hidden, static_precision);
-  parts.static_increments = Pack("static_stage.increments", bundle.static_increments, static_precision);
+  parts.static_hidden = Pack("static_stage.hidden", bundle.static_hidden, plan);
+  parts.static_increments = Pack("static_stage.increments", bundle.static_increments, plan);
 
   if (bundle.skeleton) {
-    parts.skeleton = SkeletonStageParts{Pack("skeleton_stage.input", bundle.skeleton->input, precision),
-                                        Pack("skeleton_stage.hidden", bundle.skeleton->hidden, precision)};
+    parts.skeleton = SkeletonStageParts{Pack("skeleton_stage.input", bundle.skeleton->input, plan),
+                                        Pack("skeleton_stage.hidden", bundle.skeleton->hidden, plan)};
+    const Precision basis_precision = PlannedFor(plan, "displacement.basis");
     if (folded.reduced) {
       parts.skeleton_rows = static_cast<uint32_t>(folded.reduced->basis.rows());
-      parts.basis = PackLinear("displacement.basis", folded.reduced->basis, Vector(), precision);
-      parts.head = PackLinear("displacement.head", folded.reduced->head, Vector(), HeadPrecision(precision));
+      parts.basis = PackLinear("displacement.basis", folded.reduced->basis, Vector(), basis_precision);
+      parts.head = PackLinear("displacement.head", folded.reduced->head, Vector(),
+                              HeadPrecision(PlannedFor(plan, "displacement.head")));
     } else {
       const StackedBasis stacked = StackBasis(bundle);
       parts.skeleton_rows = stacked.skeleton_rows;
       parts.mesh_rows = stacked.mesh_rows;
-      parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), precision);
+      parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), basis_precision);
     }
   }
-  if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, precision);
+  if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, plan);
   return parts;
 }
 

@@ -3,6 +3,7 @@
 #define DCLOTH_CONVERTER_ASSEMBLE_H_
 
 #include <optional>
+#include <string>
 
 #include "converter/bundle.h"
 #include "converter/fold.h"
@@ -24,10 +25,18 @@ struct FoldedBundle {
 };
 FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences);
 
-// `precision` applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size. The static
-// MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8 would save 0.1 MB. All
-// else (geometry, gates, mesh layers, embedding, biases) stays f32. Throws Error where fp16 overflows.
-ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, Precision precision);
+// Which precision each matrix gets. `only` names the one matrix that is quantised while all others stay f32
+// ("displacement.basis.weights"); empty quantises all.
+struct PrecisionPlan {
+  Precision precision = Precision::kFp32;
+  std::string only;
+};
+
+// The precision applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size.
+// The static MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8
+// would save 0.1 MB. All else (geometry, gates, mesh layers, embedding, biases) stays f32. Throws Error where
+// fp16 overflows.
+ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan);
 
 }  // namespace dcloth::converter
 

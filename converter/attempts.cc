@@ -32,8 +32,8 @@ Candidate Attempts::Write(Precision precision, uint32_t rank) const {
   try {
     FoldedBundle folded = folded_;
     folded.reduced = ranks_->Make(rank);
-    const ModelParts parts = Assemble(bundle_, folded, precision);
-    Candidate candidate{WriteModel(parts), {}, rank};
+    const ModelParts parts = Assemble(bundle_, folded, {precision, {}});
+    Candidate candidate{WriteModel(parts), {}, rank, std::move(folded.reduced)};
     for (const PackedTensor* tensor : TensorsOf(parts)) candidate.tensors.push_back(tensor->report);
     return candidate;
   } catch (const Error& error) {

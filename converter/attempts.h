@@ -18,6 +18,7 @@ struct Candidate {
   AlignedBytes bytes;
   std::vector<TensorReport> tensors;
   uint32_t rank = RankMaker::kFullRank;
+  std::optional<ReducedBasis> reduced;  // what FoldedBundle::reduced was
 };
 
 class Attempts {

@@ -17,7 +17,7 @@ OpenModel OneBoneModel(const Bundle& bundle, const FoldedBundle& folded) {
   probe.skin.influences = 1;
   probe.skin.columns.assign(bundle.vertex_count(), 0);
   probe.skin.weights.assign(bundle.vertex_count(), 1.0f);
-  return OpenModel(WriteModel(Assemble(bundle, probe, Precision::kFp32)), bundle.path);
+  return OpenModel(WriteModel(Assemble(bundle, probe, {})), bundle.path);
 }
 
 // R^-1 of the first bone per frame.

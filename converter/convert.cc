@@ -107,6 +107,9 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
     report.model_bytes = found.bytes.size();
     report.instance_bytes = OpenModel(found.bytes).instance_bytes();
     report.tensors = std::move(found.tensors);
+    FoldedBundle stored = folded;
+    stored.reduced = std::move(found.reduced);
+    MeasureTensorCosts(bundle, stored, precision, Measured(options), &report.tensors, options.progress);
     result.bytes = std::move(found.bytes);
     return result;
   }

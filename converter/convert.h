@@ -16,6 +16,7 @@
 #include "converter/prune.h"
 #include "converter/rank.h"
 #include "converter/sequence.h"
+#include "converter/tensor_cost.h"
 
 namespace dcloth::converter {
 
@@ -33,6 +34,7 @@ struct ConvertOptions {
   // to the strongest, and the report says what that costs.
   uint32_t influences = 8;
   uint32_t body_influences = 8;
+  ProgressCallback progress;  // of measuring each tensor's cost on the motion
 };
 
 // One precision and rank that were tried. Errors are against the fp32 model whose basis is not reduced.
@@ -58,7 +60,7 @@ struct ConvertReport {
   uint64_t instance_bytes = 0;  // lent memory per garment
   uint32_t joint_count = 0;     // joints that a host supplies
   uint32_t dropped_joints = 0;  // of the bundle's, not needed
-  std::vector<TensorReport> tensors;
+  std::vector<TensorReport> tensors;  // with what each costs on the motion
   PruneReport influences;       // of the static stage
   PruneReport body_influences;  // of the body points; all zero without a mesh stage
   RankReport rank;

@@ -20,9 +20,9 @@ std::vector<std::byte> BytesOf(const auto& values) {
 }
 
 PackedTensor Finish(const std::string& name, StoredType type, std::vector<uint32_t> shape,
-                    std::vector<std::byte> bytes) {
+                    std::vector<std::byte> bytes, const TensorLoss& loss) {
   PackedTensor packed;
-  packed.report = {name, StoredTypeName(type), std::move(shape), bytes.size(), 0, 0};
+  packed.report = {name, StoredTypeName(type), std::move(shape), bytes.size(), loss, {}};
   packed.type = type;
   packed.bytes = std::move(bytes);
   return packed;
@@ -30,23 +30,6 @@ PackedTensor Finish(const std::string& name, StoredType type, std::vector<uint32
 
 std::vector<uint32_t> ShapeOf(const Matrix& matrix) {
   return {static_cast<uint32_t>(matrix.rows()), static_cast<uint32_t>(matrix.cols())};
-}
-
-// `stored` gives the value that element (j, c) has after storing.
-void Compare(const Matrix& exact, const auto& stored, TensorReport* report) {
-  double error = 0, total = 0, worst = 0, largest = 0;
-  for (Eigen::Index j = 0; j < exact.rows(); ++j) {
-    for (Eigen::Index c = 0; c < exact.cols(); ++c) {
-      const auto value = static_cast<double>(exact(j, c));
-      const double difference = stored(static_cast<size_t>(j), static_cast<size_t>(c)) - value;
-      error += difference * difference;
-      total += value * value;
-      worst = std::max(worst, std::abs(difference));
-      largest = std::max(largest, std::abs(value));
-    }
-  }
-  report->relative_rms = total > 0 ? std::sqrt(error / total) : 0;
-  report->relative_max = largest > 0 ? worst / largest : 0;
 }
 
 // A bias or column scales, filled up for the padding columns.
@@ -64,17 +47,17 @@ const char* StoredTypeName(StoredType type) {
 }
 
 PackedTensor PackFloats(const std::string& name, const Matrix& values) {
-  return Finish(name, StoredType::kF32, ShapeOf(values),
-                BytesOf(std::span(values.data(), static_cast<size_t>(values.size()))));
+  const std::span<const float> flat(values.data(), static_cast<size_t>(values.size()));
+  return Finish(name, StoredType::kF32, ShapeOf(values), BytesOf(flat), ExactLoss(flat));
 }
 
 PackedTensor PackFloats(const std::string& name, const Vector& values) {
-  return Finish(name, StoredType::kF32, {static_cast<uint32_t>(values.size())},
-                BytesOf(std::span(values.data(), static_cast<size_t>(values.size()))));
+  const std::span<const float> flat(values.data(), static_cast<size_t>(values.size()));
+  return Finish(name, StoredType::kF32, {static_cast<uint32_t>(flat.size())}, BytesOf(flat), ExactLoss(flat));
 }
 
 PackedTensor PackFloats(const std::string& name, std::vector<uint32_t> shape, const std::vector<float>& values) {
-  return Finish(name, StoredType::kF32, std::move(shape), BytesOf(values));
+  return Finish(name, StoredType::kF32, std::move(shape), BytesOf(values), ExactLoss(values));
 }
 
 PackedTensor PackIndices(const std::string& name, StoredType type, std::vector<uint32_t> shape,
@@ -87,7 +70,9 @@ PackedTensor PackIndices(const std::string& name, StoredType type, std::vector<u
   } else {
     bytes = BytesOf(values);
   }
-  return Finish(name, type, std::move(shape), std::move(bytes));
+  // Indices of a model's mesh stay below 2^24: exact as floats.
+  const std::vector<float> floats(values.begin(), values.end());
+  return Finish(name, type, std::move(shape), std::move(bytes), ExactLoss(floats));
 }
 
 PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision) {
@@ -99,28 +84,19 @@ PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Ve
     const QuantizedMatrix quantized = QuantizeTwoSided(field, weights);
     std::vector<int8_t> packed(kernels::PairPanelElements(rows, columns));
     kernels::PackPairPanelsI8(quantized.values.data(), shape, packed.data());
-    linear.weights = Finish(field, StoredType::kI8, ShapeOf(weights), BytesOf(packed));
+    linear.weights = Finish(field, StoredType::kI8, ShapeOf(weights), BytesOf(packed), LossOf(weights, quantized));
     linear.row_scales = PackFloats(name + ".row_scales", {static_cast<uint32_t>(rows)}, quantized.row_scales);
     linear.column_scales = PackColumns(name + ".column_scales", quantized.column_scales, 1.0f);
-    Compare(
-        weights,
-        [&](size_t j, size_t c) {
-          return static_cast<double>(quantized.row_scales[j]) * static_cast<double>(quantized.column_scales[c]) *
-                 quantized.values[j * columns + c];
-        },
-        &linear.weights.report);
   } else if (precision == Precision::kFp16) {
     const std::vector<uint16_t> halves = QuantizeHalf(field, weights);  // for its overflow check and the report
     std::vector<uint16_t> packed(kernels::PanelElements(rows, columns));
     kernels::PackPanelsF16(weights.data(), shape, packed.data());
-    linear.weights = Finish(field, StoredType::kF16, ShapeOf(weights), BytesOf(packed));
-    Compare(
-        weights, [&](size_t j, size_t c) { return static_cast<double>(HalfToFloat(halves[j * columns + c])); },
-        &linear.weights.report);
+    linear.weights = Finish(field, StoredType::kF16, ShapeOf(weights), BytesOf(packed), LossOf(weights, halves));
   } else {
     std::vector<float> packed(kernels::PanelElements(rows, columns));
     kernels::PackPanelsF32(weights.data(), shape, packed.data());
-    linear.weights = Finish(field, StoredType::kF32, ShapeOf(weights), BytesOf(packed));
+    linear.weights = Finish(field, StoredType::kF32, ShapeOf(weights), BytesOf(packed),
+                            ExactLoss({weights.data(), static_cast<size_t>(weights.size())}));
   }
   if (bias.size() != 0) {
     linear.bias = PackColumns(name + ".bias", std::vector<float>(bias.data(), bias.data() + bias.size()), 0.0f);

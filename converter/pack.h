@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "converter/bundle.h"
+#include "converter/loss.h"
 #include "converter/precision.h"
 
 namespace dcloth::converter {
@@ -17,13 +18,18 @@ enum class StoredType : uint8_t { kF32, kF16, kI8, kU8, kU16, kU32 };  // the sc
 
 const char* StoredTypeName(StoredType type);  // "f32"
 
+// What quantising one tensor alone moves the garment by, all others in f32: over all vertices and frames.
+struct TensorCost {
+  double mean_mm = 0, p99_mm = 0, max_mm = 0;
+};
+
 struct TensorReport {
   std::string name;             // the model's field, "mesh_stage.hidden.weights"
   std::string dtype;            // "f32", "f16", "i8", "u8", "u16", "u32"
   std::vector<uint32_t> shape;  // logical
   uint64_t size_bytes = 0;      // stored, padding of the layout included
-  double relative_rms = 0;      // sqrt(sum (stored - exact)^2 / sum exact^2); 0 where stored exactly
-  double relative_max = 0;      // max |stored - exact| / max |exact|
+  TensorLoss loss;
+  std::optional<TensorCost> cost;  // empty where stored exactly, and without motion to measure on
 };
 
 struct PackedTensor {

@@ -40,7 +40,7 @@ void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model
   }
   const format::LinearView& head = model.displacement.head;
   float* mixed = coefficients + MixedAt(model);
-  ApplyLinear(kernels, head, coefficients, head.rows, Activation::kNone, quantized, mixed);
+  ApplyLinear(kernels, {&head, coefficients, head.rows, Activation::kNone, quantized, mixed});
   if (stages != DCLOTH_STAGES_MESH) return;
   const float* q = coefficients + MeshCoefficientsAt(model);
   for (uint32_t i = 0; i < head.columns; ++i) mixed[i] += q[i];

@@ -9,9 +9,10 @@ namespace dcloth::engine {
 // Floats of a displacement [n, 3], padded to whole panels; 0 without a basis.
 size_t DisplacementFloats(const format::ModelView& model);
 
-// `stages` is one of DCLOTH_STAGES_*. `coefficients` is the block of coefficients.h with P and Q in it.
-void RunDisplacement(const kernels::KernelTable& kernels, const format::ModelView& model, uint32_t stages,
-                     float* coefficients, int16_t* quantized, float* displacement);
+// `stages` is one of DCLOTH_STAGES_* but STATIC, whose displacement is zero; `coefficients` is
+// the block of coefficients.h, mixed; nothing of it beyond the level's rows is read.
+LinearProduct DisplacementProduct(const format::ModelView& model, uint32_t stages, const float* coefficients,
+                                  int16_t* quantized, float* displacement);
 
 }  // namespace dcloth::engine
 

@@ -84,3 +84,45 @@ def test_tables_for_people(dcloth, files, tmp_path):
     text = dcloth("inspect", files.model).stdout
     for word in ("cone skirt", "fp32", "30 Hz", "thigh_l", "static skeleton mesh"):
         assert word in text
+
+
+def test_report_ranks_tensors_by_what_they_cost(dcloth, files, tmp_path):
+    """Weights below the smallest half, made up for by the layers around them (biases are zero): the same network in
+    fp32; in fp16 this one tensor loses the whole mesh stage."""
+    tensors = small_garment.bundle_tensors()
+    hidden, coefficients, basis = (tensors[f"mesh.{name}"] for name in ("mlp.0.weight", "mlp.2.weight", "basis"))
+    shrink = 2e-8 / abs(coefficients).max()
+    bundle, out, report = tmp_path / "b.safetensors", tmp_path / "m.dcloth", tmp_path / "report.json"
+    small_garment.write_bundle(bundle, changes={"mesh.mlp.0.weight": 1000 * hidden,
+                                                "mesh.mlp.2.weight": (shrink * coefficients).astype("float32"),
+                                                "mesh.basis": (basis / (1000 * shrink)).astype("float32")})
+    result = dcloth("convert", bundle, "-o", out, "--precision", "fp16", "--calibrate", files.walk, "--report", report)
+    assert result.returncode == 0, result.stderr
+    said = json.loads(report.read_text())
+    named = {t["name"]: t for t in said["tensors"]}
+    first, second = (named[name] for name in said["ranking"][:2])
+    assert first["name"] == "mesh_stage.coefficients.weights"
+    assert first["rounded_to_zero"] == coefficients.size and first["clipped"] == 0 and first["snr_db"] == 0
+    assert first["cost_mm"]["mean"] > 10 * second["cost_mm"]["mean"]
+    assert first["range"][1] == pytest.approx(shrink * coefficients.max(), rel=1e-6)
+    assert named["static_stage.pivots"]["snr_db"] is None and named["static_stage.pivots"]["cost_mm"] is None
+    lines = result.stdout.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("costliest tensors"))
+    assert [line.split()[0] for line in lines[start + 1:]] == said["ranking"]
+    again = dcloth("convert", bundle, "-o", out, "--precision", "fp16", "--motion", files.walk, "--json")
+    assert json.loads(again.stdout) == said
+
+
+def test_without_motion_millimetres_are_not_invented(dcloth, files, tmp_path):
+    result = dcloth("convert", files.bundle, "-o", tmp_path / "m", "--precision", "int8", "--report", tmp_path / "r")
+    assert "not measured" in result.stdout and "--motion" in result.stdout
+    said = json.loads((tmp_path / "r").read_text())
+    assert said["ranking"] is None and all(t["cost_mm"] is None for t in said["tensors"])
+    assert any(t["snr_db"] is not None and 20 < t["snr_db"] < 80 for t in said["tensors"])
+
+
+def test_a_report_replaces_neither_bundle_nor_model(dcloth, files, tmp_path):
+    before = files.bundle.read_bytes()
+    refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", "--report", tmp_path / "m"), "--report")
+    refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", "--report", files.bundle), "--report")
+    assert files.bundle.read_bytes() == before and not (tmp_path / "m").exists()

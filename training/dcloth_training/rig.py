@@ -31,6 +31,7 @@ class Character:
     faces: np.ndarray           # [c, 3]
     mirror: np.ndarray          # [n]
     collider: np.ndarray = field(repr=False, default=None)   # [b] bool
+    parents: list = None        # [J] joint above each one, -1 at the root; None: not known
 
 
 def mirrored_joints(names):
@@ -50,7 +51,8 @@ def read_character(path):
             tensors["body_vertices"], tensors["body_faces"],
             (weights / weights.sum(1, keepdims=True)).astype(np.float32),
             tensors["cloth_template"], tensors["cloth_faces"], tensors["mirror"],
-            tensors["body_collider"].astype(bool))
+            tensors["body_collider"].astype(bool),
+            json.loads(metadata["parents"]) if "parents" in metadata else None)
     except (KeyError, ValueError) as error:
         raise safetensors_io.SafetensorsError(
             f"{path}: not a character: {error}; expected what simulate/run.py writes") from None

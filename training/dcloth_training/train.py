@@ -46,6 +46,7 @@ def arguments(argv=None):
     add("--skeleton-epochs", type=int, default=220)
     add("--skeleton-rate", type=float, default=2e-3)
     add("--window", type=int, default=64, help="ticks a training window")
+    add("--twist", type=float, default=0.0, help="degrees limbs turn about their bones, see twist.py")
     add("--noise", type=float, default=0.1, help="of standardised features")
     add("--dropout", type=float, default=0.1)
     add("--decay", type=float, default=0.01)
@@ -110,9 +111,10 @@ def prepare(options, log):
     character = rig.read_character(os.path.join(options.data, "character.safetensors"))
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
-    static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
+    static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character,
+                          options.twist, seed=options.seed)
     dynamic = dataset.load(dataset.find(options.data, "dynamic", dataset.HELD_OUT), fitted.rig,
-                           character)
+                           character, options.twist, options.validation.split(","), options.seed)
     training, validation = dataset.split(dynamic, options.validation.split(","))
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
         if not clips:

@@ -161,9 +161,9 @@ TEST(ConvertTest, ReportsTensorsJointsAndPruning) {
   for (const TensorReport& tensor : report.tensors) {
     total += tensor.size_bytes;
     if (tensor.name == "displacement.basis.weights") {
-      basis = tensor.dtype == "i8" && tensor.relative_rms > 0 && tensor.relative_rms < 0.02;
+      basis = tensor.dtype == "i8" && tensor.loss.relative_rms > 0 && tensor.loss.relative_rms < 0.02;
     }
-    if (tensor.name == "static_stage.pivots") pivots = tensor.dtype == "f32" && tensor.relative_max == 0;
+    if (tensor.name == "static_stage.pivots") pivots = tensor.dtype == "f32" && tensor.loss.relative_max == 0;
     if (tensor.name == "static_stage.increments.weights") increments = tensor.dtype == "f16";
   }
   EXPECT_TRUE(basis && pivots && increments);

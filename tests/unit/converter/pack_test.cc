@@ -73,7 +73,7 @@ TEST(PackTest, FloatPanelsThroughTheScalarKernel) {
                 (rows + 2) * 0x1p-24 * Magnitude(p, c));
     }
     for (size_t c = static_cast<size_t>(columns); c < y.size(); ++c) ASSERT_EQ(y[c], 0);  // padding is zero
-    EXPECT_EQ(linear.weights.report.relative_rms, 0);
+    EXPECT_EQ(linear.weights.report.loss.relative_rms, 0);
     EXPECT_FALSE(linear.row_scales || linear.column_scales);
   }
 }
@@ -93,9 +93,9 @@ TEST(PackTest, HalfPanelsThroughTheScalarKernel) {
                 stored + (rows + 2) * 0x1p-24 * (Magnitude(p, c) + stored));
     }
     // rms of uniform rounding within 2^-12 .. 2^-11 of each value; zero would mean nothing was measured.
-    EXPECT_LE(linear.weights.report.relative_max, 0x1p-11);
+    EXPECT_LE(linear.weights.report.loss.relative_max, 0x1p-11);
     if (rows * columns > 10) {
-      EXPECT_GT(linear.weights.report.relative_rms, 0x1p-15);
+      EXPECT_GT(linear.weights.report.loss.relative_rms, 0x1p-15);
     }
   }
 }
@@ -131,7 +131,7 @@ TEST(PackTest, Int8PairPanelsThroughTheScalarKernels) {
           << rows << " x " << columns;
     }
     // Half a step of the largest weight is 1 / 254 of it.
-    EXPECT_LE(linear.weights.report.relative_max, 1.001 / 254);
+    EXPECT_LE(linear.weights.report.loss.relative_max, 1.001 / 254);
   }
 }
 

@@ -26,7 +26,7 @@ TEST(WriteModelTest, StoredTypesAreTheSchemas) {
 
 ModelParts Parts(Precision precision) {
   const Bundle bundle = BundleFrom(SafeFile::Parse(dcloth::testing::BuildBundle({}).Bytes(), "b"));
-  return Assemble(bundle, FoldBundle(bundle, 4, 4), precision);
+  return Assemble(bundle, FoldBundle(bundle, 4, 4), {precision, {}});
 }
 
 // Read with FlatBuffers' own reader: identifier, alignment, every tensor's bytes in its place, nothing but zero

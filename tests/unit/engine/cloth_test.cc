@@ -70,7 +70,7 @@ TEST_F(ClothTest, ExactStorageWorksAndOneByteLessIsRefused) {
 
 // Pinned, so that growth is a decision: scratch and state of the default model.
 TEST_F(ClothTest, StorageSizeIsPinned) {
-  EXPECT_EQ(dcloth_cloth_storage_size(opened_.get()), 29760u);
+  EXPECT_EQ(dcloth_cloth_storage_size(opened_.get()), 33600u);
   EXPECT_EQ(dcloth_model_storage_size(), 1216u);
 }
 
@@ -82,8 +82,7 @@ TEST_F(ClothTest, HostBuffersAreReadAndWrittenWithinTheirBounds) {
   for (const uint32_t stride : {12u, 16u, 28u}) {
     GuardedBuffer<float> positions((n - 1) * stride / 4 + 3), normals((n - 1) * stride / 4 + 3);
     const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(matrices.size() / 16), matrices.data(), 0};
-    const dcloth_output output = {sizeof(output), static_cast<uint32_t>(n), positions.data(), stride, stride,
-                                  normals.data()};
+    const dcloth_output output = FloatOutput(n, positions.data(), stride, normals.data());
     ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, nullptr), DCLOTH_OK);
     ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
     for (size_t i = 0; i < positions.size(); ++i) {
@@ -102,8 +101,8 @@ TEST_F(ClothTest, InterleavedAndTightBuffersAgreeAndNormalsAreOptional) {
   std::vector<float> vertices(6 * n), alone(3 * n);
   const std::vector<float> matrices = Pose(2);
   const dcloth_pose pose = OwnedCloth::Pose(matrices);
-  const dcloth_output interleaved = {sizeof(interleaved), n, vertices.data(), 24, 24, vertices.data() + 3};
-  const dcloth_output positions_only = {sizeof(positions_only), n, alone.data(), 12, 0, nullptr};
+  const dcloth_output interleaved = FloatOutput(n, vertices.data(), 24, vertices.data() + 3);
+  const dcloth_output positions_only = FloatOutput(n, alone.data(), 12, nullptr);
   ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &interleaved, nullptr), DCLOTH_OK);
   ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &positions_only, nullptr), DCLOTH_OK);
   EXPECT_EQ(alone, cloth.positions());
@@ -164,13 +163,38 @@ TEST_F(ClothTest, ExtremePosesLeaveAFiniteState) {
   for (const float x : cloth.positions()) ASSERT_TRUE(std::isfinite(x));
 }
 
+// NETWORK.md, "Pose": joints without volume leave the features as they were, so the skeleton stage sees a held pose.
+TEST_F(ClothTest, CollapsedJointsKeepTheirFeatures) {
+  const auto scaled = [&](double tick, float scale) {
+    std::vector<float> matrices = Pose(tick);
+    for (size_t i = 0; i < matrices.size(); ++i) {
+      if (i % 16 < 12 && i % 4 != 3) matrices[i] *= scale;
+    }
+    return matrices;
+  };
+  OwnedCloth held(opened_), collapsed(opened_), small(opened_);
+  for (OwnedCloth* cloth : {&held, &collapsed, &small}) Advance(cloth, 0, 11, DCLOTH_STAGES_SKELETON);
+  ASSERT_EQ(held.Tick(Pose(10), DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+  ASSERT_EQ(collapsed.Tick(scaled(10, 0.0f), DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+  ExpectSameFrame(&held, &collapsed, 10);
+  // 2 % along each axis is a volume of 8e-6: still a rotation, and one far from the pose before.
+  ASSERT_EQ(small.Tick(scaled(10, 0.02f), DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+  ASSERT_EQ(small.Skin(Pose(10), 1), DCLOTH_OK);
+  EXPECT_NE(small.positions(), held.positions());
+
+  // After a reset nothing of the past is left to keep.
+  OwnedCloth fresh(opened_);
+  ASSERT_EQ(dcloth_cloth_reset(held.get()), DCLOTH_OK);
+  for (OwnedCloth* cloth : {&held, &fresh}) ASSERT_EQ(cloth->Tick(scaled(0, 0.0f), kAll), DCLOTH_OK);
+  ExpectSameFrame(&held, &fresh, 0);
+}
+
 TEST_F(ClothTest, BadArgumentsAreRefused) {
   OwnedCloth cloth(opened_);
   const std::vector<float> matrices = Pose(0);
   std::vector<float> out(3 * model_.numbers.n);
   const dcloth_pose good_pose = OwnedCloth::Pose(matrices);
-  const dcloth_output good_output = {sizeof(good_output), static_cast<uint32_t>(model_.numbers.n), out.data(), 12, 12,
-                                     out.data()};
+  const dcloth_output good_output = FloatOutput(model_.numbers.n, out.data(), 12, out.data());
   const auto tick = [&](const dcloth_pose* pose, uint32_t stages) {
     return dcloth_cloth_tick(cloth.get(), pose, stages, nullptr);
   };
@@ -331,8 +355,7 @@ TEST_F(ClothTest, TimersCountEveryStepAndNothingTwice) {
   const std::vector<float> matrices = Pose(0);
   const dcloth_pose pose = OwnedCloth::Pose(matrices);
   std::vector<float> out(6 * model_.numbers.n);
-  const dcloth_output output = {sizeof(output), static_cast<uint32_t>(model_.numbers.n), out.data(), 24, 24,
-                                out.data() + 3};
+  const dcloth_output output = FloatOutput(model_.numbers.n, out.data(), 24, out.data() + 3);
   ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, &timer), DCLOTH_OK);
   ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, &timer), DCLOTH_OK);
   uint64_t total = 0;

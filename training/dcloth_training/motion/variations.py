@@ -19,6 +19,7 @@ SCALED_BELOW = 2.0            # rad: a joint that leaves its mean farther keeps 
 OFFSET_DEGREES = 4.0          # largest offset of a joint about one axis
 OFFSET_HERTZ = (0.08, 0.6)
 TURN_RATE = 0.6               # rad/s added to the heading, constant part and waver together
+WIDEST = 0.5                  # share of a rotation that even a strong variation keeps
 OVERLAP_FRAMES = 15           # two clips fade into each other: half a second
 
 # Joints whose carriage varies, and the axes: knees bend one way only.
@@ -41,10 +42,10 @@ def split_heading(hips):
     return heading, rotations.about_axis("Y", -heading) @ hips
 
 
-def warp_time(motion, generator):
+def warp_time(motion, generator, strength=1.0):
     """Play faster or slower, by a constant and a slowly changing factor."""
-    rate = np.exp(generator.uniform(*np.log(RATE)))
-    longest = int(np.ceil(len(motion) / (RATE[0] * (1 - RATE_WAVER)))) + 2
+    rate = np.exp(min(strength, 1.5) * generator.uniform(*np.log(RATE)))
+    longest = int(np.ceil(len(motion) / (rate * (1 - RATE_WAVER)))) + 2
     speed = rate * (1 + RATE_WAVER * band_limited(longest, generator, 0.05, 0.3))
     times = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))])
     return timing.sample(motion, times[times <= len(motion) - 1])
@@ -64,12 +65,13 @@ def _rescale(local, factor):
     return mean @ rotations.matrix_from_vector(factor * vectors)
 
 
-def scale_amplitude(motion, generator):
+def scale_amplitude(motion, generator, strength=1.0):
     """Wider or narrower movement; wider steps also carry the hips farther over the ground."""
     factor = generator.uniform(AMPLITUDE[0] + JOINT_SPREAD, AMPLITUDE[1] - JOINT_SPREAD)
     local = motion.local.copy()
     heading, tilt = split_heading(local[:, 0])
     own = factor + generator.uniform(-JOINT_SPREAD, JOINT_SPREAD, local.shape[1])
+    own = np.clip(1 + strength * (own - 1), WIDEST, 2 - WIDEST)
     local[:, 0] = rotations.about_axis("Y", heading) @ _rescale(tilt, own[0])
     for joint in range(1, local.shape[1]):
         local[:, joint] = _rescale(local[:, joint], own[joint])
@@ -78,10 +80,10 @@ def scale_amplitude(motion, generator):
     return Motion(root, local)
 
 
-def offset_joints(motion, generator):
+def offset_joints(motion, generator, strength=1.0):
     """Another carriage: slowly changing offsets of a few degrees on hips, spine and legs."""
     local = motion.local.copy()
-    frames, largest = len(motion), np.radians(OFFSET_DEGREES)
+    frames, largest = len(motion), strength * np.radians(OFFSET_DEGREES)
     heading, tilt = split_heading(local[:, 0])
     local[:, 0] = tilt
     for name, axes in _OFFSETS.items():
@@ -95,9 +97,9 @@ def offset_joints(motion, generator):
     return Motion(motion.root, local)
 
 
-def curve_path(motion, generator):
+def curve_path(motion, generator, strength=1.0):
     """Turn the heading as the clip goes on; the path over the ground curves with it."""
-    rate = TURN_RATE * (0.5 * generator.uniform(-1, 1)
+    rate = strength * TURN_RATE * (0.5 * generator.uniform(-1, 1)
                         + 0.5 * band_limited(len(motion), generator, 0.05, 0.3))
     yaw = np.concatenate([[0.0], np.cumsum(rate[1:])]) / FPS
     local = motion.local.copy()
@@ -109,14 +111,16 @@ def curve_path(motion, generator):
     return Motion(root, local)
 
 
-def vary(motion, seed):
+def vary(motion, seed, strength=1.0):
     """A plausible other take of `motion` [T frames] -> Motion of 0.74 T to 1.36 T frames.
 
-    The same seed gives the same take, bit for bit. Cost: about a millisecond a frame.
+    `strength` 1 is another take of the same person, 3 another person altogether (12 degrees of
+    offset): recorded clips differ that much from each other. The same seed gives the same take,
+    bit for bit. Cost: about a millisecond a frame.
     """
     generator = np.random.default_rng([0x7661, seed])
     for change in (warp_time, scale_amplitude, offset_joints, curve_path):
-        motion = change(motion, generator)
+        motion = change(motion, generator, strength)
     return motion
 
 

@@ -56,6 +56,10 @@ TAKES = 3
 # In rounds over all clips: a prefix of the list already has every clip.
 VARIATIONS = [f"{clip}~{take}" for take in range(1, TAKES + 1)
               for clip in RECORDED + PROCEDURAL[::3] if clip not in NOT_VARIED]
+# Takes beyond TAKES are by other people: three times as far from the recording.
+WIDE_TAKES, WIDE_STRENGTH = 4, 3.0
+WIDE = [f"{clip}~{take}" for take in range(TAKES + 1, TAKES + WIDE_TAKES + 1)
+        for clip in RECORDED if clip not in NOT_VARIED]
 # (patterns, reason): every recorded clip that is neither trained on nor held out.
 LEFT_OUT = (
     ("*/roll */crawl */getup_* */game_crawling */game_push_ups */game_sit_ups */game_lie_* "
@@ -121,10 +125,12 @@ def _variation(name, motion_folder):
     own_seed = seed(name)
     generator = np.random.default_rng(own_seed)
     pool = [clip for clip in (RECORDED if motion_folder else PROCEDURAL) if clip not in NOT_VARIED]
-    motion = variations.vary(_take(base, motion_folder), own_seed)
+    strength = WIDE_STRENGTH if int(number) > TAKES else 1.0
+    motion = variations.vary(_take(base, motion_folder), own_seed, strength)
     while len(motion) < LONG_FRAMES:
         other = _take(pool[generator.integers(len(pool))], motion_folder)
-        motion = variations.join(motion, variations.vary(other, int(generator.integers(1 << 31))))
+        other = variations.vary(other, int(generator.integers(1 << 31)), strength)
+        motion = variations.join(motion, other)
     return motion[:LONG_FRAMES]
 
 

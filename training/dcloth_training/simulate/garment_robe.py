@@ -1,4 +1,4 @@
-"""The robe's rest shape: a gown to mid-shin with wide sleeves, in T-pose, pleated below the waist.
+"""The robe's rest shape: a gown to mid-shin with wide sleeves, in T-pose, pleated below a belt.
 
 Cut like a kimono from two tubes on one regular grid: the upper tube runs from cuff to cuff with
 the neck cut out of its top, and the body tube hangs from its open underside. Only four vertices,
@@ -30,8 +30,8 @@ SLEEVE_COLUMNS = 33           # armhole to cuff
 RINGS = 65                    # armpit to hem
 NECK_COLUMNS, NECK_ROWS = 7, 5  # half of the neck opening
 YOKE_CELLS = 4                # pinned round the neck: this many cells wide
-PLEATS = 12
-PLEAT_DEPTH = 0.10            # of the radius at the hem; none at the waist
+PLEATS = 10
+PLEAT_DEPTH = 0.12            # of the radius at the hem; none at the belt
 FLUTES = 6                    # of each sleeve
 FLUTE_DEPTH = 0.08            # of the radius at the cuff
 RELAX_STEPS = 90
@@ -39,10 +39,10 @@ RELAX_STEPS = 90
 # Metres, hips at the origin. Half width and half depth of the body tube by height.
 ARMPIT, HEM, CUFF, TOP = 0.335, -0.62, 0.70, 0.542
 ARMHOLE = 0.165               # x of the column between chest and sleeve
-PLEATS_FROM = 0.02
-_BODY = np.array([(-0.62, 0.262, 0.218), (-0.30, 0.230, 0.178), (-0.02, 0.208, 0.153),
-                  (0.12, 0.200, 0.140), (0.33, 0.206, 0.140), (0.44, 0.205, 0.114),
-                  (0.60, 0.200, 0.085)])
+BELT = (0.095, 0.145)         # heights between which rings are pinned to the hips
+_BODY = np.array([(-0.62, 0.258, 0.216), (-0.30, 0.236, 0.184), (-0.02, 0.212, 0.158),
+                  (0.04, 0.200, 0.152), (0.095, 0.174, 0.138), (0.145, 0.168, 0.132),
+                  (0.31, 0.206, 0.140), (0.44, 0.205, 0.114), (0.60, 0.200, 0.085)])
 # The upper tube by |x|: underside, half depth. Its top is level, at TOP.
 _SLEEVE = np.array([(0.0, 0.340, 0.086), (0.20, 0.345, 0.086), (0.45, 0.325, 0.090),
                     (0.70, 0.280, 0.100)])
@@ -64,7 +64,7 @@ def _field(points):
     x, y, z = points.T
     body = _BODY_AT(np.clip(y, HEM - 0.1, 0.6))
     angle = np.arctan2(x / body[:, 0], z / body[:, 1])
-    way = np.clip((PLEATS_FROM - y) / (PLEATS_FROM - HEM), 0, 1.1)
+    way = np.clip((BELT[0] - y) / (BELT[0] - HEM), 0, 1.1)
     pleat = 1 + PLEAT_DEPTH * way ** 2 * np.cos(PLEATS * angle)
     radius = np.hypot(x / body[:, 0], z / body[:, 1])
     tube = (radius - pleat) * body.min(1)
@@ -230,7 +230,9 @@ def _triangles(points, quads, parity, mirror):
 def robe(radius_scale=1.0):
     """Build the robe in bind pose -> Garment. `radius_scale` perturbs it for the predictability floor.
 
-    Pinned is a yoke round the neck, which follows the chest. The whole body is a collider.
+    Pinned are a yoke round the neck, which follows the chest, and a belt, which follows the hips:
+    hung from the yoke alone, the gown gathered where it liked and two nearly equal simulations of a
+    run came 17 mm apart. The whole body is a collider.
     """
     upper, strip, body, points, quads, parity, mirror, neck = _build()
     vertices = points.copy()
@@ -246,8 +248,9 @@ def robe(radius_scale=1.0):
     column = np.abs(np.arange(-reach, reach + 1))[:, None]
     row = np.abs(np.arange(2 * ROWS + 1) - ROWS)[None]
     yoke = np.maximum(column - NECK_COLUMNS, row - NECK_ROWS) <= YOKE_CELLS
-    pinned = np.zeros(len(points), dtype=bool)
-    pinned[upper[yoke & (upper >= 0)]] = True
+    joints = np.full(len(points), -1)
+    joints[upper[yoke & (upper >= 0)]] = INDEX["Chest"]
+    height = points[body, 1].mean(1)
+    joints[body[(height > BELT[0]) & (height < BELT[1])]] = INDEX["Hips"]
     faces = _triangles(points, quads, parity, mirror)
-    return Garment(vertices, faces, mirror.astype(np.int32), pinned,
-                   pin_joints=np.where(pinned, INDEX["Chest"], -1), not_colliding=())
+    return Garment(vertices, faces, mirror.astype(np.int32), joints >= 0, joints, not_colliding=())

@@ -119,7 +119,7 @@ def tasks(options, context):
     """Callables in order of importance, each returning (entry, seconds)."""
     groups = {"held_out": clips.HELD_OUT, "procedural": clips.PROCEDURAL,
               "recorded": clips.RECORDED, "training": clips.training(),
-              "random": clips.RANDOM, "variations": clips.VARIATIONS}
+              "random": clips.RANDOM, "variations": clips.VARIATIONS, "wide": clips.WIDE}
     for word in options.clips.split(","):
         if word == "static":
             for number, poses in static_tours(options):

@@ -1,0 +1,41 @@
+// The parameter of every test here: one garment in one precision.
+#ifndef DCLOTH_TESTS_STABILITY_STABILITY_CASE_H_
+#define DCLOTH_TESTS_STABILITY_STABILITY_CASE_H_
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <tuple>
+
+#include "tests/stability/garment.h"
+
+namespace dcloth::stability {
+
+// No vertex lies farther than this many times the garment's size from the hips.
+constexpr double kLargestReach = 2.0;
+
+using CaseParameter = std::tuple<std::string, Precision>;
+
+inline std::string CaseName(const testing::TestParamInfo<CaseParameter>& info) {
+  return std::get<0>(info.param) + "_" + converter::PrecisionName(std::get<1>(info.param));
+}
+
+class StabilityCase : public testing::TestWithParam<CaseParameter> {
+ protected:
+  const Garment& garment() const { return LoadGarment(std::get<0>(GetParam())); }
+  Precision precision() const { return std::get<1>(GetParam()); }
+  size_t ticks_per_second() const {
+    return static_cast<size_t>(0.5 +
+                               1 / static_cast<double>(garment().model(precision()).info().tick_seconds));
+  }
+};
+
+// An empty models/ is a failure: GoogleTest refuses a suite without instances.
+#define DCLOTH_STABILITY_SUITE(suite)                                                                     \
+  INSTANTIATE_TEST_SUITE_P(                                                                               \
+      Models, suite, testing::Combine(testing::ValuesIn(GarmentNames()), testing::ValuesIn(kPrecisions)), \
+      CaseName)
+
+}  // namespace dcloth::stability
+
+#endif  // DCLOTH_TESTS_STABILITY_STABILITY_CASE_H_

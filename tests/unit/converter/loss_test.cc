@@ -1,0 +1,67 @@
+#include "converter/loss.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "converter/half.h"
+
+namespace dcloth::converter {
+namespace {
+
+TEST(LossTest, CountsByHand) {
+  Matrix exact(2, 3);
+  exact << 200, -130, 0.4f, 127.4f, 0, -63.75f;
+  QuantizedMatrix stored;
+  stored.rows = 2, stored.columns = 3;
+  stored.row_scales = {1, 0.5f};
+  stored.column_scales = {1, 1, 1};
+  // Row 1 has half the step: 127.4 would be level 255, -63.75 is just not past 127.5 levels.
+  stored.values = {127, -127, 0, 127, 0, -127};
+  const TensorLoss loss = LossOf(exact, stored);
+  EXPECT_EQ(loss.lowest, -130);
+  EXPECT_EQ(loss.highest, 200);
+  EXPECT_EQ(loss.clipped, 3u);
+  EXPECT_EQ(loss.zeroed, 1u);  // 0.4; the true zero does not count
+  const double small = static_cast<double>(0.4f), large = static_cast<double>(127.4f);
+  const double error = 73 * 73 + 3 * 3 + small * small + std::pow(large - 63.5, 2) + 0.25 * 0.25;
+  const double total = 200 * 200 + 130 * 130 + small * small + large * large + 63.75 * 63.75;
+  EXPECT_NEAR(loss.snr_db, 10 * std::log10(total / error), 1e-12);
+  EXPECT_NEAR(loss.relative_rms, std::sqrt(error / total), 1e-15);
+  EXPECT_NEAR(loss.relative_max, 73.0 / 200, 1e-15);
+}
+
+TEST(LossTest, TightScalesClipNothingAndAnOutlierZeroesItsColumn) {
+  Matrix exact = Matrix::Constant(40, 1, 1);
+  exact(7, 0) = 1000;  // a step of 1000 / 127: ones are below half of it
+  const QuantizedMatrix per_column = QuantizePerColumn("w", exact);
+  const TensorLoss loss = LossOf(exact, per_column);
+  EXPECT_EQ(loss.clipped, 0u);
+  EXPECT_EQ(loss.zeroed, 39u);
+  EXPECT_EQ(LossOf(exact, QuantizeTwoSided("w", exact)).zeroed, 0u);  // a row scale takes the outlier
+}
+
+TEST(LossTest, HalvesUnderflowAndMayBeExact) {
+  Matrix exact(1, 4);
+  exact << 1e-8f, 4e-8f, 0, 2;  // half of the smallest half is 2^-25 = 2.98e-8
+  const TensorLoss loss = LossOf(exact, QuantizeHalf("w", exact));
+  EXPECT_EQ(loss.zeroed, 1u);
+  EXPECT_EQ(loss.clipped, 0u);
+  EXPECT_TRUE(std::isfinite(loss.snr_db));
+  exact << 0.5f, -0.25f, 0, 2;
+  const TensorLoss none = LossOf(exact, QuantizeHalf("w", exact));
+  EXPECT_EQ(none.snr_db, INFINITY);
+  EXPECT_EQ(none.relative_rms, 0);
+  EXPECT_EQ(none.lowest, -0.25);
+}
+
+TEST(LossTest, NothingIsLostOfNothing) {
+  EXPECT_EQ(ExactLoss({}).highest, 0);
+  const Matrix zero = Matrix::Zero(3, 3);
+  const TensorLoss loss = LossOf(zero, QuantizeTwoSided("w", zero));
+  EXPECT_EQ(loss.snr_db, INFINITY);
+  EXPECT_EQ(loss.zeroed, 0u);
+}
+
+}  // namespace
+}  // namespace dcloth::converter

@@ -1,0 +1,135 @@
+#include "tools/convert_output.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "converter/error.h"
+#include "tools/rank_output.h"
+
+namespace dcloth::tools {
+namespace {
+
+using converter::TensorReport;
+
+Json TensorJson(const TensorReport& t) {
+  Json json = {{"name", t.name},
+               {"dtype", t.dtype},
+               {"shape", t.shape},
+               {"size_bytes", t.size_bytes},
+               {"range", {t.loss.lowest, t.loss.highest}},
+               {"clipped", t.loss.clipped},
+               {"rounded_to_zero", t.loss.zeroed},
+               {"relative_rms", t.loss.relative_rms},
+               {"relative_max", t.loss.relative_max},
+               {"snr_db", nullptr},
+               {"cost_mm", nullptr}};
+  if (std::isfinite(t.loss.snr_db)) json["snr_db"] = t.loss.snr_db;
+  if (t.cost) json["cost_mm"] = {{"mean", t.cost->mean_mm}, {"p99", t.cost->p99_mm}, {"max", t.cost->max_mm}};
+  return json;
+}
+
+int NameWidth(const converter::ConvertReport& report) {
+  size_t width = 6;
+  for (const TensorReport& t : report.tensors) width = std::max(width, t.name.size());
+  return static_cast<int>(width);
+}
+
+void PrintTensors(const converter::ConvertReport& report) {
+  const int width = NameWidth(report);
+  std::printf("%-*s  %-5s  %-13s  %10s  %22s  %8s  %8s  %7s\n", width, "tensor", "dtype", "shape", "bytes",
+              "range", "clipped", "to zero", "SNR dB");
+  for (const TensorReport& t : report.tensors) {
+    std::string shape;
+    for (uint32_t s : t.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(s);
+    char range[48];
+    std::snprintf(range, sizeof(range), "%.4g to %.4g", t.loss.lowest, t.loss.highest);
+    std::printf("%-*s  %-5s  %-13s  %10llu  %22s", width, t.name.c_str(), t.dtype.c_str(), shape.c_str(),
+                static_cast<unsigned long long>(t.size_bytes), range);
+    if (std::isfinite(t.loss.snr_db)) {
+      std::printf("  %8llu  %8llu  %7.1f\n", static_cast<unsigned long long>(t.loss.clipped),
+                  static_cast<unsigned long long>(t.loss.zeroed), t.loss.snr_db);
+    } else {
+      std::printf("  %8s  %8s  %7s\n", "", "", "exact");
+    }
+  }
+}
+
+void PrintRanking(const converter::ConvertReport& report) {
+  const bool lossy = std::any_of(report.tensors.begin(), report.tensors.end(),
+                                 [](const TensorReport& t) { return t.dtype == "f16" || t.dtype == "i8"; });
+  if (!lossy) return;
+  if (report.trials.empty()) {
+    std::printf("what each tensor costs in millimetres was not measured: add --motion SEQ, once or more\n");
+    return;
+  }
+  const int width = NameWidth(report);
+  std::printf("\n%-*s  %-5s  %10s  %10s  %10s\n", width, "costliest tensors, each alone", "dtype", "mean mm",
+              "p99 mm", "max mm");
+  for (const TensorReport* t : converter::RankByCost(report.tensors)) {
+    std::printf("%-*s  %-5s  %10.5f  %10.5f  %10.5f\n", width, t->name.c_str(), t->dtype.c_str(),
+                t->cost->mean_mm, t->cost->p99_mm, t->cost->max_mm);
+  }
+}
+
+}  // namespace
+
+Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::path& bundle,
+                 const std::filesystem::path& model) {
+  Json json = {{"bundle", converter::PathText(bundle)},
+               {"model", converter::PathText(model)},
+               {"precision", converter::PrecisionName(report.precision)},
+               {"model_bytes", report.model_bytes},
+               {"instance_bytes", report.instance_bytes},
+               {"joint_count", report.joint_count},
+               {"dropped_joints", report.dropped_joints},
+               {"tensors", Json::array()},
+               {"pruning", Json::object()},
+               {"basis", RankJson(report.rank)},
+               {"trials", Json::array()}};
+  for (const converter::TensorReport& t : report.tensors) json["tensors"].push_back(TensorJson(t));
+  // Costliest first; null where there was no motion to measure on.
+  json["ranking"] = report.trials.empty() ? Json(nullptr) : Json::array();
+  for (const converter::TensorReport* t : converter::RankByCost(report.tensors))
+    json["ranking"].push_back(t->name);
+  const auto pruning = [](const converter::PruneReport& p) {
+    Json out = {{"influences", p.influences},
+                {"removed_mean", p.removed_mean},
+                {"removed_worst", p.removed_worst},
+                {"bound_worst_mm", p.bound_worst_mm}};
+    out["mean_mm"] = p.measured ? Json(p.mean_mm) : Json(nullptr);
+    out["worst_mm"] = p.measured ? Json(p.worst_mm) : Json(nullptr);
+    return out;
+  };
+  json["pruning"]["cloth"] = pruning(report.influences);
+  json["pruning"]["body_points"] = pruning(report.body_influences);
+  for (const converter::Trial& t : report.trials) {
+    json["trials"].push_back({{"precision", converter::PrecisionName(t.precision)},
+                              {"model_bytes", t.model_bytes},
+                              {"rank", t.rank},
+                              {"error", ToJson(t.error)},
+                              {"calibration", ToJson(t.calibration)}});
+  }
+  return json;
+}
+
+void PrintConvertTables(const converter::ConvertReport& report, const std::filesystem::path& model) {
+  PrintTensors(report);
+  std::printf(
+      "\n%s: %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not needed\n",
+      converter::PathText(model).c_str(), converter::PrecisionName(report.precision),
+      static_cast<double>(report.model_bytes) / 1e6, static_cast<double>(report.instance_bytes) / 1024,
+      report.joint_count, report.dropped_joints);
+  std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n",
+              report.influences.influences, report.influences.removed_mean, report.influences.removed_worst);
+  PrintRank(report.rank);
+  for (const converter::Trial& t : report.trials) {
+    std::printf("%s, %u rows, on the given motion, against fp32: mean %.4f, p99 %.4f, max %.4f mm\n",
+                converter::PrecisionName(t.precision), t.rank, t.error.position_mm.mean, t.error.position_mm.p99,
+                t.error.position_mm.max);
+  }
+  PrintRanking(report);
+}
+
+}  // namespace dcloth::tools
