@@ -17,6 +17,10 @@ OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
   }
 }
 
+uint32_t StoredRows(const ModelParts& parts, uint32_t rank) {
+  return rank == RankMaker::kFullRank ? 0 : parts.skeleton_rows;
+}
+
 std::string Millimetres(double value) { return std::to_string(value) + " mm"; }
 
 }  // namespace
@@ -31,9 +35,9 @@ Attempts::Attempts(const Bundle& bundle, const FoldedBundle& folded, const Conve
 Candidate Attempts::Write(Precision precision, uint32_t rank) const {
   try {
     FoldedBundle folded = folded_;
-    folded.reduced = ranks_->Make(rank);
+    folded.reduced = ranks_->Make(rank, precision);
     const ModelParts parts = Assemble(bundle_, folded, {precision, {}});
-    Candidate candidate{WriteModel(parts), {}, rank, std::move(folded.reduced)};
+    Candidate candidate{WriteModel(parts), {}, rank, StoredRows(parts, rank), std::move(folded.reduced)};
     for (const PackedTensor* tensor : TensorsOf(parts)) candidate.tensors.push_back(tensor->report);
     return candidate;
   } catch (const Error& error) {
@@ -53,7 +57,7 @@ bool Attempts::Try(Precision precision, uint32_t rank, On on) {
   const OpenModel model = Open(candidate.bytes, bundle_);
   bool good = true;
   if (reference_) {
-    Trial trial{precision, candidate.bytes.size(), {}, rank, {}};
+    Trial trial{precision, candidate.bytes.size(), {}, candidate.rows, {}};
     if (rank == RankMaker::kFullRank) trial.rank = ranks_->full_rows();
     if (!options_.calibration.empty()) {
       trial.calibration = trial.error = CompareModels(model, *reference_, options_.calibration);

@@ -18,6 +18,7 @@ struct Candidate {
   AlignedBytes bytes;
   std::vector<TensorReport> tensors;
   uint32_t rank = RankMaker::kFullRank;
+  uint32_t rows = 0;                    // of a reduced basis, remainders among them
   std::optional<ReducedBasis> reduced;  // what FoldedBundle::reduced was
 };
 

@@ -102,7 +102,7 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
     if (!attempts.Settle(precision)) continue;
     Candidate& found = attempts.found();
     report.precision = precision;
-    report.rank.rank = found.rank == RankMaker::kFullRank ? report.rank.full : found.rank;
+    report.rank.rank = found.rank == RankMaker::kFullRank ? report.rank.full : found.rows;
     report.rank.reduced = found.rank != RankMaker::kFullRank;
     report.model_bytes = found.bytes.size();
     report.instance_bytes = OpenModel(found.bytes).instance_bytes();

@@ -4,6 +4,8 @@
 #include <algorithm>
 
 #include "converter/calibrate.h"
+#include "converter/correct.h"
+#include "converter/fold.h"
 
 namespace dcloth::converter {
 
@@ -16,11 +18,14 @@ uint32_t RankMaker::full_rows() const { return basis_ ? basis_->rows() : 0; }
 
 uint32_t RankMaker::exact_rank() const { return basis_ ? StoredRank(basis_->rank()) : 0; }
 
-bool RankMaker::ExactSaves(Precision precision) const {
-  return basis_ && basis_->rank() < basis_->rows() && ReductionSaves(bundle_, basis_->rank(), precision);
+bool RankMaker::ExactSaves(Precision precision) {
+  if (!basis_ || basis_->rank() >= basis_->rows()) return false;
+  const ReducedBasis reduced = *Make(exact_rank(), precision);
+  const size_t rows = static_cast<size_t>(reduced.basis.rows()) + reduced.corrected.size();
+  return ReductionSaves(bundle_, static_cast<uint32_t>(rows), precision);
 }
 
-std::optional<ReducedBasis> RankMaker::Make(uint32_t rank) {
+std::optional<ReducedBasis> RankMaker::Make(uint32_t rank, Precision precision) {
   if (rank == kFullRank) return std::nullopt;
   if (!frame_) {
     frame_ = basis_->Frame();
@@ -31,7 +36,15 @@ std::optional<ReducedBasis> RankMaker::Make(uint32_t rank) {
       moment_ = measured + (trace > 0 ? kExpectedShare * measured.trace() / trace : 1.0) * moment_;
     }
   }
-  return Reduce(bundle_, *frame_, moment_, std::min(rank, frame_->rank()));
+  ReducedBasis reduced = Reduce(bundle_, *frame_, moment_, std::min(rank, frame_->rank()));
+  if (precision == Precision::kInt8) {
+    if (calibration_.empty()) {
+      AddCorrections(QuantizeTwoSided("displacement.basis.weights", StackBasis(bundle_).basis).squared_error, &reduced);
+    } else {
+      TradeForCorrections(&reduced);
+    }
+  }
+  return reduced;
 }
 
 uint32_t SmallestGoodRank(uint32_t top, const std::function<bool(uint32_t rank)>& good) {

@@ -3,6 +3,7 @@
 #define DCLOTH_CONVERTER_REDUCE_H_
 
 #include <cstdint>
+#include <vector>
 
 #include "converter/bundle.h"
 #include "converter/precision.h"
@@ -45,6 +46,8 @@ struct ReducedBasis {
   Matrix basis;                // B [rank, 3n]
   Matrix head;                 // H_S [k_S, rank]
   LinearWeights coefficients;  // W_2 and b_2 times H_M: [rank, h], [rank]; empty without a mesh stage
+  // Rows whose int8 remainder is stored as a row of its own behind the others (correct.h); ignored by floats.
+  std::vector<uint32_t> corrected;
 };
 
 // Rows are stored in pairs, so a rank is even: the next even one, which may add a row of zeros.
