@@ -8,6 +8,13 @@
 #include "converter/fold.h"
 
 namespace dcloth::converter {
+namespace {
+
+// Of the whole basis' squared rounding error. Both are estimated for independent coefficients, but real ones favour the
+// strong directions, which are few rows now: at an equal estimate the bundled skirt was off by 0.20 mm instead of 0.125.
+constexpr double kRoundingShare = 0.25;
+
+}  // namespace
 
 RankMaker::RankMaker(const Bundle& bundle, const FoldedBundle& folded, std::span<const Sequence> calibration)
     : bundle_(bundle), folded_(folded), calibration_(calibration) {
@@ -39,7 +46,8 @@ std::optional<ReducedBasis> RankMaker::Make(uint32_t rank, Precision precision) 
   ReducedBasis reduced = Reduce(bundle_, *frame_, moment_, std::min(rank, frame_->rank()));
   if (precision == Precision::kInt8) {
     if (calibration_.empty()) {
-      AddCorrections(QuantizeTwoSided("displacement.basis.weights", StackBasis(bundle_).basis).squared_error, &reduced);
+      const QuantizedMatrix whole = QuantizeTwoSided("displacement.basis.weights", StackBasis(bundle_).basis);
+      AddCorrections(kRoundingShare * whole.squared_error, &reduced);
     } else {
       TradeForCorrections(&reduced);
     }

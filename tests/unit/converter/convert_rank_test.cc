@@ -218,10 +218,13 @@ TEST(ConvertRankTest, AutoPrecisionSearchesWithinEach) {
   options.max_error_mm = 0.2 * int8_mm;
   const ConvertReport report = Convert(bundle, options).report;
   EXPECT_EQ(report.precision, Precision::kFp16);
-  EXPECT_LE(report.trials.back().calibration.position_mm.max, 100.0);
-  for (const Trial& trial : report.trials)
-    if (trial.rank == report.rank.rank && trial.precision == report.precision)
-      EXPECT_LE(trial.calibration.position_mm.max, *options.max_error_mm);
+  size_t kept = 0;
+  for (const Trial& trial : report.trials) {
+    if (trial.rank != report.rank.rank || trial.precision != report.precision) continue;
+    EXPECT_LE(trial.calibration.position_mm.max, *options.max_error_mm);
+    ++kept;
+  }
+  EXPECT_GT(kept, 0u);
 }
 
 TEST(ConvertRankTest, BadRequestsAreRefused) {

@@ -6,6 +6,7 @@
 
 #include "converter/bundle.h"
 #include "converter/half.h"
+#include "converter/sequence.h"
 #include "tests/unit/converter/bundle_builder.h"
 
 namespace dcloth::testing {
