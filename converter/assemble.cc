@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "converter/correct.h"
 #include "converter/mesh_graph.h"
 #include "dcloth/dcloth.h"
 
@@ -33,6 +34,26 @@ Precision PlannedFor(const PrecisionPlan& plan, const std::string& name) {
 // PyTorch's [out, in] as the [rows = in, columns = out] of the layouts.
 PackedLinear Pack(const std::string& name, const LinearWeights& linear, const PrecisionPlan& plan) {
   return PackLinear(name, linear.weight.transpose(), linear.bias, PlannedFor(plan, name));
+}
+
+// Rows that give back what int8 takes make sense beside int8 rows only.
+bool IsCorrected(const FoldedBundle& folded, const PrecisionPlan& plan) {
+  return PlannedFor(plan, "displacement.basis") == Precision::kInt8 && !folded.reduced->corrected.empty();
+}
+
+void AddReduced(const FoldedBundle& folded, const PrecisionPlan& plan, ModelParts* parts) {
+  const std::string name = "displacement.basis";
+  const ReducedBasis& reduced = *folded.reduced;
+  const bool corrected = IsCorrected(folded, plan);
+  if (corrected) {
+    const CorrectedMatrix basis = QuantizeCorrected(name + ".weights", reduced.basis, reduced.corrected);
+    parts->basis = PackQuantized(name, basis.exact, basis.stored);
+  } else {
+    parts->basis = PackLinear(name, reduced.basis, Vector(), PlannedFor(plan, name));
+  }
+  parts->skeleton_rows = parts->basis->weights.report.shape[0];
+  parts->head = PackLinear("displacement.head", corrected ? HeadWithCopies(reduced) : reduced.head, Vector(),
+                           HeadPrecision(PlannedFor(plan, "displacement.head")));
 }
 
 MeshLayerParts AssembleLayer(const MeshLayerWeights& layer, const std::string& name) {
@@ -73,7 +94,11 @@ MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, co
   parts.embed = PackFloats("mesh_stage.embed", Vector(mesh.embed.weight.row(0).transpose()));
   parts.embed_bias = mesh.embed.bias[0];
   parts.hidden = Pack("mesh_stage.hidden", mesh.hidden, plan);
-  parts.coefficients = Pack("mesh_stage.coefficients", mesh.coefficients, plan);
+  parts.coefficients = Pack("mesh_stage.coefficients",
+                            !folded.reduced       ? mesh.coefficients
+                            : IsCorrected(folded, plan) ? CoefficientsWithCopies(*folded.reduced)
+                                                  : folded.reduced->coefficients,
+                            plan);
   return parts;
 }
 
@@ -128,10 +153,14 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const Prec
   if (bundle.skeleton) {
     parts.skeleton = SkeletonStageParts{Pack("skeleton_stage.input", bundle.skeleton->input, plan),
                                         Pack("skeleton_stage.hidden", bundle.skeleton->hidden, plan)};
-    const StackedBasis stacked = StackBasis(bundle);
-    parts.skeleton_rows = stacked.skeleton_rows;
-    parts.mesh_rows = stacked.mesh_rows;
-    parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), PlannedFor(plan, "displacement.basis"));
+    if (folded.reduced) {
+      AddReduced(folded, plan, &parts);
+    } else {
+      const StackedBasis stacked = StackBasis(bundle);
+      parts.skeleton_rows = stacked.skeleton_rows;
+      parts.mesh_rows = stacked.mesh_rows;
+      parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), PlannedFor(plan, "displacement.basis"));
+    }
   }
   if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, plan);
   return parts;

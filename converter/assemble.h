@@ -2,12 +2,14 @@
 #ifndef DCLOTH_CONVERTER_ASSEMBLE_H_
 #define DCLOTH_CONVERTER_ASSEMBLE_H_
 
+#include <optional>
 #include <string>
 
 #include "converter/bundle.h"
 #include "converter/fold.h"
 #include "converter/precision.h"
 #include "converter/prune.h"
+#include "converter/reduce.h"
 #include "converter/write_model.h"
 
 namespace dcloth::converter {
@@ -19,6 +21,7 @@ struct FoldedBundle {
   MatrixD body_weights;  // [n, J], empty without a mesh stage
   PrunedWeights body;    // columns index bundle.joint_names; empty without a mesh stage
   JointSubset joints;
+  std::optional<ReducedBasis> reduced;  // stored in place of the stacked basis
 };
 FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences);
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "converter/assemble.h"
+#include "converter/attempts.h"
 #include "converter/error.h"
 #include "converter/rollout.h"
 
@@ -13,6 +14,10 @@ namespace dcloth::converter {
 namespace {
 
 constexpr size_t kCalibrationPoses = 256;  // evenly spaced over the motion: pruning is measured, not trained, on them
+
+std::span<const Sequence> Measured(const ConvertOptions& options) {
+  return options.motion.empty() ? options.calibration : options.motion;
+}
 
 void CheckOptions(const ConvertOptions& options) {
   for (const uint32_t influences : {options.influences, options.body_influences}) {
@@ -23,13 +28,20 @@ void CheckOptions(const ConvertOptions& options) {
   if (options.max_error_mm && !(*options.max_error_mm >= 0 && std::isfinite(*options.max_error_mm))) {
     throw Error({"", "", "an error bound of " + std::to_string(*options.max_error_mm) + " mm", "0 or more", ""});
   }
-  if (options.max_error_mm && options.motion.empty()) {
+  if (options.max_error_mm && Measured(options).empty()) {
     throw Error(
         {"", "", "an error bound but no motion to measure it on", "a sequence of the character", "pass --motion SEQ"});
   }
   if (!options.precision && !options.max_error_mm) {
     throw Error(
         {"", "", "precision auto without a bound", "a bound and motion", "pass --max-error-mm E and --motion SEQ"});
+  }
+  if (options.rank.mode == RankMode::kSearch && (!options.max_error_mm || options.calibration.empty())) {
+    throw Error({"", "", "a search for the rank without a bound or without motion to calibrate on", "both",
+                 "pass --max-error-mm E and --calibrate SEQ"});
+  }
+  if (options.rank.mode == RankMode::kFixed && options.rank.rank < 1) {
+    throw Error({"", "", "a basis of rank 0", "1 or more", "leave --rank out to keep the basis as exact as it is"});
   }
 }
 
@@ -61,37 +73,6 @@ std::vector<std::vector<Eigen::Matrix4d>> SkinningPoses(const Bundle& bundle, st
   return poses;
 }
 
-struct Candidate {
-  AlignedBytes bytes;
-  std::vector<TensorReport> tensors;
-};
-
-Candidate Write(const Bundle& bundle, const FoldedBundle& folded, Precision precision) {
-  try {
-    const ModelParts parts = Assemble(bundle, folded, {precision, {}});
-    Candidate candidate{WriteModel(parts), {}};
-    for (const PackedTensor* tensor : TensorsOf(parts)) candidate.tensors.push_back(tensor->report);
-    return candidate;
-  } catch (const Error& error) {
-    if (!error.parts().path.empty()) throw;
-    ErrorParts parts = error.parts();
-    parts.path = bundle.path;
-    throw Error(std::move(parts));
-  }
-}
-
-// The engine has the last word on what is a model.
-OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
-  try {
-    return OpenModel(bytes, bundle.path);
-  } catch (const Error& error) {
-    throw Error({bundle.path, "", "a model that the engine refuses: " + error.parts().found, "",
-                 "make the network smaller where a limit is named; else this is a fault of the converter, report it"});
-  }
-}
-
-std::string Millimetres(double value) { return std::to_string(value) + " mm"; }
-
 }  // namespace
 
 ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
@@ -101,45 +82,38 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   ConvertReport& report = result.report;
   report.influences =
       MeasurePruning(folded.skin_weights, folded.skin, bundle.template_positions, BindPositions(bundle, bundle.bones),
-                     SkinningPoses(bundle, bundle.bones, options.motion));
+                     SkinningPoses(bundle, bundle.bones, Measured(options)));
   if (bundle.mesh) {
     std::vector<uint32_t> all(bundle.joint_names.size());
     for (uint32_t joint = 0; joint < all.size(); ++joint) all[joint] = joint;
     report.body_influences = MeasurePruning(folded.body_weights, folded.body, bundle.mesh->nearest_points,
-                                            BindPositions(bundle, all), SkinningPoses(bundle, all, options.motion));
+                                            BindPositions(bundle, all), SkinningPoses(bundle, all, Measured(options)));
   }
   report.joint_count = static_cast<uint32_t>(folded.joints.joints.size());
   report.dropped_joints = static_cast<uint32_t>(bundle.joint_names.size()) - report.joint_count;
 
-  std::optional<OpenModel> reference;
-  if (!options.motion.empty()) reference.emplace(Open(Write(bundle, folded, Precision::kFp32).bytes, bundle));
-  std::vector<Precision> attempts = {Precision::kInt8, Precision::kFp16, Precision::kFp32};  // cheapest first
-  if (options.precision) attempts = {*options.precision};
-  for (const Precision precision : attempts) {
-    Candidate candidate = Write(bundle, folded, precision);
-    const OpenModel model = Open(candidate.bytes, bundle);
-    bool good = true;
-    if (reference) {
-      Trial& trial = report.trials.emplace_back(Trial{precision, candidate.bytes.size(), {}});
-      trial.error = CompareModels(model, *reference, options.motion);
-      good = !options.max_error_mm || trial.error.position_mm.max <= *options.max_error_mm;
-    }
-    if (!good) continue;
+  RankMaker ranks(bundle, folded, options.calibration);
+  report.rank.full = ranks.full_rows();
+  report.rank.exact = ranks.exact_rank();
+  Attempts attempts(bundle, folded, options, &ranks, &report.trials);
+  std::vector<Precision> precisions = {Precision::kInt8, Precision::kFp16, Precision::kFp32};  // cheapest first
+  if (options.precision) precisions = {*options.precision};
+  for (const Precision precision : precisions) {
+    if (!attempts.Settle(precision)) continue;
+    Candidate& found = attempts.found();
     report.precision = precision;
-    report.model_bytes = candidate.bytes.size();
-    report.instance_bytes = model.instance_bytes();
-    report.tensors = std::move(candidate.tensors);
-    MeasureTensorCosts(bundle, folded, precision, options.motion, &report.tensors, options.progress);
-    result.bytes = std::move(candidate.bytes);
+    report.rank.rank = found.rank == RankMaker::kFullRank ? report.rank.full : found.rows;
+    report.rank.reduced = found.rank != RankMaker::kFullRank;
+    report.model_bytes = found.bytes.size();
+    report.instance_bytes = OpenModel(found.bytes).instance_bytes();
+    report.tensors = std::move(found.tensors);
+    FoldedBundle stored = folded;
+    stored.reduced = std::move(found.reduced);
+    MeasureTensorCosts(bundle, stored, precision, Measured(options), &report.tensors, options.progress);
+    result.bytes = std::move(found.bytes);
     return result;
   }
-  // `auto` ends at fp32, whose error is 0: only an asked-for precision gets here.
-  const Trial& last = report.trials.back();
-  throw ThresholdError({bundle.path, "",
-                        std::string(PrecisionName(last.precision)) + " to differ from fp32 by up to " +
-                            Millimetres(last.error.position_mm.max),
-                        "at most " + Millimetres(*options.max_error_mm),
-                        "raise --max-error-mm or pass --precision auto"});
+  throw attempts.Missed();
 }
 
 }  // namespace dcloth::converter

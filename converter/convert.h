@@ -14,6 +14,7 @@
 #include "converter/pack.h"
 #include "converter/precision.h"
 #include "converter/prune.h"
+#include "converter/rank.h"
 #include "converter/sequence.h"
 #include "converter/tensor_cost.h"
 
@@ -23,8 +24,12 @@ struct ConvertOptions {
   // Empty is `auto`: the first of int8, fp16, fp32 whose difference to the fp32 model stays within max_error_mm on
   // motion.
   std::optional<Precision> precision = Precision::kFp32;
-  std::optional<double> max_error_mm;  // bound on position_mm.max; needs motion
-  std::span<const Sequence> motion;
+  std::optional<double> max_error_mm;  // bound on position_mm.max; needs motion or calibration
+  std::span<const Sequence> motion;    // only measured on
+  // Rows of the displacement basis, and the motion that a reduction may be fitted to. The bound holds on both kinds of
+  // motion; a search looks at calibration alone, so that `motion` stays unseen.
+  RankRequest rank;
+  std::span<const Sequence> calibration;
   // Bones per cloth vertex and joints per body point, 1 to 8. Fewer are written where no vertex has as many; more are cut
   // to the strongest, and the report says what that costs.
   uint32_t influences = 8;
@@ -32,11 +37,21 @@ struct ConvertOptions {
   ProgressCallback progress;  // of measuring each tensor's cost on the motion
 };
 
-// One precision that was tried on the motion.
+// One precision and rank that were tried. Errors are against the fp32 model whose basis is not reduced.
 struct Trial {
   Precision precision;
   uint64_t model_bytes = 0;
-  MeshError error;  // against the fp32 model
+  MeshError error;        // on the motion; on the calibration where there is no motion; no frames where not measured
+  uint32_t rank = 0;      // rows of the basis, without padding where it is not reduced
+  MeshError calibration;  // on the calibration; no frames without any
+};
+
+// What became of the displacement basis.
+struct RankReport {
+  uint32_t full = 0;     // k_S + k_M; 0 without a skeleton stage
+  uint32_t exact = 0;    // numerical rank, even
+  uint32_t rank = 0;     // rows of the model's basis, as Trial::rank
+  bool reduced = false;  // whether it is another basis than [S; M]
 };
 
 struct ConvertReport {
@@ -48,7 +63,8 @@ struct ConvertReport {
   std::vector<TensorReport> tensors;  // with what each costs on the motion
   PruneReport influences;       // of the static stage
   PruneReport body_influences;  // of the body points; all zero without a mesh stage
-  std::vector<Trial> trials;    // empty without motion
+  RankReport rank;
+  std::vector<Trial> trials;    // empty without motion and calibration
 };
 
 struct ConvertResult {

@@ -75,18 +75,25 @@ PackedTensor PackIndices(const std::string& name, StoredType type, std::vector<u
   return Finish(name, type, std::move(shape), std::move(bytes), ExactLoss(floats));
 }
 
+PackedLinear PackQuantized(const std::string& name, const Matrix& exact, const QuantizedMatrix& quantized) {
+  const size_t rows = quantized.rows, columns = quantized.columns;
+  std::vector<int8_t> packed(kernels::PairPanelElements(rows, columns));
+  kernels::PackPairPanelsI8(quantized.values.data(), {rows, columns, columns, 1}, packed.data());
+  PackedLinear linear;
+  linear.weights =
+      Finish(name + ".weights", StoredType::kI8, ShapeOf(exact), BytesOf(packed), LossOf(exact, quantized));
+  linear.row_scales = PackFloats(name + ".row_scales", {static_cast<uint32_t>(rows)}, quantized.row_scales);
+  linear.column_scales = PackColumns(name + ".column_scales", quantized.column_scales, 1.0f);
+  return linear;
+}
+
 PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision) {
   const auto rows = static_cast<size_t>(weights.rows()), columns = static_cast<size_t>(weights.cols());
   const kernels::MatrixShape shape = {rows, columns, columns, 1};
   const std::string field = name + ".weights";
   PackedLinear linear;
   if (precision == Precision::kInt8) {
-    const QuantizedMatrix quantized = QuantizeTwoSided(field, weights);
-    std::vector<int8_t> packed(kernels::PairPanelElements(rows, columns));
-    kernels::PackPairPanelsI8(quantized.values.data(), shape, packed.data());
-    linear.weights = Finish(field, StoredType::kI8, ShapeOf(weights), BytesOf(packed), LossOf(weights, quantized));
-    linear.row_scales = PackFloats(name + ".row_scales", {static_cast<uint32_t>(rows)}, quantized.row_scales);
-    linear.column_scales = PackColumns(name + ".column_scales", quantized.column_scales, 1.0f);
+    linear = PackQuantized(name, weights, QuantizeTwoSided(field, weights));
   } else if (precision == Precision::kFp16) {
     const std::vector<uint16_t> halves = QuantizeHalf(field, weights);  // for its overflow check and the report
     std::vector<uint16_t> packed(kernels::PanelElements(rows, columns));

@@ -11,6 +11,7 @@
 #include "converter/bundle.h"
 #include "converter/loss.h"
 #include "converter/precision.h"
+#include "converter/quantize.h"
 
 namespace dcloth::converter {
 
@@ -51,6 +52,9 @@ PackedTensor PackFloats(const std::string& name, const Vector& values);
 PackedTensor PackFloats(const std::string& name, std::vector<uint32_t> shape, const std::vector<float>& values);
 PackedTensor PackIndices(const std::string& name, StoredType type, std::vector<uint32_t> shape,
                          const std::vector<uint32_t>& values);
+
+// Pair panels of what is quantised already; `exact` of the same shape is for the report.
+PackedLinear PackQuantized(const std::string& name, const Matrix& exact, const QuantizedMatrix& quantized);
 
 // Panels (f32, f16) or pair panels (int8). `bias` may be empty. Throws Error where fp16 overflows.
 PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision);

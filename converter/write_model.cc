@@ -16,7 +16,7 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 0;
+constexpr uint16_t kFormatMinor = 1;
 
 // Where each tensor lies in the weight vector.
 struct Layout {
@@ -165,7 +165,8 @@ class Writer {
 
   fb::Offset<format::Displacement> Displacement(const PackedLinear& basis) {
     const auto linear = Linear(basis);
-    return format::CreateDisplacement(builder_, parts_.skeleton_rows, parts_.mesh_rows, linear);
+    const auto head = parts_.head ? Linear(*parts_.head) : fb::Offset<format::Linear>();
+    return format::CreateDisplacement(builder_, parts_.skeleton_rows, parts_.mesh_rows, linear, head);
   }
 
   const ModelParts& parts_;
@@ -203,6 +204,7 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
     add_linear(mesh.hidden);
     add_linear(mesh.coefficients);
   }
+  if (parts.head) add_linear(*parts.head);
   if (parts.basis) add_linear(*parts.basis);
   add(parts.template_positions, parts.influence_bones, parts.influence_weights, parts.faces);
   return tensors;

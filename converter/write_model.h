@@ -49,7 +49,7 @@ struct ModelParts {
   PackedLinear static_hidden, static_increments;
   std::optional<SkeletonStageParts> skeleton;
   std::optional<MeshStageParts> mesh;
-  std::optional<PackedLinear> basis;
+  std::optional<PackedLinear> basis, head;
 };
 
 // The file's bytes. Tensors lie in the order in which a tick reads them, each on 64 bytes, gaps zero. The same parts

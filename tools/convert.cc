@@ -14,6 +14,7 @@
 #include "tools/commands.h"
 #include "tools/convert_output.h"
 #include "tools/progress.h"
+#include "tools/rank_output.h"
 
 namespace dcloth::tools {
 namespace {
@@ -23,7 +24,8 @@ struct Options {
   std::string precision = "fp32";
   double max_error_mm = 0;
   bool bounded = false;
-  std::vector<std::filesystem::path> motion;
+  std::vector<std::filesystem::path> motion, calibration;
+  std::string rank;
   bool json = false;
 };
 
@@ -31,11 +33,12 @@ int RunConvert(const Options& options) {
   const auto usage = [&](const char* found, const char* mend) {
     throw converter::Error({.path = {}, .tensor = {}, .found = found, .expected = {}, .mend = mend});
   };
-  if (options.precision == "auto" && (!options.bounded || options.motion.empty())) {
+  const bool calibrated = !options.calibration.empty(), measured = calibrated || !options.motion.empty();
+  if (options.precision == "auto" && (!options.bounded || !measured)) {
     usage("--precision auto without a bound to keep and motion to test it on",
           "add --max-error-mm E and --motion SEQ");
   }
-  if (options.bounded && options.motion.empty()) {
+  if (options.bounded && !measured) {
     usage("--max-error-mm without motion to measure it on", "add --motion SEQ, once or more");
   }
   std::error_code ignored;
@@ -53,7 +56,11 @@ int RunConvert(const Options& options) {
   const converter::Bundle bundle = converter::ReadBundle(options.bundle);
   std::vector<converter::Sequence> motion;
   for (const std::filesystem::path& path : options.motion) motion.push_back(converter::ReadSequence(path));
+  std::vector<converter::Sequence> calibration;
+  for (const std::filesystem::path& path : options.calibration) calibration.push_back(converter::ReadSequence(path));
   converter::ConvertOptions convert;
+  convert.rank = ParseRank(options.rank, options.bounded, calibrated);
+  convert.calibration = calibration;
   convert.precision = converter::ParsePrecision(options.precision);
   if (options.bounded) convert.max_error_mm = options.max_error_mm;
   convert.motion = motion;
@@ -89,14 +96,21 @@ void AddConvert(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   CLI::Option* bound =
       command
-          ->add_option(
-              "--max-error-mm", options->max_error_mm,
-              "largest allowed distance of any vertex to the fp32 model on --motion; exit 1 when missed")
+          ->add_option("--max-error-mm", options->max_error_mm,
+                       "largest allowed distance of any vertex to the fp32 model with its whole basis, on --motion "
+                       "and --calibrate; exit 1 when missed")
           ->check(CLI::PositiveNumber);
   command
-      ->add_option("--motion,--calibrate", options->motion,
+      ->add_option("--motion", options->motion,
                    "a sequence to measure on: the model, and each tensor alone; may be repeated")
       ->allow_extra_args(false);
+  command
+      ->add_option("--calibrate", options->calibration,
+                   "a sequence that a reduced basis may be fitted to, measured on too; may be repeated")
+      ->allow_extra_args(false);
+  command->add_option("--rank", options->rank,
+                      "rows of the displacement basis: exact, full, auto (the fewest within --max-error-mm on "
+                      "--calibrate) or a number; auto where both are given, else exact");
   command->add_option("--report", options->report, "write the figures as JSON to this file too");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, bound, &exit_code] {

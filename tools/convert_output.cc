@@ -6,6 +6,7 @@
 #include <string>
 
 #include "converter/error.h"
+#include "tools/rank_output.h"
 
 namespace dcloth::tools {
 namespace {
@@ -85,6 +86,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
                {"dropped_joints", report.dropped_joints},
                {"tensors", Json::array()},
                {"pruning", Json::object()},
+               {"basis", RankJson(report.rank)},
                {"trials", Json::array()}};
   for (const converter::TensorReport& t : report.tensors) json["tensors"].push_back(TensorJson(t));
   // Costliest first; null where there was no motion to measure on.
@@ -105,7 +107,9 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
   for (const converter::Trial& t : report.trials) {
     json["trials"].push_back({{"precision", converter::PrecisionName(t.precision)},
                               {"model_bytes", t.model_bytes},
-                              {"error", ToJson(t.error)}});
+                              {"rank", t.rank},
+                              {"error", ToJson(t.error)},
+                              {"calibration", ToJson(t.calibration)}});
   }
   return json;
 }
@@ -119,9 +123,10 @@ void PrintConvertTables(const converter::ConvertReport& report, const std::files
       report.joint_count, report.dropped_joints);
   std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n",
               report.influences.influences, report.influences.removed_mean, report.influences.removed_worst);
+  PrintRank(report.rank);
   for (const converter::Trial& t : report.trials) {
-    std::printf("%s on the given motion, against fp32: mean %.4f, p99 %.4f, max %.4f mm\n",
-                converter::PrecisionName(t.precision), t.error.position_mm.mean, t.error.position_mm.p99,
+    std::printf("%s, %u rows, on the given motion, against fp32: mean %.4f, p99 %.4f, max %.4f mm\n",
+                converter::PrecisionName(t.precision), t.rank, t.error.position_mm.mean, t.error.position_mm.p99,
                 t.error.position_mm.max);
   }
   PrintRanking(report);

@@ -169,12 +169,13 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
                               const EvaluationOptions& options, const PlayedVisitor& visit) {
   for (const Sequence& s : sequences) FramesPerTick(bundle, s);
   Progress progress("evaluating");
-  const auto open = [&](converter::Precision precision) {
+  const auto open = [&](converter::Precision precision, converter::RankMode rank = converter::RankMode::kExact) {
     converter::ConvertOptions convert;
     convert.precision = precision;
+    convert.rank.mode = rank;
     return OpenModel(converter::Convert(bundle, convert).bytes, bundle.path);
   };
-  const OpenModel reference = open(converter::Precision::kFp32);
+  const OpenModel reference = open(converter::Precision::kFp32, converter::RankMode::kFull);
   std::vector<OpenModel> models;
   models.reserve(options.precisions.size());
   for (converter::Precision p : options.precisions) models.push_back(open(p));

@@ -199,11 +199,30 @@ bool VerifyMeshStage(const MeshStage& stage, Checker* check, ModelView* model) {
          check->Linear(coefficients, stage.coefficients(), width, basis, &view->coefficients);
 }
 
+// A reduced basis: its rank is the head's width, and the mesh stage speaks in the same coefficients.
+bool VerifyHead(const Linear& head, const Path& path, Checker* check, ModelView* view) {
+  const Path weights = {&path, "weights"};
+  const uint32_t units = view->skeleton_stage.units;
+  if (units == 0) return check->Fail(path, &head, "a head", "none without a skeleton stage");
+  if (head.bias() != nullptr) return check->Fail({&path, "bias"}, &head, "a bias", "a head without bias");
+  uint32_t rank = 0;
+  if (!check->Dimension(weights, head.weights(), 1, 2, kMaxCoefficients, &rank)) return false;
+  if (rank % 2 != 0) return check->FailCount(weights, head.weights(), rank, " columns", "an even number");
+  if (view->mesh_stage.layer_count != 0 && view->mesh_stage.coefficients.columns != rank) {
+    return check->FailCount(weights, head.weights(), rank, " columns", "those of mesh_stage.coefficients",
+                            "the basis is shared by both stages");
+  }
+  return check->Linear(path, &head, units, rank, &view->displacement.head);
+}
+
 bool VerifyDisplacement(const Model& model, Checker* check, ModelView* view) {
   const Path path = {nullptr, "displacement"};
   const Displacement* displacement = model.displacement();
-  const uint32_t skeleton_rows = PaddedToEven(view->skeleton_stage.units);
-  const uint32_t mesh_rows = PaddedToEven(view->mesh_stage.coefficients.columns);
+  const Linear* head = displacement != nullptr ? displacement->head() : nullptr;
+  if (head != nullptr && !VerifyHead(*head, {&path, "head"}, check, view)) return false;
+  const uint32_t skeleton_rows =
+      head != nullptr ? view->displacement.head.columns : PaddedToEven(view->skeleton_stage.units);
+  const uint32_t mesh_rows = head != nullptr ? 0 : PaddedToEven(view->mesh_stage.coefficients.columns);
   const uint32_t found_skeleton = displacement != nullptr ? displacement->skeleton_rows() : 0;
   const uint32_t found_mesh = displacement != nullptr ? displacement->mesh_rows() : 0;
   const void* place = displacement != nullptr ? static_cast<const void*>(displacement) : &model;

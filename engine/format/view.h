@@ -71,7 +71,7 @@ struct MeshStageView {
   const uint16_t* columns;
   const float* embed;       // [F]
   LinearView hidden;        // n -> h
-  LinearView coefficients;  // h -> k_M
+  LinearView coefficients;  // h -> k_M, or r with a head
   MeshLayerView layers[kMaxLayers];
   uint32_t layer_count;  // 0 where the model has no such stage
   uint32_t body_influences;
@@ -81,8 +81,9 @@ struct MeshStageView {
 
 struct DisplacementView {
   LinearView basis;        // [skeleton_rows + mesh_rows, 3 n]
+  LinearView head;         // k_S -> r, r = skeleton_rows; no rows where the basis is not reduced
   uint32_t skeleton_rows;  // 0 without a skeleton stage
-  uint32_t mesh_rows;      // 0 without a mesh stage
+  uint32_t mesh_rows;      // 0 without a mesh stage or with a head
 };
 
 struct ModelView {

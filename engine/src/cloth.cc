@@ -3,6 +3,7 @@
 #include <cstring>
 #include <new>
 
+#include "engine/src/coefficients.h"
 #include "engine/src/displacement.h"
 #include "engine/src/isa.h"
 #include "engine/src/normals.h"
@@ -19,7 +20,7 @@ size_t WidestQuantized(const ModelView& model) {
   const format::LinearView* const layers[] = {&model.static_stage.hidden,  &model.static_stage.increments,
                                               &model.skeleton_stage.input, &model.skeleton_stage.hidden,
                                               &model.mesh_stage.hidden,    &model.mesh_stage.coefficients,
-                                              &model.displacement.basis};
+                                              &model.displacement.head,    &model.displacement.basis};
   size_t widest = 0;
   for (const format::LinearView* layer : layers) {
     const size_t elements = QuantizedElements(*layer);

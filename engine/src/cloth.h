@@ -24,6 +24,7 @@ enum class TickPart : uint32_t {
   kMeshLayers,
   kMeshHidden,
   kMeshCoefficients,
+  kCoefficients,
   kDisplacement,
   kDone
 };
@@ -55,7 +56,7 @@ struct Cloth {
   int16_t* quantized;   // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
-  float* coefficients;              // [P, pad, Q, pad]; P is the skeleton stage's state
+  float* coefficients;              // see coefficients.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
   float* displacement[kTickSlots];  // delta of a tick; null without a basis
   uint32_t newest;      // slot of the newest complete tick; older ones lie before it, around the corner

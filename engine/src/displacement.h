@@ -1,4 +1,4 @@
-// delta = [P; Q] . [S; M] (NETWORK.md): one pass over the part of the basis that the running stages use.
+// delta = c . basis (NETWORK.md): one pass over the part of the basis that the running stages use.
 #ifndef DCLOTH_ENGINE_SRC_DISPLACEMENT_H_
 #define DCLOTH_ENGINE_SRC_DISPLACEMENT_H_
 
@@ -6,14 +6,11 @@
 
 namespace dcloth::engine {
 
-// Floats of the coefficients [P, pad, Q, pad]: Q's product writes whole panels.
-size_t CoefficientFloats(const format::ModelView& model);
-
 // Floats of a displacement [n, 3], padded to whole panels; 0 without a basis.
 size_t DisplacementFloats(const format::ModelView& model);
 
-// `stages` is one of DCLOTH_STAGES_* but STATIC, whose displacement is zero; nothing of the coefficients
-// beyond its rows is read.
+// `stages` is one of DCLOTH_STAGES_* but STATIC, whose displacement is zero; `coefficients` is
+// the block of coefficients.h, mixed; nothing of it beyond the level's rows is read.
 LinearProduct DisplacementProduct(const format::ModelView& model, uint32_t stages, const float* coefficients,
                                   int16_t* quantized, float* displacement);
 

@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "engine/src/coefficients.h"
 #include "engine/src/displacement.h"
 #include "engine/src/isa.h"
 #include "engine/src/static_stage.h"
@@ -69,6 +70,8 @@ PartSize SizeOf(const ModelView& model, uint32_t stages, TickPart part) {
       return has_mesh ? ProductSize(mesh.hidden, mesh.hidden.rows) : PartSize{};
     case TickPart::kMeshCoefficients:
       return has_mesh ? ProductSize(mesh.coefficients, mesh.coefficients.rows) : PartSize{};
+    case TickPart::kCoefficients:
+      return has_skeleton ? PartSize{1, kPerGate + ProductCost(model.displacement.head)} : PartSize{};
     case TickPart::kDisplacement: {
       if (model.displacement.skeleton_rows == 0) return {};
       if (!has_skeleton) return {1, DisplacementFloats(model) * sizeof(float) * kPerByte};
@@ -94,17 +97,9 @@ void WakeStages(Cloth* cloth, uint32_t stages) {
   cloth->stages = stages;
 }
 
-// Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so
-// in any.
-void ClearCoefficientPads(const ModelView& model, float* coefficients) {
-  const uint32_t units = model.skeleton_stage.units, columns = model.mesh_stage.coefficients.columns;
-  if (units % 2 != 0) coefficients[units] = 0.0f;
-  if (columns % 2 != 0) coefficients[model.displacement.skeleton_rows + columns] = 0.0f;
-}
-
 LinearProduct ProductOf(const Cloth& cloth, TickPart part) {
   const ModelView& model = *cloth.model;
-  float* q = cloth.coefficients + model.displacement.skeleton_rows;
+  float* q = cloth.coefficients + MeshCoefficientsAt(model);
   switch (part) {
     case TickPart::kSkeletonInput:
       return SkeletonInput(model.skeleton_stage, cloth.features, cloth.skeleton, cloth.quantized);
@@ -144,12 +139,14 @@ void RunPart(Cloth* cloth, TickPart part, size_t begin, size_t count) {
     case TickPart::kMeshLayers:
       RunMeshLayers(kernels, model, cloth->mesh, begin, count);
       break;
+    case TickPart::kCoefficients:
+      MixCoefficients(kernels, model, cloth->stages, cloth->coefficients, cloth->quantized);
+      break;
     case TickPart::kDisplacement:
       if (cloth->stages == DCLOTH_STAGES_STATIC) {
         std::memset(cloth->displacement[NextTick(*cloth)], 0, DisplacementFloats(model) * sizeof(float));
         break;
       }
-      if (begin == 0) ClearCoefficientPads(model, cloth->coefficients);
       RunProduct(kernels, cloth, part, begin, count);
       break;
     default:
@@ -162,7 +159,7 @@ void RunPart(Cloth* cloth, TickPart part, size_t begin, size_t count) {
 int StepOf(TickPart part) {
   if (part == TickPart::kStatic) return DCLOTH_STEP_STATIC;
   if (part <= TickPart::kSkeletonGates) return DCLOTH_STEP_SKELETON;
-  return part == TickPart::kDisplacement ? DCLOTH_STEP_DISPLACEMENT : DCLOTH_STEP_MESH;
+  return part >= TickPart::kCoefficients ? DCLOTH_STEP_DISPLACEMENT : DCLOTH_STEP_MESH;
 }
 
 TickPart After(TickPart part) { return static_cast<TickPart>(static_cast<uint32_t>(part) + 1); }

@@ -144,18 +144,25 @@ std::unique_ptr<format::MeshStageT> MeshStage(const ModelSpec& spec, TensorWrite
   stage->embed_bias = 0.125f;
   numbers->embed_bias = 0.125;
   stage->hidden = writer->RandomLinear(n, spec.mesh_width, 1.0, 0.3, &numbers->mesh_hidden);
-  stage->coefficients = writer->RandomLinear(spec.mesh_width, spec.mesh_basis, 1.0, 0.3, &numbers->mesh_coefficients);
+  stage->coefficients = 
+      writer->RandomLinear(spec.mesh_width, spec.rank != 0 ? spec.rank : spec.mesh_basis, 1.0, 0.3,
+                           &numbers->mesh_coefficients);
   return stage;
 }
 
 void AddDisplacement(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers, format::ModelT* model) {
   const auto even = [](uint32_t count) { return count + (count & 1u); };
-  numbers->skeleton_rows = even(spec.units);
-  numbers->mesh_rows = spec.mesh ? even(spec.mesh_basis) : 0;
-  std::set<size_t> pads;
-  if (spec.units % 2 != 0) pads.insert(spec.units);
-  if (spec.mesh && spec.mesh_basis % 2 != 0) pads.insert(numbers->skeleton_rows + spec.mesh_basis);
   model->displacement = std::make_unique<format::DisplacementT>();
+  std::set<size_t> pads;
+  if (spec.rank != 0) {
+    numbers->skeleton_rows = spec.rank;
+    model->displacement->head = writer->RandomLinear(spec.units, spec.rank, 0.5, 0, &numbers->head);
+  } else {
+    numbers->skeleton_rows = even(spec.units);
+    numbers->mesh_rows = spec.mesh ? even(spec.mesh_basis) : 0;
+    if (spec.units % 2 != 0) pads.insert(spec.units);
+    if (spec.mesh && spec.mesh_basis % 2 != 0) pads.insert(numbers->skeleton_rows + spec.mesh_basis);
+  }
   model->displacement->skeleton_rows = static_cast<uint32_t>(numbers->skeleton_rows);
   model->displacement->mesh_rows = static_cast<uint32_t>(numbers->mesh_rows);
   const auto rows = static_cast<uint32_t>(numbers->skeleton_rows + numbers->mesh_rows);

@@ -34,6 +34,7 @@ struct ModelSpec {
   uint32_t layers = 3;
   uint32_t mesh_width = 37;
   uint32_t mesh_basis = 13;  // k_M
+  uint32_t rank = 0;         // of a reduced basis; 0: not reduced
   bool root_motion = true;
   bool skeleton = true;
   bool mesh = true;
@@ -81,6 +82,7 @@ struct Numbers {
   Linear mesh_hidden, mesh_coefficients;
   size_t skeleton_rows = 0, mesh_rows = 0;
   Linear basis;
+  Linear head;  // no rows where the basis is not reduced
 };
 
 struct TestModel {

@@ -112,6 +112,35 @@ std::vector<Case> Cases() {
               s->seed = 8;
             }),
        kInt8Bound},
+      {"reduced_f32",
+       With(format::DType_F32,
+            [](ModelSpec* s) {
+              s->rank = 12;
+              s->seed = 10;
+            }),
+       kFloatBound},
+      {"reduced_f16",
+       With(format::DType_F16,
+            [](ModelSpec* s) {
+              s->rank = 34;  // more than a panel, more than k_S
+              s->seed = 11;
+            }),
+       kFloatBound},
+      {"reduced_i8",
+       With(format::DType_I8,
+            [](ModelSpec* s) {
+              s->rank = 14;
+              s->seed = 12;
+            }),
+       kInt8Bound},
+      {"reduced_skeleton_only",
+       With(format::DType_I8,
+            [](ModelSpec* s) {
+              s->mesh = false;
+              s->rank = 2;
+              s->seed = 13;
+            }),
+       kInt8Bound},
       {"static_only",
        With(format::DType_F16,
             [](ModelSpec* s) {
@@ -188,6 +217,28 @@ TEST_P(NetworkTest, EveryStageMovesTheGarment) {
     for (size_t i = 0; i < frames[f].size(); ++i)
       moved = std::max(moved, std::abs(static_cast<double>(frames[f][i] - frames[f - 1][i])));
     EXPECT_GT(moved, 2 * test.position_bound) << "stage " << f;
+  }
+}
+
+// Levels of detail that come and go: with a reduced basis what the mesh stage left behind must not show in the
+// skeleton stage's level, whose coefficients share the same rows.
+TEST_P(NetworkTest, LevelsMayChangeFromTickToTick) {
+  const Case& test = std::get<0>(GetParam());
+  const TestModel model = BuildModel(test.spec);
+  const OpenedModel opened(model);
+  ASSERT_EQ(opened.status(), DCLOTH_OK) << opened.error().text;
+  OwnedCloth cloth(opened);
+  ReferenceNetwork reference(model.numbers);
+  const uint32_t mesh = DCLOTH_STAGES_MESH, skeleton = DCLOTH_STAGES_SKELETON, still = DCLOTH_STAGES_STATIC;
+  int tick = 0;
+  for (const uint32_t wanted : {mesh, skeleton, skeleton, mesh, still, skeleton, mesh}) {
+    const uint32_t stages = wanted & StagesOf(test.spec);
+    const std::vector<float> pose = PoseAt(model.numbers, tick / 30.0);
+    ASSERT_EQ(cloth.Tick(pose, stages), DCLOTH_OK);
+    reference.Tick(pose, stages);
+    ASSERT_EQ(cloth.Skin(pose, 1), DCLOTH_OK);
+    const std::string at = std::string(test.name) + " tick " + std::to_string(tick++) + " positions";
+    EXPECT_LT(ExpectWithin(cloth.positions(), reference.Skin(pose, 1).world, at).bound, test.position_bound);
   }
 }
 

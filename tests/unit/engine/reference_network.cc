@@ -255,6 +255,22 @@ Vector ReferenceNetwork::RunMesh(const Bind& bind) {
   return Apply(numbers_.mesh_coefficients, hidden);
 }
 
+// [P, pad, Q, pad]; `q` is empty where the mesh stage rests.
+Vector ReferenceNetwork::Stacked(const Vector& q) const {
+  Vector coefficients = h_;
+  coefficients.resize(numbers_.skeleton_rows);
+  coefficients.insert(coefficients.end(), q.begin(), q.end());
+  if (!q.empty()) coefficients.resize(numbers_.skeleton_rows + numbers_.mesh_rows);
+  return coefficients;
+}
+
+// P H_S + Q of a reduced basis.
+Vector ReferenceNetwork::Mixed(const Vector& q) const {
+  Vector coefficients = Apply(numbers_.head, h_);
+  for (size_t i = 0; i < q.size(); ++i) coefficients[i] = coefficients[i] + q[i];
+  return coefficients;
+}
+
 void ReferenceNetwork::Tick(const std::vector<float>& pose, uint32_t stages) {
   const Bind bind = BindOf(pose);
   UpdateFeatures(bind);
@@ -272,14 +288,8 @@ void ReferenceNetwork::Tick(const std::vector<float>& pose, uint32_t stages) {
   last_stages_ = stages;
   if (stages >= DCLOTH_STAGES_SKELETON) {
     RunGru();
-    Vector coefficients = h_;
-    coefficients.resize(numbers_.skeleton_rows);
-    if (stages >= DCLOTH_STAGES_MESH) {
-      const Vector q = RunMesh(bind);
-      coefficients.insert(coefficients.end(), q.begin(), q.end());
-      coefficients.resize(numbers_.skeleton_rows + numbers_.mesh_rows);
-    }
-    last_.displacement = Apply(numbers_.basis, coefficients);
+    const Vector q = stages >= DCLOTH_STAGES_MESH ? RunMesh(bind) : Vector();
+    last_.displacement = Apply(numbers_.basis, numbers_.head.rows != 0 ? Mixed(q) : Stacked(q));
   }
   if (ticks_++ == 0) before_ = last_;
 }

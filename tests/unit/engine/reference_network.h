@@ -49,6 +49,8 @@ class ReferenceNetwork {
   Vector BodyPoints(const Bind& bind) const;
   Vector RunLayer(size_t index, const Vector& x);
   Vector RunMesh(const Bind& bind);
+  Vector Stacked(const Vector& q) const;
+  Vector Mixed(const Vector& q) const;
 
   const Numbers& numbers_;
   bool started_ = false;

@@ -1,0 +1,59 @@
+// Models of one bundle, tried one after another against the error bound.
+#ifndef DCLOTH_CONVERTER_ATTEMPTS_H_
+#define DCLOTH_CONVERTER_ATTEMPTS_H_
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "converter/assemble.h"
+#include "converter/convert.h"
+#include "converter/error.h"
+#include "converter/rollout.h"
+
+namespace dcloth::converter {
+
+struct Candidate {
+  AlignedBytes bytes;
+  std::vector<TensorReport> tensors;
+  uint32_t rank = RankMaker::kFullRank;
+  uint32_t rows = 0;                    // of a reduced basis, remainders among them
+  std::optional<ReducedBasis> reduced;  // what FoldedBundle::reduced was
+};
+
+class Attempts {
+ public:
+  // All arguments outlive it. Every measured attempt is added to `trials`.
+  Attempts(const Bundle& bundle, const FoldedBundle& folded, const ConvertOptions& options, RankMaker* ranks,
+           std::vector<Trial>* trials);
+
+  // Whether the asked-for rank, or the best one, keeps the bound at this precision; found() is then that model.
+  // Throws Error.
+  bool Settle(Precision precision);
+  Candidate& found() { return found_; }
+
+  // The last attempt as an error: what it was off by, where, and what to do.
+  ThresholdError Missed() const;
+
+ private:
+  enum class On : uint8_t { kAll, kCalibration };
+
+  bool Try(Precision precision, uint32_t rank, On on);
+  bool Search(Precision precision);
+  bool Within(const MeshError& error) const;
+  Candidate Write(Precision precision, uint32_t rank) const;
+  uint32_t FixedRank() const;
+
+  const Bundle& bundle_;
+  const FoldedBundle& folded_;
+  const ConvertOptions& options_;
+  RankMaker* ranks_;
+  std::vector<Trial>* trials_;
+  std::optional<OpenModel> reference_;  // fp32, not reduced; none where nothing is measured
+  Candidate found_;
+};
+
+}  // namespace dcloth::converter
+
+#endif  // DCLOTH_CONVERTER_ATTEMPTS_H_

@@ -1,0 +1,49 @@
+#include "engine/src/coefficients.h"
+
+#include "dcloth/dcloth.h"
+
+namespace dcloth::engine {
+namespace {
+
+using format::ModelView;
+
+bool HasHead(const ModelView& model) { return model.displacement.head.rows != 0; }
+
+size_t MixedAt(const ModelView& model) {
+  return MeshCoefficientsAt(model) + kernels::PaddedColumns(model.mesh_stage.coefficients.columns);
+}
+
+// Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so in any.
+void ClearPads(const ModelView& model, float* coefficients) {
+  const uint32_t units = model.skeleton_stage.units, columns = model.mesh_stage.coefficients.columns;
+  if (units % 2 != 0) coefficients[units] = 0.0f;
+  if (columns % 2 != 0) coefficients[MeshCoefficientsAt(model) + columns] = 0.0f;
+}
+
+}  // namespace
+
+size_t MeshCoefficientsAt(const ModelView& model) { return kernels::PairedRows(model.skeleton_stage.units); }
+
+size_t CoefficientFloats(const ModelView& model) {
+  return MixedAt(model) + (HasHead(model) ? kernels::PaddedColumns(model.displacement.head.columns) : 0);
+}
+
+const float* BasisCoefficients(const ModelView& model, const float* coefficients) {
+  return HasHead(model) ? coefficients + MixedAt(model) : coefficients;
+}
+
+void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model, uint32_t stages, float* coefficients,
+                     int16_t* quantized) {
+  if (!HasHead(model)) {
+    ClearPads(model, coefficients);
+    return;
+  }
+  const format::LinearView& head = model.displacement.head;
+  float* mixed = coefficients + MixedAt(model);
+  ApplyLinear(kernels, {&head, coefficients, head.rows, Activation::kNone, quantized, mixed});
+  if (stages != DCLOTH_STAGES_MESH) return;
+  const float* q = coefficients + MeshCoefficientsAt(model);
+  for (uint32_t i = 0; i < head.columns; ++i) mixed[i] += q[i];
+}
+
+}  // namespace dcloth::engine

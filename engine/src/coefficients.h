@@ -1,0 +1,27 @@
+// The coefficients of a tick, from the stages' P and Q to what the basis multiplies (NETWORK.md, "Reduced basis").
+// One block per instance: [P, pad | Q, pad | c, pad]. Without a head c is [P, pad | Q] itself and takes no room.
+#ifndef DCLOTH_ENGINE_SRC_COEFFICIENTS_H_
+#define DCLOTH_ENGINE_SRC_COEFFICIENTS_H_
+
+#include "engine/src/linear.h"
+
+namespace dcloth::engine {
+
+// Floats of the block: Q's product and the head's write whole panels.
+size_t CoefficientFloats(const format::ModelView& model);
+
+// Where Q begins; P begins at 0 and is the skeleton stage's state.
+size_t MeshCoefficientsAt(const format::ModelView& model);
+
+// What the basis multiplies.
+const float* BasisCoefficients(const format::ModelView& model, const float* coefficients);
+
+// Makes them, once P and, with the mesh stage, Q are there: c = P head + Q, or zeros where P and Q are padded. P and Q
+// are kept. `stages` is one of DCLOTH_STAGES_* but STATIC; without the mesh stage Q is not read.
+// Cost: k_S x r multiply-adds, under a hundredth of the basis sum.
+void MixCoefficients(const kernels::KernelTable& kernels, const format::ModelView& model, uint32_t stages,
+                     float* coefficients, int16_t* quantized);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_COEFFICIENTS_H_

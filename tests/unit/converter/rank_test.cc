@@ -1,0 +1,82 @@
+#include "converter/rank.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "converter/calibrate.h"
+#include "tests/unit/converter/low_rank.h"
+
+namespace dcloth::converter {
+namespace {
+
+using dcloth::testing::BundleSpec;
+using dcloth::testing::ParseBundle;
+using dcloth::testing::ParseSequence;
+
+TEST(SmallestGoodRankTest, FindsEveryThresholdInFewCalls) {
+  for (uint32_t top = 2; top <= 130; top += 2) {
+    for (uint32_t threshold = 2; threshold <= top; ++threshold) {
+      double calls = 0;
+      const uint32_t found = SmallestGoodRank(top, [&](uint32_t rank) {
+        EXPECT_TRUE(rank % 2 == 0 && rank >= 2 && rank < top);
+        ++calls;
+        return rank >= threshold;
+      });
+      EXPECT_EQ(found, StoredRank(threshold));
+      EXPECT_LE(calls, std::ceil(std::log2(top)));
+    }
+  }
+}
+
+// A gated unit without inputs whose update gate is closed and whose candidate is tanh(b): P is the same in every frame,
+// and the moment follows by hand, the turning and walking character notwithstanding.
+TEST(DisplacementMomentTest, AgreesWithAKnownDisplacement) {
+  BundleSpec spec;
+  spec.mesh = false;
+  Bundle bundle = ParseBundle(spec);
+  SkeletonWeights& skeleton = *bundle.skeleton;
+  const Eigen::Index k = skeleton.basis.rows();
+  for (LinearWeights* linear : {&skeleton.input, &skeleton.hidden}) {
+    linear->weight.setZero();
+    linear->bias.setZero();
+  }
+  VectorD p(k);
+  for (Eigen::Index j = 0; j < k; ++j) {
+    skeleton.input.bias[k + j] = -30;
+    skeleton.input.bias[2 * k + j] = 0.2f * static_cast<float>(j - 4);
+    p[j] = std::tanh(static_cast<double>(skeleton.input.bias[2 * k + j]));
+  }
+  const std::vector<Sequence> motion = {ParseSequence(spec, 20)};
+  const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+  const BasisFrame frame = BasisRank(bundle).Frame();
+  const MatrixD moment = DisplacementMoment(bundle, folded, frame, motion);
+  const VectorD y = frame.coordinates.transpose() * p;
+  // Vertices within 4 m pass through 40 roundings in each of two levels (see PlainSkinningAgreesWithDouble), turning
+  // back mixes three coordinates, and directions have length 1.
+  const double coordinate_error = std::sqrt(3.0) * 2 * 40 * 4 * 0x1p-24;
+  const double error = std::sqrt(static_cast<double>(frame.directions.cols())) * coordinate_error;
+  EXPECT_LT((moment - y * y.transpose()).norm(), 2 * y.norm() * error + error * error);
+  EXPECT_GT(y.squaredNorm(), 20 * (2 * y.norm() * error + error * error)) << "the bound would pass zero";
+}
+
+// Half of the moment is the skeleton stage's own: a mesh stage that cancels it must not drop its directions.
+TEST(DisplacementMomentTest, KeepsBothLevels) {
+  BundleSpec spec;
+  Bundle bundle = ParseBundle(spec);
+  const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+  const BasisFrame frame = BasisRank(bundle).Frame();
+  const std::vector<Sequence> motion = {ParseSequence(spec, 20)};
+  const MatrixD both = DisplacementMoment(bundle, folded, frame, motion);
+  bundle.mesh->basis.setZero();
+  const MatrixD skeleton = DisplacementMoment(bundle, folded, frame, motion);
+  EXPECT_GT((both - skeleton).norm(), 1e-3 * skeleton.norm()) << "the mesh stage shows";
+  const double least = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(both - 0.5 * skeleton))
+                           .eigenvalues()
+                           .minCoeff();
+  EXPECT_GE(least, -1e-6 * skeleton.norm());
+}
+
+}  // namespace
+}  // namespace dcloth::converter
