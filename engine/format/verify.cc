@@ -116,7 +116,7 @@ bool FailStructure(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
     fb::Verifier verifier = MakeVerifier(bytes, size);
     if (place != nullptr && !child.verify(verifier, root, child.field)) {
       return diagnostic->Fail(DCLOTH_ERROR_FORMAT, static_cast<uint64_t>(place - bytes), &path,
-                              "a broken offset or length, or a required field missing", "an intact FlatBuffer", kFix);
+                              "a broken offset or length, a required field missing or over 256 tables", "an intact FlatBuffer", kFix);
     }
   }
   return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a broken structure, or more than 256 tables",
