@@ -51,7 +51,12 @@ void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, 
   const std::vector<uint32_t> map = MapJoints(sequence, model.joint_names());
   std::vector<float> matrices(map.size() * 16), positions(size_t{info.vertex_count} * 3), normals(positions.size());
   const dcloth_pose pose = {sizeof(dcloth_pose), info.joint_count, matrices.data(), 0};
-  const dcloth_output output = {sizeof(dcloth_output), info.vertex_count, positions.data(), 12, 12, normals.data()};
+  dcloth_output output{};
+  output.struct_size = sizeof(output);
+  output.vertex_count = info.vertex_count;
+  output.positions = positions.data();
+  output.normals = normals.data();
+  output.position_stride_bytes = output.normal_stride_bytes = 3 * sizeof(float);
   Require(dcloth_cloth_reset(model.cloth()), sequence.path, "dcloth_cloth_reset");
   for (size_t frame = 0; frame < sequence.frame_count; ++frame) {
     GatherPose(sequence, frame, map, matrices);

@@ -53,6 +53,23 @@ void Player::Tick(std::span<const float> pose, dcloth_timer* timer) {
 
 void Player::Skin(std::span<const float> pose, float blend, dcloth_timer* timer) {
   const dcloth_pose p = Pose(pose);
+  const dcloth_output output = Output();
+  Check(dcloth_cloth_skin(model_.cloth(), &p, blend, &output, timer), "skin");
+}
+
+double Player::Update(std::span<const float> pose, float seconds, uint32_t flags, bool draw, dcloth_timer* timer) {
+  const dcloth_pose p = Pose(pose);
+  const dcloth_frame frame = {
+      .struct_size = sizeof(frame), .stages = stages_, .seconds = seconds, .flags = flags};
+  const dcloth_output output = Output();
+  Check(dcloth_cloth_update(model_.cloth(), &p, &frame, draw ? &output : nullptr, timer), "update");
+  dcloth_cloth_info info{};
+  info.struct_size = sizeof(info);
+  Check(dcloth_cloth_describe(model_.cloth(), &info), "describe");
+  return static_cast<double>(info.tick_share);
+}
+
+dcloth_output Player::Output() {
   dcloth_output output{};
   output.struct_size = sizeof(output);
   output.vertex_count = model_.info().vertex_count;
@@ -60,7 +77,7 @@ void Player::Skin(std::span<const float> pose, float blend, dcloth_timer* timer)
   output.position_stride_bytes = 3 * sizeof(float);
   output.normals = normals_.data();
   output.normal_stride_bytes = 3 * sizeof(float);
-  Check(dcloth_cloth_skin(model_.cloth(), &p, blend, &output, timer), "skin");
+  return output;
 }
 
 dcloth_pose Player::Pose(std::span<const float> matrices) const {

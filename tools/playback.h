@@ -28,13 +28,18 @@ class Player {
   void Tick(std::span<const float> pose, dcloth_timer* timer = nullptr);
   void Skin(std::span<const float> pose, float blend, dcloth_timer* timer = nullptr);
 
-  std::span<const float> positions() const { return positions_; }  // of the last Skin, [n, 3] world, metres
+  // dcloth_cloth_update; `draw` false leaves positions() and normals() alone. Returns ticks run, parts
+  // included.
+  double Update(std::span<const float> pose, float seconds, uint32_t flags, bool draw, dcloth_timer* timer = nullptr);
+
+  std::span<const float> positions() const { return positions_; }  // of the last Skin or Update, [n, 3] world, metres
   std::span<const float> normals() const { return normals_; }
   uint32_t stages() const { return stages_; }
 
  private:
   void Check(dcloth_status status, const char* what) const;
   dcloth_pose Pose(std::span<const float> matrices) const;
+  dcloth_output Output();
 
   const converter::OpenModel& model_;
   uint32_t stages_;

@@ -19,10 +19,11 @@ Percentiles Frames(const Profile& profile) {
   return PercentilesOf(samples);
 }
 
+// A tick or, pipelined, a frame's part of one. Frames without any do not count.
 Percentiles Ticks(const Profile& profile) {
   std::vector<double> samples;
   for (const ProfiledFrame& f : profile.frames) {
-    if (f.ticks > 0) samples.push_back(static_cast<double>(f.tick_ns) * 1e-6 / static_cast<double>(f.ticks));
+    if (f.ticks > 0) samples.push_back(static_cast<double>(f.tick_ns) * 1e-6 / (profile.pipelined ? 1 : f.ticks));
   }
   return PercentilesOf(samples);
 }
@@ -62,6 +63,7 @@ Json ProfileJson(const Profile& profile) {
                {"core", profile.core < 0 ? Json(nullptr) : Json(profile.core)},
                {"fps", profile.fps},
                {"tick_rate", profile.tick_rate},
+               {"pipelined", profile.pipelined},
                {"cold", profile.cold},
                {"contend", profile.contend},
                {"frames", profile.frames.size()},
@@ -84,7 +86,7 @@ void PrintProfile(const Profile& profile) {
               profile.fps, profile.tick_rate);
   std::printf("  %-14s %9s %9s %9s %9s\n", "ms", "p50", "p95", "p99", "max");
   PrintRow("frame", Frames(profile));
-  PrintRow("tick", Ticks(profile));
+  PrintRow(profile.pipelined ? "part of tick" : "tick", Ticks(profile));
   for (size_t s = 0; s < kStepNames.size(); ++s)
     PrintRow((std::string("  ") + kStepNames[s]).c_str(), Step(profile, s));
   if (profile.error.frame_count > 0) {

@@ -15,7 +15,7 @@ namespace dcloth::tools {
 
 struct ProfiledFrame {
   uint64_t start_ns = 0, tick_ns = 0, skin_ns = 0;
-  size_t ticks = 0;
+  double ticks = 0;  // run in this frame, parts included, by estimated cost
   StepTimes tick_steps{}, skin_steps{};
 };
 
@@ -25,7 +25,7 @@ struct Profile {
   double fps = 0, tick_rate = 0;
   double budget_ms = 0;  // 0: none
   int core = -1;         // -1: not pinned
-  bool cold = false, contend = false;
+  bool pipelined = false, cold = false, contend = false;
   std::vector<ProfiledFrame> frames;
   converter::MeshError error;  // of the drawn frames that fall on a frame with truth
 

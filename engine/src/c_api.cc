@@ -10,6 +10,10 @@
 #include "engine/src/cloth.h"
 #include "engine/src/float_environment.h"
 #include "engine/src/isa.h"
+#include "engine/src/joint_binding.h"
+#include "engine/src/output.h"
+#include "engine/src/tick_work.h"
+#include "engine/src/update.h"
 
 namespace {
 
@@ -45,9 +49,7 @@ bool CheckStorage(const void* storage, size_t size, size_t needed, Diagnostic* d
                                "lend what the storage_size function asks for");
 }
 
-bool StrideIsUsable(uint32_t stride_bytes) {
-  return stride_bytes >= 3 * sizeof(float) && stride_bytes % sizeof(float) == 0;
-}
+constexpr float kLongestSeconds = 3.4028235e38f;  // the largest float: all that is not infinite
 
 bool FloatsAreAligned(const float* values) { return reinterpret_cast<uintptr_t>(values) % sizeof(float) == 0; }
 
@@ -58,20 +60,19 @@ bool PoseArgumentIsUsable(const dcloth_pose* pose) {
 
 bool TimerIsUsable(const dcloth_timer* timer) { return timer == nullptr || timer->struct_size >= sizeof(dcloth_timer); }
 
-bool OutputIsUsable(const dcloth_output* output, uint32_t vertex_count) {
-  if (output == nullptr || output->struct_size < sizeof(dcloth_output) || output->vertex_count != vertex_count)
-    return false;
-  if (output->positions == nullptr || !FloatsAreAligned(output->positions) ||
-      !StrideIsUsable(output->position_stride_bytes)) {
-    return false;
-  }
-  return output->normals == nullptr ||
-         (FloatsAreAligned(output->normals) && StrideIsUsable(output->normal_stride_bytes));
+bool OutputArgumentIsUsable(const dcloth_output* output, const ModelView& model) {
+  return output != nullptr && dcloth::engine::OutputIsUsable(*output, model.vertex_count);
 }
 
 bool StagesAreUsable(uint32_t stages, uint32_t held) {
   return (stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH) &&
          stages <= held;
+}
+
+bool FrameIsUsable(const dcloth_frame* frame, uint32_t held) {
+  constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED;
+  return frame != nullptr && frame->struct_size >= sizeof(dcloth_frame) && StagesAreUsable(frame->stages, held) &&
+         frame->seconds >= 0.0f && frame->seconds <= kLongestSeconds && (frame->flags & ~kFlags) == 0;
 }
 
 }  // namespace
@@ -147,9 +148,63 @@ dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size
   return DCLOTH_OK;
 }
 
+dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* names, uint32_t count,
+                                       dcloth_error* error) {
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || names == nullptr || count == 0) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer or no name",
+                    "a cloth and the names of the host's joints", "");
+    return diagnostic.status();
+  }
+  dcloth::engine::PoseBinding& binding = ClothOf(cloth)->binding;
+  if (!dcloth::engine::MatchJoints(*ClothOf(cloth)->model, names, count, binding.joint_map, &diagnostic))
+    return diagnostic.status();
+  binding.host_joint_count = count;
+  return DCLOTH_OK;
+}
+
+dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error) {
+  const FloatEnvironment environment;
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || space == nullptr || space->struct_size < sizeof(dcloth_space) ||
+      !dcloth::engine::MakeSpace(*space, &ClothOf(cloth)->binding.space)) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a space that is none",
+                    "struct_size set, left, up and forward along three different axes, metres_per_unit from 0.0001 to "
+                    "1000, joint_frames 0 or 1",
+                    "");
+    return diagnostic.status();
+  }
+  return DCLOTH_OK;
+}
+
+uint64_t dcloth_output_scratch_size(const dcloth_output* output) {
+  return output == nullptr ? 0 : dcloth::engine::ScratchBytes(*output);
+}
+
 dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth) {
   if (cloth == nullptr) return DCLOTH_ERROR_ARGUMENT;
   dcloth::engine::ResetCloth(ClothOf(cloth));
+  return DCLOTH_OK;
+}
+
+dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
+                                  const dcloth_output* output, dcloth_timer* timer) {
+  const FloatEnvironment environment;
+  if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
+  const ModelView& model = *ClothOf(cloth)->model;
+  if (!FrameIsUsable(frame, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
+  if (output != nullptr && !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
+  return dcloth::engine::UpdateCloth(ClothOf(cloth), *pose, *frame, output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
+}
+
+dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info) {
+  const FloatEnvironment environment;
+  if (cloth == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_cloth_info))
+    return DCLOTH_ERROR_ARGUMENT;
+  const Cloth& described = *reinterpret_cast<const Cloth*>(cloth);
+  info->in_work = dcloth::engine::TickInWork(described) ? 1 : 0;
+  info->lag_seconds = static_cast<float>(described.clock.lag() / static_cast<double>(described.model->tick_rate));
+  info->tick_share = described.work_done;
   return DCLOTH_OK;
 }
 
@@ -167,7 +222,7 @@ dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, fl
   if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& model = *ClothOf(cloth)->model;
   const volatile float asked = blend;  // volatile: compared inside the environment, where a NaN does not trap
-  if (!(asked >= 0.0f && asked <= 1.0f) || !OutputIsUsable(output, model.vertex_count)) return DCLOTH_ERROR_ARGUMENT;
+  if (!(asked >= 0.0f && asked <= 1.0f) || !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
   return dcloth::engine::SkinCloth(ClothOf(cloth), *pose, blend, *output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 

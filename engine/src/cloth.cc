@@ -8,7 +8,7 @@
 #include "engine/src/normals.h"
 #include "engine/src/skinning.h"
 #include "engine/src/static_stage.h"
-#include "engine/src/stopwatch.h"
+#include "engine/src/tangents.h"
 
 namespace dcloth::engine {
 namespace {
@@ -28,24 +28,10 @@ size_t WidestQuantized(const ModelView& model) {
   return widest;
 }
 
-void ClearSkeletonState(Cloth* cloth) {
-  const size_t units = cloth->model->skeleton_stage.units;
-  if (units != 0) std::memset(cloth->coefficients, 0, units * sizeof(float));
-}
-
-// A stage that rested starts from zero: what it remembers belongs to a motion long past.
-void WakeStages(Cloth* cloth, uint32_t stages) {
-  const uint32_t woken = stages & ~cloth->stages;
-  if ((woken & (DCLOTH_STAGES_SKELETON & ~DCLOTH_STAGES_STATIC)) != 0) ClearSkeletonState(cloth);
-  if ((woken & (DCLOTH_STAGES_MESH & ~DCLOTH_STAGES_SKELETON)) != 0) ClearMeshState(*cloth->model, cloth->mesh);
-  cloth->stages = stages;
-}
-
-// Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so in any.
-void ClearCoefficientPads(const ModelView& model, float* coefficients) {
-  const uint32_t units = model.skeleton_stage.units, columns = model.mesh_stage.coefficients.columns;
-  if (units % 2 != 0) coefficients[units] = 0.0f;
-  if (columns % 2 != 0) coefficients[model.displacement.skeleton_rows + columns] = 0.0f;
+// Slot of the complete tick `back` before the newest one, or of the oldest there is.
+uint32_t SlotBefore(const Cloth& cloth, uint32_t back) {
+  const uint32_t oldest = cloth.tick_count > 1 ? cloth.tick_count - 1 : 0;
+  return (cloth.newest + kTickSlots - (back < oldest ? back : oldest)) % kTickSlots;
 }
 
 }  // namespace
@@ -55,7 +41,11 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   auto* cloth = arena.Take<Cloth>(1);
   Cloth placed = {};
   placed.model = &model;
-  placed.joints = arena.Take<Affine>(model.joint_count);
+  placed.binding = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count)};
+  placed.bound = arena.Take<Affine>(model.joint_count);
+  placed.pose_older = arena.Take<Affine>(model.joint_count);
+  placed.pose_before = arena.Take<Affine>(model.joint_count);
+  placed.pose_now = arena.Take<Affine>(model.joint_count);
   placed.matrices = arena.Take<float>(size_t{12} * model.static_stage.bone_count);
   placed.features = arena.Take<float>(model.features.length);
   placed.hidden = arena.Take<float>(kernels::PaddedColumns(model.static_stage.hidden.columns));
@@ -71,6 +61,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   if (storage != nullptr) {
     std::memset(storage, 0, arena.size());
     *out = new (cloth) Cloth(placed);
+    for (uint32_t j = 0; j < model.joint_count; ++j) placed.binding.joint_map[j] = j;
     ResetCloth(*out);
   }
   return arena.size();
@@ -80,7 +71,10 @@ void ResetCloth(Cloth* cloth) {
   const ModelView& model = *cloth->model;
   cloth->root = RootMotion();
   std::memset(cloth->features, 0, model.features.length * sizeof(float));
-  ClearSkeletonState(cloth);
+  cloth->clock = FrameClock();
+  cloth->work = {TickPart::kDone, 0, 0.0f};
+  if (model.skeleton_stage.units != 0)
+    std::memset(cloth->coefficients, 0, model.skeleton_stage.units * sizeof(float));
   ClearMeshState(model, cloth->mesh);
   for (float* increments : cloth->increments) {
     std::memset(increments, 0, IncrementFloats(model.static_stage) * sizeof(float));
@@ -88,9 +82,11 @@ void ResetCloth(Cloth* cloth) {
   for (float* displacement : cloth->displacement) {
     if (displacement != nullptr) std::memset(displacement, 0, DisplacementFloats(model) * sizeof(float));
   }
-  cloth->current = 0;
+  cloth->newest = 0;
   cloth->tick_count = 0;
   cloth->stages = DCLOTH_STAGES_MESH;
+  cloth->work_done = 0;
+  cloth->older_step = 0;
 }
 
 uint32_t ModelStages(const ModelView& model) {
@@ -98,58 +94,27 @@ uint32_t ModelStages(const ModelView& model) {
   return model.skeleton_stage.units != 0 ? DCLOTH_STAGES_SKELETON : DCLOTH_STAGES_STATIC;
 }
 
-bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_timer* timer) {
-  Stopwatch watch(timer);
+void SkinFrame(Cloth* cloth, const BoundPose& bound, double behind, const dcloth_output& output, Stopwatch* watch) {
   const ModelView& model = *cloth->model;
-  if (!PoseIsUsable(model, pose)) return false;
   const kernels::KernelTable& kernels = ActiveKernels();
-  BoundPose bound = {cloth->joints, {}};
-  BindPose(model, pose, &bound);
-  UpdateFeatures(model, bound, &cloth->root, cloth->features);
-  WakeStages(cloth, stages);
-  if (cloth->tick_count < 2) ++cloth->tick_count;
-  cloth->current ^= 1;
-  watch.Lap(DCLOTH_STEP_POSE);
-
-  RunStaticStage(kernels, model.static_stage, cloth->features, cloth->hidden, cloth->quantized,
-                 cloth->increments[cloth->current]);
-  watch.Lap(DCLOTH_STEP_STATIC);
-  if (stages >= DCLOTH_STAGES_SKELETON) {
-    RunSkeletonStage(kernels, model.skeleton_stage, cloth->features, cloth->skeleton, cloth->quantized,
-                     cloth->coefficients);
-    watch.Lap(DCLOTH_STEP_SKELETON);
-  }
-  if (stages >= DCLOTH_STAGES_MESH) {
-    RunMeshStage(kernels, model, bound, cloth->root.heading, cloth->mesh, cloth->quantized,
-                 cloth->coefficients + model.displacement.skeleton_rows);
-    watch.Lap(DCLOTH_STEP_MESH);
-  }
-  ClearCoefficientPads(model, cloth->coefficients);
-  RunDisplacement(kernels, model, stages, cloth->coefficients, cloth->quantized, cloth->displacement[cloth->current]);
-  watch.Lap(DCLOTH_STEP_DISPLACEMENT);
-  return true;
-}
-
-bool SkinCloth(Cloth* cloth, const dcloth_pose& pose, float blend, const dcloth_output& output, dcloth_timer* timer) {
-  Stopwatch watch(timer);
-  const ModelView& model = *cloth->model;
-  if (!PoseIsUsable(model, pose)) return false;
-  const kernels::KernelTable& kernels = ActiveKernels();
-  BoundPose bound = {cloth->joints, {}};
-  BindPose(model, pose, &bound);
-  watch.Lap(DCLOTH_STEP_POSE);
-
-  const uint32_t to = cloth->current;
-  const uint32_t from = cloth->tick_count < 2 ? to : to ^ 1;  // the first tick has nothing before it
-  const TickPair ticks = {
-      {cloth->increments[from], cloth->increments[to]}, {cloth->displacement[from], cloth->displacement[to]}, blend};
-  SkinRelative(kernels, model, bound, ticks, cloth->matrices, output);
-  watch.Lap(DCLOTH_STEP_SKINNING);
-  RunNormals(kernels, model, output);
-  watch.Lap(DCLOTH_STEP_NORMALS);
-  MoveToWorld(bound.origin, output);
-  watch.Lap(DCLOTH_STEP_SKINNING);
-  return true;
+  const uint32_t whole = behind < 1 ? 0 : 1;
+  const uint32_t from = SlotBefore(*cloth, whole + 1), to = SlotBefore(*cloth, whole);
+  const TickPair ticks = {{cloth->increments[from], cloth->increments[to]},
+                          {cloth->displacement[from], cloth->displacement[to]},
+                          static_cast<float>(1 - (behind - whole))};
+  const Space& space = cloth->binding.space;
+  const Surface surface = SurfaceOf(output);
+  SkinRelative(kernels, model, space, bound, ticks, cloth->matrices, surface);
+  watch->Lap(DCLOTH_STEP_SKINNING);
+  RunNormals(kernels, model, surface);
+  RunTangents(model, space.mirrored, output, surface);
+  watch->Lap(DCLOTH_STEP_NORMALS);
+  // To the host's floats and back is exact but for the unit, whose error a float does not see.
+  float origin[3];
+  for (int i = 0; i < 3; ++i)
+    origin[space.axis[i]] = static_cast<float>(space.sign[i] * bound.origin[i] / space.metres_per_unit);
+  FinishOutput(origin, space.mirrored, surface, output);
+  watch->Lap(DCLOTH_STEP_SKINNING);
 }
 
 }  // namespace dcloth::engine

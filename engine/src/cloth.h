@@ -1,33 +1,72 @@
-// One garment on one character: the memory of an instance and the order of a tick and a frame.
+// One garment on one character: the memory of an instance, its reset, and a frame's skinning. Ticks are in
+// tick_work.h, time in update.h.
 #ifndef DCLOTH_ENGINE_SRC_CLOTH_H_
 #define DCLOTH_ENGINE_SRC_CLOTH_H_
 
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/src/frame_clock.h"
 #include "engine/src/mesh_stage.h"
 #include "engine/src/pose.h"
 #include "engine/src/skeleton_stage.h"
+#include "engine/src/stopwatch.h"
 
 namespace dcloth::engine {
 
+// Parts of a tick in the order in which they run.
+enum class TickPart : uint32_t {
+  kStatic,
+  kSkeletonInput,
+  kSkeletonHidden,
+  kSkeletonGates,
+  kBodyPoints,
+  kMeshLayers,
+  kMeshHidden,
+  kMeshCoefficients,
+  kDisplacement,
+  kDone
+};
+
+// How far the tick in work has come.
+struct TickWork {
+  TickPart part;
+  uint32_t items_done;  // of `part`
+  float input_scale;    // of the product in work
+};
+
+// Results of ticks that an instance keeps: two to draw between, and a third that is in work or, drawn late,
+// still needed.
+constexpr uint32_t kTickSlots = 3;
+
 struct Cloth {
   const format::ModelView* model;
+  PoseBinding binding;  // outlives resets
   RootMotion root;
-  Affine* joints;      // [joint_count], scratch of a tick and of a frame
-  float* matrices;     // [m, 12], scratch of a frame
-  float* features;     // x [d], kept from tick to tick
-  float* hidden;       // [padded width] of the static stage
-  int16_t* quantized;  // activations of the widest int8 layer
+  FrameClock clock;
+  TickWork work;
+  Affine* bound;        // [joint_count], scratch of a tick and of a frame
+  Affine* pose_older;   // [joint_count], the pose of the update before the last one
+  Affine* pose_before;  // [joint_count], the pose of the last update
+  Affine* pose_now;     // [joint_count], the pose of this one
+  float* matrices;      // [m, 12], scratch of a frame
+  float* features;      // x [d], kept from tick to tick
+  float* hidden;        // [padded width] of the static stage
+  int16_t* quantized;   // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
-  float* coefficients;     // [P, pad, Q, pad]; P is the skeleton stage's state
-  float* increments[2];    // D of the last tick at [current], of the one before at the other
-  float* displacement[2];  // delta likewise; null without a basis
-  uint32_t current;
-  uint32_t tick_count;  // since the reset, up to 2
-  uint32_t stages;      // of the last tick; all after a reset
+  float* coefficients;              // [P, pad, Q, pad]; P is the skeleton stage's state
+  float* increments[kTickSlots];    // D of a tick
+  float* displacement[kTickSlots];  // delta of a tick; null without a basis
+  uint32_t newest;      // slot of the newest complete tick; older ones lie before it, around the corner
+  uint32_t tick_count;  // complete since the reset, up to kTickSlots
+  uint32_t stages;      // of the newest tick, in work or not; all after a reset
+  float work_done;      // by the last update, 1 for a whole tick
+  double older_step;    // ticks from pose_older to pose_before; 0 where one motion does not hold both
 };
+
+// Slot that the tick in work fills.
+inline uint32_t NextTick(const Cloth& cloth) { return (cloth.newest + 1) % kTickSlots; }
 
 // The one place that knows an instance's layout: with `storage` null it only returns the size.
 size_t PlaceCloth(const format::ModelView& model, void* storage, Cloth** cloth);
@@ -36,9 +75,9 @@ void ResetCloth(Cloth* cloth);
 
 uint32_t ModelStages(const format::ModelView& model);
 
-// Both return false, and change nothing, when the pose is not usable. Other arguments have been checked.
-bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_timer* timer);
-bool SkinCloth(Cloth* cloth, const dcloth_pose& pose, float blend, const dcloth_output& output, dcloth_timer* timer);
+// Draws the garment as it was `behind` ticks before the newest complete one, 0 to 2, or at the oldest tick
+// where none is so old.
+void SkinFrame(Cloth* cloth, const BoundPose& bound, double behind, const dcloth_output& output, Stopwatch* watch);
 
 }  // namespace dcloth::engine
 

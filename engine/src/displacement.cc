@@ -1,7 +1,5 @@
 #include "engine/src/displacement.h"
 
-#include <cstring>
-
 #include "dcloth/dcloth.h"
 
 namespace dcloth::engine {
@@ -14,16 +12,11 @@ size_t DisplacementFloats(const format::ModelView& model) {
   return model.displacement.skeleton_rows == 0 ? 0 : kernels::PaddedColumns(model.displacement.basis.columns);
 }
 
-void RunDisplacement(const kernels::KernelTable& kernels, const format::ModelView& model, uint32_t stages,
-                     const float* coefficients, int16_t* quantized, float* displacement) {
+LinearProduct DisplacementProduct(const format::ModelView& model, uint32_t stages, const float* coefficients,
+                                  int16_t* quantized, float* displacement) {
   const format::DisplacementView& view = model.displacement;
-  if (view.skeleton_rows == 0) return;
-  if (stages == DCLOTH_STAGES_STATIC) {
-    std::memset(displacement, 0, DisplacementFloats(model) * sizeof(float));
-    return;
-  }
   const size_t rows = view.skeleton_rows + (stages == DCLOTH_STAGES_MESH ? view.mesh_rows : 0);
-  ApplyLinear(kernels, view.basis, coefficients, rows, Activation::kNone, quantized, displacement);
+  return {&view.basis, coefficients, rows, Activation::kNone, quantized, displacement};
 }
 
 }  // namespace dcloth::engine

@@ -12,9 +12,10 @@ size_t CoefficientFloats(const format::ModelView& model);
 // Floats of a displacement [n, 3], padded to whole panels; 0 without a basis.
 size_t DisplacementFloats(const format::ModelView& model);
 
-// `stages` is one of DCLOTH_STAGES_*; nothing of the coefficients beyond its rows is read.
-void RunDisplacement(const kernels::KernelTable& kernels, const format::ModelView& model, uint32_t stages,
-                     const float* coefficients, int16_t* quantized, float* displacement);
+// `stages` is one of DCLOTH_STAGES_* but STATIC, whose displacement is zero; nothing of the coefficients
+// beyond its rows is read.
+LinearProduct DisplacementProduct(const format::ModelView& model, uint32_t stages, const float* coefficients,
+                                  int16_t* quantized, float* displacement);
 
 }  // namespace dcloth::engine
 

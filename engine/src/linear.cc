@@ -6,36 +6,38 @@ namespace {
 using format::LinearView;
 using format::WeightType;
 
+constexpr size_t kWidth = kernels::kPanelColumns;
+
+// What the three jobs have in common.
 template <typename Job, typename Weight>
-Job FloatJob(const LinearView& linear, const float* x, size_t row_count, Activation activation, float* y) {
+Job PanelJob(const LinearProduct& product, size_t panel_rows, size_t begin, size_t count) {
+  const LinearView& linear = *product.linear;
   Job job = {};
-  job.x = x;
-  job.weights = static_cast<const Weight*>(linear.weights);
-  job.bias = linear.bias;
-  job.y = y;
-  job.panel_rows = linear.rows;
-  job.row_count = row_count;
-  job.panel_count = kernels::PanelCount(linear.columns);
-  job.relu = activation == Activation::kRelu;
+  job.weights = static_cast<const Weight*>(linear.weights) + begin * panel_rows * kWidth;
+  job.bias = linear.bias != nullptr ? linear.bias + begin * kWidth : nullptr;
+  job.y = product.y + begin * kWidth;
+  job.panel_rows = panel_rows;
+  job.panel_count = count;
+  job.relu = product.activation == Activation::kRelu;
   return job;
 }
 
-void ApplyI8(const kernels::KernelTable& kernels, const LinearView& linear, const float* x, size_t row_count,
-             Activation activation, int16_t* quantized, float* y) {
-  float x_scale = 0.0f;
-  kernels.quantize_i16({x, linear.row_scales, quantized, &x_scale, row_count});
-  kernels::MatvecI8Job job = {};
-  job.x = quantized;
-  job.weights = static_cast<const int8_t*>(linear.weights);
-  job.column_scales = linear.column_scales;
-  job.bias = linear.bias;
-  job.y = y;
+template <typename Job, typename Weight>
+Job FloatJob(const LinearProduct& product, size_t begin, size_t count) {
+  auto job = PanelJob<Job, Weight>(product, product.linear->rows, begin, count);
+  job.x = product.x;
+  job.row_count = product.row_count;
+  return job;
+}
+
+kernels::MatvecI8Job I8Job(const LinearProduct& product, float x_scale, size_t begin, size_t count) {
+  const size_t panel_rows = kernels::PairedRows(product.linear->rows);
+  auto job = PanelJob<kernels::MatvecI8Job, int8_t>(product, panel_rows, begin, count);
+  job.x = product.quantized;
+  job.column_scales = product.linear->column_scales + begin * kWidth;
   job.x_scale = x_scale;
-  job.panel_rows = kernels::PairedRows(linear.rows);
-  job.row_count = kernels::PairedRows(row_count);
-  job.panel_count = kernels::PanelCount(linear.columns);
-  job.relu = activation == Activation::kRelu;
-  kernels.matvec_i8(job);
+  job.row_count = kernels::PairedRows(product.row_count);
+  return job;
 }
 
 }  // namespace
@@ -44,19 +46,35 @@ size_t QuantizedElements(const LinearView& linear) {
   return linear.type == WeightType::kI8 ? kernels::PairedRows(linear.rows) : 0;
 }
 
-void ApplyLinear(const kernels::KernelTable& kernels, const LinearView& linear, const float* x, size_t row_count,
-                 Activation activation, int16_t* quantized, float* y) {
-  switch (linear.type) {
+size_t PanelBytes(const LinearView& linear, size_t row_count) {
+  const size_t width = linear.type == WeightType::kF32 ? 4 : linear.type == WeightType::kF16 ? 2 : 1;
+  return row_count * kWidth * width;
+}
+
+float QuantizeInput(const kernels::KernelTable& kernels, const LinearProduct& product) {
+  if (product.linear->type != WeightType::kI8) return 1.0f;
+  float scale = 0.0f;
+  kernels.quantize_i16({product.x, product.linear->row_scales, product.quantized, &scale, product.row_count});
+  return scale;
+}
+
+void ApplyPanels(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
+                 size_t count) {
+  switch (product.linear->type) {
     case WeightType::kF32:
-      kernels.matvec_f32(FloatJob<kernels::MatvecF32Job, float>(linear, x, row_count, activation, y));
+      kernels.matvec_f32(FloatJob<kernels::MatvecF32Job, float>(product, begin, count));
       break;
     case WeightType::kF16:
-      kernels.matvec_f16(FloatJob<kernels::MatvecF16Job, uint16_t>(linear, x, row_count, activation, y));
+      kernels.matvec_f16(FloatJob<kernels::MatvecF16Job, uint16_t>(product, begin, count));
       break;
     case WeightType::kI8:
-      ApplyI8(kernels, linear, x, row_count, activation, quantized, y);
+      kernels.matvec_i8(I8Job(product, x_scale, begin, count));
       break;
   }
+}
+
+void ApplyLinear(const kernels::KernelTable& kernels, const LinearProduct& product) {
+  ApplyPanels(kernels, product, QuantizeInput(kernels, product), 0, kernels::PanelCount(product.linear->columns));
 }
 
 }  // namespace dcloth::engine

@@ -12,13 +12,34 @@ namespace dcloth::engine {
 
 enum class Activation : bool { kNone, kRelu };
 
-// Elements of int16 scratch that ApplyLinear needs for `linear`: none for float weights.
+// Elements of int16 scratch that `linear` needs: none for float weights.
 size_t QuantizedElements(const format::LinearView& linear);
 
-// y = activation(x W + bias) over the first `row_count` rows of W, which is even where W is a basis. Writes all padded
-// columns of y. x holds row_count floats.
-void ApplyLinear(const kernels::KernelTable& kernels, const format::LinearView& linear, const float* x,
-                 size_t row_count, Activation activation, int16_t* quantized, float* y);
+// Bytes of weights that a panel's product over `row_count` rows streams.
+size_t PanelBytes(const format::LinearView& linear, size_t row_count);
+
+// y = activation(x W + bias) over the first `row_count` rows of W, which is even where W is a basis. x holds
+// row_count floats; y has room for all padded columns.
+struct LinearProduct {
+  const format::LinearView* linear;
+  const float* x;
+  size_t row_count;
+  Activation activation;
+  int16_t* quantized;  // x as int8 weights want it; stays valid from QuantizeInput to the last panel
+  float* y;
+};
+
+// Returns the scale of `quantized`, which ApplyPanels wants back; 1 with float weights, where nothing is
+// written.
+float QuantizeInput(const kernels::KernelTable& kernels, const LinearProduct& product);
+
+// Panels [begin, begin + count) of y. A panel's result does not depend on which others are computed with it,
+// so a product may be spread over calls.
+void ApplyPanels(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
+                 size_t count);
+
+// The whole product at once.
+void ApplyLinear(const kernels::KernelTable& kernels, const LinearProduct& product);
 
 }  // namespace dcloth::engine
 

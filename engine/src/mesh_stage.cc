@@ -15,38 +15,26 @@ size_t LayerStateFloats(const ModelView& model) {
   return kernels::GsgruStateFloats(model.vertex_count, model.mesh_stage.feature_width);
 }
 
-// X: body points in the heading frame, standardised. Both are folded into the joint matrices, diag(1/deviation) (H^-1
-// G_j B_j^-1 - mean), which is exact because a point's weights sum to 1.
-void PoseBodyPoints(const kernels::KernelTable& kernels, const ModelView& model, const BoundPose& bound,
-                    const Heading& heading, const MeshMemory& memory) {
-  const MeshStageView& stage = model.mesh_stage;
-  for (size_t j = 0; j < model.joint_count; ++j) {
-    Affine matrix = ToHeading(heading, bound.joints[j]);
-    for (int r = 0; r < 3; ++r) {
-      matrix.m[r][3] -= static_cast<double>(stage.input_mean[r]);
-      for (double& element : matrix.m[r]) element *= static_cast<double>(stage.input_inverse_deviation[r]);
-    }
-    StoreFloats(matrix, memory.matrices + 12 * j);
-  }
-  kernels::SkinningJob job = {};
-  job.matrices = memory.matrices;
-  job.positions = stage.body_points;
-  job.bones = stage.body_joints;
-  job.weights = stage.body_weights;
-  job.out = memory.even;
-  job.out_stride_bytes = kPointStride * sizeof(float);
-  job.vertices = model.vertex_count;
-  job.influences = stage.body_influences;
-  kernels.skinning(job);
+// Vertices [begin, end) of a portion of blocks.
+struct Portion {
+  size_t begin, count;
+};
+
+Portion VerticesOf(const ModelView& model, size_t begin_block, size_t block_count) {
+  const size_t n = model.vertex_count, begin = begin_block * kernels::kGsgruBlock;
+  const size_t end = (begin_block + block_count) * kernels::kGsgruBlock;
+  return {begin, (end < n ? end : n) - begin};
 }
 
-kernels::GsgruJob LayerJob(const ModelView& model, size_t index, const MeshMemory& memory) {
+// Rows, state and outputs start at the portion; inputs are looked up over the whole mesh.
+kernels::GsgruJob LayerJob(const ModelView& model, size_t index, const MeshMemory& memory, const Portion& portion) {
   const MeshStageView& stage = model.mesh_stage;
   const MeshLayerView& layer = stage.layers[index];
   const bool last = index + 1 == stage.layer_count;
+  const size_t row = portion.begin * stage.feature_width;
   kernels::GsgruJob job = {};
   job.x = index % 2 == 0 ? memory.even : memory.odd;
-  job.row_starts = stage.row_starts;
+  job.row_starts = stage.row_starts + portion.begin;
   job.columns = stage.columns;
   job.input_gates = layer.input_gates;
   job.gate_bias = layer.gate_bias;
@@ -57,11 +45,11 @@ kernels::GsgruJob LayerJob(const ModelView& model, size_t index, const MeshMemor
   job.norm_gain = layer.norm_gain;
   job.norm_offset = layer.norm_offset;
   job.embed = last ? stage.embed : nullptr;
-  job.state = memory.state + index * LayerStateFloats(model);
-  job.next_x = last ? nullptr : index % 2 == 0 ? memory.odd : memory.even;
-  job.s = last ? memory.embedded : nullptr;
+  job.state = memory.state + index * LayerStateFloats(model) + row;
+  job.next_x = last ? nullptr : (index % 2 == 0 ? memory.odd : memory.even) + row;
+  job.s = last ? memory.embedded + portion.begin : nullptr;
   job.scratch = memory.layer;
-  job.vertices = model.vertex_count;
+  job.vertices = portion.count;
   job.input_width = index == 0 ? 3 : stage.feature_width;
   job.features = stage.feature_width;
   job.prelu_slope = layer.prelu_slope;
@@ -91,14 +79,60 @@ void ClearMeshState(const ModelView& model, const MeshMemory& memory) {
   if (floats != 0) std::memset(memory.state, 0, floats * sizeof(float));
 }
 
-void RunMeshStage(const kernels::KernelTable& kernels, const ModelView& model, const BoundPose& bound,
-                  const Heading& heading, const MeshMemory& memory, int16_t* quantized, float* coefficients) {
+// X: body points in the heading frame, standardised. Both are folded into the joint matrices,
+// diag(1/deviation) (H^-1 G_j B_j^-1 - mean), which is exact because a point's weights sum to 1.
+void PrepareBodyPoints(const ModelView& model, const BoundPose& bound, const Heading& heading,
+                       const MeshMemory& memory) {
   const MeshStageView& stage = model.mesh_stage;
-  PoseBodyPoints(kernels, model, bound, heading, memory);
-  for (size_t l = 0; l < stage.layer_count; ++l) kernels.gsgru(LayerJob(model, l, memory));
-  ApplyLinear(kernels, stage.hidden, memory.embedded, stage.hidden.rows, Activation::kRelu, quantized, memory.hidden);
-  ApplyLinear(kernels, stage.coefficients, memory.hidden, stage.coefficients.rows, Activation::kNone, quantized,
-              coefficients);
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    Affine matrix = ToHeading(heading, bound.joints[j]);
+    for (int r = 0; r < 3; ++r) {
+      matrix.m[r][3] -= static_cast<double>(stage.input_mean[r]);
+      for (double& element : matrix.m[r]) element *= static_cast<double>(stage.input_inverse_deviation[r]);
+    }
+    StoreFloats(matrix, memory.matrices + 12 * j);
+  }
+}
+
+size_t MeshBlocks(const ModelView& model) {
+  return (model.vertex_count + kernels::kGsgruBlock - 1) / kernels::kGsgruBlock;
+}
+
+void PoseBodyPoints(const kernels::KernelTable& kernels, const ModelView& model, const MeshMemory& memory,
+                    size_t begin_block, size_t block_count) {
+  const MeshStageView& stage = model.mesh_stage;
+  const Portion portion = VerticesOf(model, begin_block, block_count);
+  kernels::SkinningJob job = {};
+  job.matrices = memory.matrices;
+  job.positions = stage.body_points + 3 * portion.begin;
+  job.bones = stage.body_joints + stage.body_influences * portion.begin;
+  job.weights = stage.body_weights + stage.body_influences * portion.begin;
+  job.out = memory.even + kPointStride * portion.begin;
+  job.out_stride_bytes = kPointStride * sizeof(float);
+  job.vertices = portion.count;
+  job.influences = stage.body_influences;
+  kernels.skinning(job);
+}
+
+void RunMeshLayers(const kernels::KernelTable& kernels, const ModelView& model, const MeshMemory& memory,
+                   size_t begin_block, size_t block_count) {
+  const size_t blocks = MeshBlocks(model);
+  while (block_count > 0) {
+    const size_t layer = begin_block / blocks, first = begin_block % blocks;
+    const size_t count = block_count < blocks - first ? block_count : blocks - first;
+    kernels.gsgru(LayerJob(model, layer, memory, VerticesOf(model, first, count)));
+    begin_block += count;
+    block_count -= count;
+  }
+}
+
+LinearProduct MeshHidden(const MeshStageView& stage, const MeshMemory& memory, int16_t* quantized) {
+  return {&stage.hidden, memory.embedded, stage.hidden.rows, Activation::kRelu, quantized, memory.hidden};
+}
+
+LinearProduct MeshCoefficients(const MeshStageView& stage, const MeshMemory& memory, int16_t* quantized,
+                               float* coefficients) {
+  return {&stage.coefficients, memory.hidden, stage.coefficients.rows, Activation::kNone, quantized, coefficients};
 }
 
 }  // namespace dcloth::engine

@@ -22,9 +22,20 @@ MeshMemory PlaceMeshMemory(const format::ModelView& model, Arena* arena);
 
 void ClearMeshState(const format::ModelView& model, const MeshMemory& memory);
 
+// The stage's steps in order. Layers and body points are cut into blocks of kGsgruBlock vertices, which may
+// be run in any portions from the first to the last; nothing of the pose is needed after the first step.
+void PrepareBodyPoints(const format::ModelView& model, const BoundPose& bound, const Heading& heading,
+                       const MeshMemory& memory);
+size_t MeshBlocks(const format::ModelView& model);  // of a layer
+void PoseBodyPoints(const kernels::KernelTable& kernels, const format::ModelView& model, const MeshMemory& memory,
+                    size_t begin_block, size_t block_count);
+// Blocks are counted through all layers: layer l starts at l MeshBlocks.
+void RunMeshLayers(const kernels::KernelTable& kernels, const format::ModelView& model, const MeshMemory& memory,
+                   size_t begin_block, size_t block_count);
+LinearProduct MeshHidden(const format::MeshStageView& stage, const MeshMemory& memory, int16_t* quantized);
 // Writes Q into all padded columns of `coefficients`.
-void RunMeshStage(const kernels::KernelTable& kernels, const format::ModelView& model, const BoundPose& bound,
-                  const Heading& heading, const MeshMemory& memory, int16_t* quantized, float* coefficients);
+LinearProduct MeshCoefficients(const format::MeshStageView& stage, const MeshMemory& memory, int16_t* quantized,
+                               float* coefficients);
 
 }  // namespace dcloth::engine
 

@@ -51,6 +51,16 @@ double Turn(const Heading& from, const Heading& to) {
   return std::atan2(to.sine * from.cosine - to.cosine * from.sine, to.cosine * from.cosine + to.sine * from.sine);
 }
 
+// Backward differences over the time since the last tick; none after a reset, the last ones after a jump.
+void UpdateVelocity(const BoundPose& bound, const Heading& heading, double rate, RootMotion* root) {
+  if (!root->started) rate = 0;
+  Affine step = {};
+  for (int r = 0; r < 3; ++r) step.m[r][3] = (bound.origin[r] - root->position[r]) * rate;
+  const Affine velocity = ToHeading(heading, step);
+  for (int r = 0; r < 3; ++r) root->velocity[r] = velocity.m[r][3];
+  root->yaw_rate = Turn(root->heading, heading) * rate;
+}
+
 // In double all the way, so that no finite pose overflows before the clamp.
 float Standardise(const format::FeaturesView& features, size_t i, double value) {
   const double low = static_cast<double>(features.low[i]), high = static_cast<double>(features.high[i]);
@@ -60,22 +70,26 @@ float Standardise(const format::FeaturesView& features, size_t i, double value) 
 
 }  // namespace
 
-bool PoseIsUsable(const format::ModelView& model, const dcloth_pose& pose) {
-  if (pose.joint_count != model.joint_count) return false;
-  const size_t count = size_t{model.joint_count} * kPoseFloats;
+bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose) {
+  if (pose.joint_count != binding.host_joint_count) return false;
   bool usable = true;
-  for (size_t i = 0; i < count; ++i) {
-    const float value = pose.joint_matrices[i];
-    usable &= value >= -kMaxPoseMagnitude && value <= kMaxPoseMagnitude;
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    const float* matrix = pose.joint_matrices + binding.joint_map[j] * kPoseFloats;
+    for (size_t i = 0; i < kPoseFloats; ++i)
+      usable &= matrix[i] >= -kMaxPoseMagnitude && matrix[i] <= kMaxPoseMagnitude;
   }
   return usable;
 }
 
-void BindPose(const format::ModelView& model, const dcloth_pose& pose, BoundPose* bound) {
-  const Affine hips = JointMatrix(pose, model.hips);
-  for (int r = 0; r < 3; ++r) bound->origin[r] = hips.m[r][3];
+void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints) {
+  for (size_t j = 0; j < model.joint_count; ++j)
+    joints[j] = FromHost(binding.space, JointMatrix(pose, binding.joint_map[j]));
+}
+
+void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound) {
+  for (int r = 0; r < 3; ++r) bound->origin[r] = pose[model.hips].m[r][3];
   for (size_t j = 0; j < model.joint_count; ++j) {
-    Affine matrix = JointMatrix(pose, j);
+    Affine matrix = pose[j];
     for (int r = 0; r < 3; ++r) matrix.m[r][3] -= bound->origin[r];
     bound->joints[j] = matrix * InverseBind(model, j);
   }
@@ -92,7 +106,8 @@ Affine ToHeading(const Heading& heading, const Affine& matrix) {
   return local;
 }
 
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, RootMotion* root, float* x) {
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, uint32_t elapsed_ticks, RootMotion* root,
+                    float* x) {
   const format::FeaturesView& features = model.features;
   const Heading heading = HeadingOf(bound.joints[model.hips], root->heading);
   size_t i = 0;
@@ -107,16 +122,14 @@ void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, Root
     }
   }
   if (features.root_motion) {
-    const double rate = root->started ? static_cast<double>(model.tick_rate) : 0.0;
-    Affine step = {};
-    for (int r = 0; r < 3; ++r) step.m[r][3] = (bound.origin[r] - root->position[r]) * rate;
-    const Affine velocity = ToHeading(heading, step);
-    for (int r = 0; r < 3; ++r, ++i) x[i] = Standardise(features, i, velocity.m[r][3]);
-    x[i] = Standardise(features, i, Turn(root->heading, heading) * rate);
+    if (!root->jumped) UpdateVelocity(bound, heading, static_cast<double>(model.tick_rate) / elapsed_ticks, root);
+    for (int r = 0; r < 3; ++r, ++i) x[i] = Standardise(features, i, root->velocity[r]);
+    x[i] = Standardise(features, i, root->yaw_rate);
   }
   root->heading = heading;
   for (int r = 0; r < 3; ++r) root->position[r] = bound.origin[r];
   root->started = true;
+  root->jumped = false;
 }
 
 }  // namespace dcloth::engine

@@ -5,21 +5,33 @@
 #include "dcloth/dcloth.h"
 #include "engine/format/view.h"
 #include "engine/src/affine.h"
+#include "engine/src/space.h"
 
 namespace dcloth::engine {
 
 // Larger numbers in a pose are refused like infinity, so that no pose can drive the recurrent state out of float range.
 constexpr float kMaxPoseMagnitude = 1e9f;
 
-// Every joint is there and every matrix element is finite.
-bool PoseIsUsable(const format::ModelView& model, const dcloth_pose& pose);
+// How a host gives its poses.
+struct PoseBinding {
+  Space space;
+  uint32_t host_joint_count;  // matrices in a pose
+  uint32_t* joint_map;        // [joint_count], the host's index of each joint of the model
+};
+
+// Every joint is there and every matrix element of the model's joints is finite.
+bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose);
+
+// G_j of every joint, [joint_count], in the model's space.
+void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints);
 
 // G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
 struct BoundPose {
   Affine* joints;    // [joint_count]
   double origin[3];  // the hips' world position
 };
-void BindPose(const format::ModelView& model, const dcloth_pose& pose, BoundPose* bound);
+// `pose` may be `bound->joints`.
+void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound);
 
 // H's rotation about +Y: its X axis is (cosine, 0, -sine).
 struct Heading {
@@ -27,19 +39,23 @@ struct Heading {
   double sine = 0.0;
 };
 
-// Where the character was and faced at the last tick.
+// Where the character was, faced and went at the last tick.
 struct RootMotion {
   Heading heading;
   double position[3] = {};
-  bool started = false;  // false after a reset: no velocity yet
+  double velocity[3] = {};  // m/s, in the heading frame
+  double yaw_rate = 0;      // rad/s
+  bool started = false;     // false after a reset: no velocity yet
+  bool jumped = false;      // moved by the host since then, not by its own legs: the velocity stays
 };
 
 // H^-1 M for a matrix whose origin is the hips.
 Affine ToHeading(const Heading& heading, const Affine& matrix);
 
-// Moves `root` to this tick and writes the standardised, clamped features x [d]. A collapsed joint leaves its nine as
-// they were, so x lives as long as the cloth.
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, RootMotion* root, float* x);
+// Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped
+// features x [d]. A collapsed joint leaves its nine as they were, so x lives as long as the cloth.
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, uint32_t elapsed_ticks, RootMotion* root,
+                    float* x);
 
 }  // namespace dcloth::engine
 

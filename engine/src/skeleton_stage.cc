@@ -10,10 +10,18 @@ SkeletonScratch PlaceSkeletonScratch(const format::SkeletonStageView& stage, Are
   return scratch;
 }
 
-void RunSkeletonStage(const kernels::KernelTable& kernels, const format::SkeletonStageView& stage, const float* x,
-                      const SkeletonScratch& scratch, int16_t* quantized, float* h) {
-  ApplyLinear(kernels, stage.input, x, stage.input.rows, Activation::kNone, quantized, scratch.gx);
-  ApplyLinear(kernels, stage.hidden, h, stage.units, Activation::kNone, quantized, scratch.gh);
+LinearProduct SkeletonInput(const format::SkeletonStageView& stage, const float* x, const SkeletonScratch& scratch,
+                            int16_t* quantized) {
+  return {&stage.input, x, stage.input.rows, Activation::kNone, quantized, scratch.gx};
+}
+
+LinearProduct SkeletonHidden(const format::SkeletonStageView& stage, const float* h, const SkeletonScratch& scratch,
+                             int16_t* quantized) {
+  return {&stage.hidden, h, stage.units, Activation::kNone, quantized, scratch.gh};
+}
+
+void RunSkeletonGates(const kernels::KernelTable& kernels, const format::SkeletonStageView& stage,
+                      const SkeletonScratch& scratch, float* h) {
   kernels.gru_gates({scratch.gx, scratch.gh, h, stage.units});
 }
 

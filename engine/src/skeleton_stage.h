@@ -14,8 +14,13 @@ struct SkeletonScratch {
 
 SkeletonScratch PlaceSkeletonScratch(const format::SkeletonStageView& stage, Arena* arena);
 
-void RunSkeletonStage(const kernels::KernelTable& kernels, const format::SkeletonStageView& stage, const float* x,
-                      const SkeletonScratch& scratch, int16_t* quantized, float* h);
+// The two products, in either order, then the gates, which move h to h'.
+LinearProduct SkeletonInput(const format::SkeletonStageView& stage, const float* x, const SkeletonScratch& scratch,
+                            int16_t* quantized);
+LinearProduct SkeletonHidden(const format::SkeletonStageView& stage, const float* h, const SkeletonScratch& scratch,
+                             int16_t* quantized);
+void RunSkeletonGates(const kernels::KernelTable& kernels, const format::SkeletonStageView& stage,
+                      const SkeletonScratch& scratch, float* h);
 
 }  // namespace dcloth::engine
 

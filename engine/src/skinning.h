@@ -2,7 +2,7 @@
 #ifndef DCLOTH_ENGINE_SRC_SKINNING_H_
 #define DCLOTH_ENGINE_SRC_SKINNING_H_
 
-#include "dcloth/dcloth.h"
+#include "engine/src/output.h"
 #include "engine/src/pose.h"
 #include "kernels/kernels.h"
 
@@ -15,13 +15,10 @@ struct TickPair {
   float blend;
 };
 
-// Writes positions relative to the hips, so that floats stay fine wherever the character is. `matrices` is scratch of
-// [m, 12] floats.
-void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& model, const BoundPose& bound,
-                  const TickPair& ticks, float* matrices, const dcloth_output& output);
-
-// Adds the hips' world position to every vertex.
-void MoveToWorld(const double origin[3], const dcloth_output& output);
+// Writes positions in the host's space relative to the hips, so that floats stay fine wherever the character
+// is. `matrices` is scratch of [m, 12] floats.
+void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
+                  const BoundPose& bound, const TickPair& ticks, float* matrices, const Surface& surface);
 
 }  // namespace dcloth::engine
 

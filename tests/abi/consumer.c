@@ -6,7 +6,7 @@
 
 #include "dcloth/dcloth.h"
 
-enum { TICKS = 30 };
+enum { FRAMES = 60 };
 
 /* A block on DCLOTH_ALIGNMENT inside `*owner`, which the caller frees. */
 static void* allocate_aligned(size_t size, void** owner) {
@@ -30,6 +30,14 @@ static void* read_file(const char* path, size_t* size, void** owner) {
   return bytes;
 }
 
+/* One vertex of the host: interleaved, half normals and tangents, a texture coordinate of its own. */
+typedef struct vertex {
+  float position[3];
+  uint16_t normal[4]; /* the fourth pads */
+  uint16_t tangent[4];
+  float texture[2];
+} vertex;
+
 /* Every joint at the same place, one metre up, turned about +Y by `yaw`; rows are contiguous. */
 static void fill_pose(float* matrices, uint32_t joint_count, float yaw) {
   const float c = cosf(yaw), s = sinf(yaw);
@@ -38,25 +46,50 @@ static void fill_pose(float* matrices, uint32_t joint_count, float yaw) {
   for (j = 0; j < joint_count; ++j) memcpy(matrices + 16 * (size_t)j, matrix, sizeof(matrix));
 }
 
-static int all_finite(const float* values, size_t count) {
-  size_t i;
+static void describe_output(dcloth_output* output, vertex* vertices, uint32_t count, float* bounds) {
+  memset(output, 0, sizeof(*output));
+  output->struct_size = sizeof(*output);
+  output->vertex_count = count;
+  output->positions = vertices[0].position;
+  output->normals = vertices[0].normal;
+  output->tangents = vertices[0].tangent;
+  output->texture_coordinates = vertices[0].texture;
+  output->position_stride_bytes = output->normal_stride_bytes = sizeof(vertex);
+  output->tangent_stride_bytes = output->texture_stride_bytes = sizeof(vertex);
+  output->normal_format = output->tangent_format = DCLOTH_FORMAT_FLOAT16;
+  output->bounds = bounds;
+}
+
+static int all_inside(const vertex* vertices, uint32_t count, const float* bounds) {
+  uint32_t i;
+  int c;
   for (i = 0; i < count; ++i) {
-    if (!isfinite(values[i])) return 0;
+    for (c = 0; c < 3; ++c) {
+      const float x = vertices[i].position[c];
+      if (!(x >= bounds[c] && x <= bounds[3 + c])) return 0;
+      if ((vertices[i].normal[c] & 0x7C00u) == 0x7C00u) return 0; /* infinity or NaN */
+    }
   }
   return 1;
 }
 
-static int run(dcloth_cloth* cloth, const dcloth_model_info* info, float* matrices, float* vertices) {
+static int run(dcloth_cloth* cloth, const dcloth_model_info* info, float* matrices, vertex* vertices) {
   const dcloth_pose pose = {sizeof(dcloth_pose), info->joint_count, matrices, 0};
-  const dcloth_output output = {sizeof(dcloth_output), info->vertex_count, vertices, 24, 24, vertices + 3};
-  int tick;
-  for (tick = 0; tick < TICKS; ++tick) {
-    fill_pose(matrices, info->joint_count, 0.05f * (float)tick);
-    if (dcloth_cloth_tick(cloth, &pose, info->stages, NULL) != DCLOTH_OK) return 1;
-    if (dcloth_cloth_skin(cloth, &pose, 0.5f, &output, NULL) != DCLOTH_OK) return 1;
-    if (!all_finite(vertices, 6 * (size_t)info->vertex_count)) return 1;
+  const dcloth_frame frame = {sizeof(dcloth_frame), info->stages, 1.0f / 60.0f, DCLOTH_FRAME_PIPELINED};
+  dcloth_output output;
+  float bounds[6];
+  int result = 0, i;
+  describe_output(&output, vertices, info->vertex_count, bounds);
+  output.scratch_size = dcloth_output_scratch_size(&output);
+  output.scratch = malloc((size_t)output.scratch_size);
+  if (output.scratch == NULL) return 1;
+  for (i = 0; i < FRAMES && result == 0; ++i) {
+    fill_pose(matrices, info->joint_count, 0.05f * (float)i);
+    result = dcloth_cloth_update(cloth, &pose, &frame, &output, NULL) != DCLOTH_OK ||
+             !all_inside(vertices, info->vertex_count, bounds);
   }
-  return 0;
+  free(output.scratch);
+  return result;
 }
 
 int main(int argc, char** argv) {
@@ -68,7 +101,7 @@ int main(int argc, char** argv) {
   void* bytes;
   void* storage;
   float* matrices;
-  float* vertices;
+  vertex* vertices;
   size_t size = 0;
   int result;
   if (argc != 2) {
@@ -98,10 +131,10 @@ int main(int argc, char** argv) {
     return 1;
   }
   matrices = malloc(16 * sizeof(float) * info.joint_count);
-  vertices = malloc(6 * sizeof(float) * info.vertex_count);
+  vertices = calloc(info.vertex_count, sizeof(vertex));
   result = matrices == NULL || vertices == NULL || run(cloth, &info, matrices, vertices);
-  printf("dcloth %s (%s): %s, %u vertices, %d ticks: %s\n", dcloth_version(), dcloth_isa_name(), info.name,
-         (unsigned)info.vertex_count, TICKS, result == 0 ? "fine" : "failed");
+  printf("dcloth %s (%s): %s, %u vertices, %d frames: %s\n", dcloth_version(), dcloth_isa_name(), info.name,
+         (unsigned)info.vertex_count, FRAMES, result == 0 ? "fine" : "failed");
   free(matrices);
   free(vertices);
   free(owners[0]);

@@ -46,7 +46,13 @@ int Run(const char* path) {
       dcloth::MakeOutput(vertices, vertices + size_t{3} * info.vertex_count, info.vertex_count);
   dcloth::Timer timer(nullptr, nullptr);
   const auto stages = static_cast<dcloth::Stages>(info.stages);
-  const bool fine = cloth.Tick(pose, stages, &timer) == dcloth::Status::kOk &&
+  const char* first = model.JointName(0);
+  dcloth_space left_handed = dcloth::MakeSpace(DCLOTH_AXIS_MINUS_X, DCLOTH_AXIS_Y, DCLOTH_AXIS_Z, 1);
+  const bool bound = info.joint_count == 1 || cloth.BindJoints(&first, 1, &error) == dcloth::Status::kJoints;
+  const bool placed = cloth.SetSpace(left_handed) == dcloth::Status::kOk &&
+                      cloth.Update(pose, dcloth::MakeFrame(0.01f, stages), &output) == dcloth::Status::kOk &&
+                      cloth.Describe().tick_share == 1.0f;
+  const bool fine = bound && placed && cloth.Tick(pose, stages, &timer) == dcloth::Status::kOk &&
                     cloth.Skin(pose, 1, output) == dcloth::Status::kOk &&
                     cloth.Tick(dcloth::MakePose(matrices, info.joint_count + 1), stages) == dcloth::Status::kPose &&
                     cloth.Reset() == dcloth::Status::kOk;

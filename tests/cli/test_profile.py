@@ -43,6 +43,15 @@ def test_cold_and_contended(dcloth, files):
     assert cold["frame_ms"]["p50"] > warm["frame_ms"]["p50"]
 
 
+def test_pipelined(dcloth, files):
+    whole = profile(dcloth, files.model, files.walk)
+    spread = profile(dcloth, files.model, files.walk, "--pipelined")
+    assert spread["pipelined"] and not whole["pipelined"]
+    # At 60 Hz every other frame has a tick; spread, every frame has about half of one.
+    assert spread["tick_ms"]["p50"] < whole["tick_ms"]["p50"]
+    mesh_error(spread["truth"])
+
+
 def test_trace(dcloth, files, tmp_path):
     path = tmp_path / "trace.json"
     said = profile(dcloth, files.model, files.walk, "--trace", path)

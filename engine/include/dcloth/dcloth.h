@@ -1,21 +1,24 @@
 /* dcloth: learned cloth inside a game's frame budget. The C ABI, valid C99; the only header a host needs.
  *
- * The way through: open a model from memory you own, ask how much memory one garment needs, lend it, then per network
- * tick call dcloth_cloth_tick and per drawn frame dcloth_cloth_skin.
+ * The way through: open a model from memory you own, ask how much memory one garment needs, lend it, then
+ * call dcloth_cloth_update once per frame with the time that has passed, the pose and your vertex buffers.
  *
- * Promises. No function allocates, starts a thread, opens a file, reads a clock, throws or aborts. Model bytes are
- * untrusted: dcloth_model_open checks everything the run path relies on, in every build. Any number of cloths may share
- * one model; calls on different cloths may run on different threads at once, calls on one cloth may not.
+ * Promises. No function allocates, starts a thread, opens a file, reads a clock, throws or aborts. Model
+ * bytes are untrusted: dcloth_model_open checks everything the run path relies on, in every build. Any
+ * number of cloths may share one model; calls on different cloths may run on different threads at once,
+ * calls on one cloth may not.
  *
- * Rounding mode, flushing of subnormals and trapping exceptions that the host has set neither change a result nor are
- * changed: each call sets them aside, a timer's clock runs in the default environment, and all is restored, sticky flags
- * included (x86, AArch64; WebAssembly has none).
+ * Rounding mode, flushing of subnormals and trapping exceptions that the host has set neither change a
+ * result nor are changed: each call sets them aside, a timer's clock runs in the default environment, and
+ * all is restored, sticky flags included (x86, AArch64; WebAssembly has none).
  *
- * Every struct_size is at least sizeof of the struct in this header; a larger one, of a later header, is accepted.
- * Any weights pass dcloth_model_open, even NaN: they give NaN vertices until the next reset, never a fault.
+ * Every struct_size is at least sizeof of the struct in this header; a larger one, of a later header, is
+ * accepted. Any weights pass dcloth_model_open, even NaN: they give NaN vertices until the next reset,
+ * never a fault.
  *
- * Units: metres, seconds, radians. Right-handed, +Y up. Matrices act on column vectors. SIZE is bytes, COUNT elements.
- */
+ * Units: metres, seconds, radians. Right-handed, +Y up, the character faces +Z with its left along +X in
+ * the bind pose; dcloth_cloth_set_space takes any other space. Matrices act on column vectors. SIZE is
+ * bytes, COUNT elements. */
 #ifndef DCLOTH_DCLOTH_H_
 #define DCLOTH_DCLOTH_H_
 
@@ -54,7 +57,8 @@ enum {
   DCLOTH_ERROR_FORMAT = 4,     /* not a .dcloth file, truncated, or structurally broken */
   DCLOTH_ERROR_VERSION = 5,    /* a .dcloth file of another major version */
   DCLOTH_ERROR_SEMANTICS = 6,  /* structure intact, content impossible: shapes, indices, scales, ranges */
-  DCLOTH_ERROR_POSE = 7        /* NaN, infinity, a magnitude above 1e9 or a wrong joint count; the state is untouched */
+  DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, beyond 1e9 or a wrong joint count; the state is untouched */
+  DCLOTH_ERROR_JOINTS = 8      /* the host's skeleton lacks joints of the model */
 };
 
 /* What went wrong, in words: field, found, allowed, mend. Filled only on failure; owned by the caller; may be null
@@ -91,23 +95,123 @@ typedef struct dcloth_model_info {
   const uint16_t* triangles; /* [triangle_count, 3], in the model bytes */
 } dcloth_model_info;
 
-/* One pose. Matrix j belongs to joint j of the model; sixteen floats each. */
+/* The host's axes and unit. World and joints are the host's; the way into the model's space and back is
+ * part of the matrices that are computed anyway, and costs no time per vertex. "World" may be any frame
+ * that does not turn over, the character's own root too.
+ *   glTF, Godot       left +X, up +Y, forward +Z, 1 (the default)
+ *   Unity             left -X, up +Y, forward +Z, 1
+ *   Unreal (actor)    left -Y, up +Z, forward +X, 0.01
+ *   Blender           left +X, up +Z, forward -Y, 1
+ * The axes are those of the character in its bind pose. */
+enum {
+  DCLOTH_AXIS_X = 0,
+  DCLOTH_AXIS_MINUS_X = 1,
+  DCLOTH_AXIS_Y = 2,
+  DCLOTH_AXIS_MINUS_Y = 3,
+  DCLOTH_AXIS_Z = 4,
+  DCLOTH_AXIS_MINUS_Z = 5
+};
+enum {
+  DCLOTH_JOINT_FRAMES_CONVERTED = 0, /* joints' own axes were turned with the world: most engines */
+  DCLOTH_JOINT_FRAMES_KEPT = 1       /* joints keep the axes of training, only the world is turned */
+};
+typedef struct dcloth_space {
+  uint32_t struct_size;   /* set to sizeof(dcloth_space) */
+  uint32_t left;          /* DCLOTH_AXIS_* that the character's left points along; the three axes differ */
+  uint32_t up;
+  uint32_t forward;       /* handedness follows from the three */
+  float metres_per_unit;  /* 0.0001 to 1000; of positions in matrices and outputs */
+  uint32_t joint_frames;  /* DCLOTH_JOINT_FRAMES_* */
+} dcloth_space;
+
+/* One pose, sixteen floats a matrix. Matrix j belongs to joint j of the model or, after
+ * dcloth_cloth_bind_joints, to the host's joint j. */
 typedef struct dcloth_pose {
   uint32_t struct_size;          /* set to sizeof(dcloth_pose) */
-  uint32_t joint_count;          /* must equal dcloth_model_info.joint_count */
-  const float* joint_matrices;   /* [joint_count, 16] joint to world, metres */
+  uint32_t joint_count;          /* dcloth_model_info.joint_count, or the count of names bound */
+  const float* joint_matrices;   /* [joint_count, 16] joint to world, in the host's space */
   uint32_t column_major;         /* 0: rows are contiguous; 1: columns are contiguous */
 } dcloth_pose;
 
-/* Where vertices go. Each vertex is three floats; stride_bytes is the distance between vertices: at least 12, a
- * multiple of 4. Only those twelve bytes of a vertex are read and written. */
+/* One frame of time.
+ *
+ * The network ticks at its own rate (dcloth_model_info.tick_seconds) on a grid that starts with the first
+ * update after a reset. An update runs the ticks that have become due since the last one, each with the
+ * pose of its own moment, blended from the poses of the last three updates; then it draws the
+ * displacement between the last two ticks on the skeleton of this very pose. The pose is never late; the
+ * displacement is late by the shortest time that keeps it smooth (dcloth_cloth_info.lag_seconds): nothing
+ * where each frame has its tick, half a tick at twice the tick rate, up to one tick at any other rate. It
+ * settles within the first ticks.
+ *
+ * Hitch: at most DCLOTH_MAX_TICKS ticks run per update, the latest ones. Those before them are skipped and
+ *   count as time that passed, so the character's speed stays right.
+ * Pause: `seconds` 0 runs no tick; the frame is drawn with the pose given, and the same pose gives the
+ *   same vertices.
+ * Teleport: DCLOTH_FRAME_JUMPED tells that the character was moved since the last update (a portal, a new
+ *   world origin) and keeps the cloth as it hangs: nothing is taken for motion, and the next tick carries
+ *   on with the last velocity. A jump that is not announced looks like one tick at the highest speed seen
+ *   in training.
+ * Cut: dcloth_cloth_reset forgets everything; the next update ticks at once, whatever `seconds` says, and
+ *   draws that tick.
+ * Time that is negative, NaN or infinite is refused with ARGUMENT and the state is untouched; any other is
+ * a hitch. */
+#define DCLOTH_MAX_TICKS 2
+enum {
+  /* Spread a tick over the frames until the next one is due, each with a part that follows its length, so
+   * that no frame pays for all of it. The ticks are the same, and late by about (tick_seconds - one frame)
+   * more: half a tick at twice the tick rate, less than one at any. The first tick after a reset still
+   * runs whole, and so do ticks that are due in one frame with another, and those of frames as long as a
+   * tick. The flag may change from frame to frame. */
+  DCLOTH_FRAME_PIPELINED = 1,
+  DCLOTH_FRAME_JUMPED = 2
+};
+typedef struct dcloth_frame {
+  uint32_t struct_size;  /* set to sizeof(dcloth_frame) */
+  uint32_t stages;       /* one of DCLOTH_STAGES_*, at most the model's; for ticks that start now */
+  float seconds;         /* since the last update: 0 or more, finite */
+  uint32_t flags;        /* DCLOTH_FRAME_* or 0 */
+} dcloth_frame;
+
+/* What the last update did. */
+typedef struct dcloth_cloth_info {
+  uint32_t struct_size;  /* set to sizeof(dcloth_cloth_info) before the call */
+  uint32_t in_work;      /* 1 while a tick is begun and not complete */
+  float lag_seconds;     /* by how much the displacement drawn is older than the pose */
+  float tick_share;      /* network work of the last update in ticks, by estimated cost: 1 is a whole tick */
+} dcloth_cloth_info;
+
+/* Numbers in a vertex buffer. Half floats are IEEE 754 binary16; their steps are 0.5 mm at 0.5 to 1 m from
+ * the origin and double with each doubling of the distance, so half positions want joint matrices relative
+ * to the character. */
+enum {
+  DCLOTH_FORMAT_FLOAT32 = 0,
+  DCLOTH_FORMAT_FLOAT16 = 1
+};
+
+/* Where vertices go. Attribute by attribute: the first vertex's place, the distance to the next one's (at
+ * least the attribute's own bytes, a multiple of its number's), the numbers' format. Attributes may
+ * interleave in one buffer; nothing between them is read or written. Null attributes are not wanted and
+ * cost nothing. A half among the wanted formats needs scratch; it holds nothing between calls, and all
+ * cloths of a thread can share it. */
 typedef struct dcloth_output {
   uint32_t struct_size;          /* set to sizeof(dcloth_output) */
   uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count */
-  float* positions;              /* world space, metres */
+  void* positions;               /* 3 numbers, world, host's unit */
   uint32_t position_stride_bytes;
   uint32_t normal_stride_bytes;
-  float* normals;                /* unit, world space; null when not wanted */
+  void* normals;                 /* 3 numbers, unit length, outward; or null */
+  void* tangents;                /* 4 numbers: unit, along growing u; w 1 or -1, and the bitangent is
+                                    w cross(normal, tangent). Or null. Wants normals and texture_coordinates */
+  const float* texture_coordinates; /* u, v of each vertex */
+  uint32_t tangent_stride_bytes;
+  uint32_t texture_stride_bytes; /* at least 8 */
+  uint32_t position_format;      /* DCLOTH_FORMAT_* */
+  uint32_t normal_format;
+  uint32_t tangent_format;
+  uint32_t reserved;             /* 0 */
+  float* bounds;                 /* [6] least x, y, z, then greatest, before rounding to half; or null */
+  void* scratch;                 /* floats; null where dcloth_output_scratch_size is 0 */
+  uint64_t scratch_size;
 } dcloth_output;
 
 /* Time spent per stage, in the units of the host's own clock. */
@@ -166,20 +270,52 @@ DCLOTH_API size_t dcloth_cloth_storage_size(const dcloth_model* model);
 DCLOTH_API dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size_t storage_size,
                                              dcloth_cloth** cloth, dcloth_error* error);
 
-/* Forgets all motion: recurrent state, displacement, velocity. After a teleport, a cut or a spawn.
+/* Finds the model's joints among the names of the host's skeleton; poses then hold one matrix per name.
+ * Exact match; of equal names the first counts. The error text lists the joints that are missing. Names
+ * are not kept. Outlives resets.
+ * Memory: none. Thread: owner. Errors: ARGUMENT, JOINTS; the binding before stays. Cost: model joints
+ * times names. */
+DCLOTH_API dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* names, uint32_t count,
+                                                  dcloth_error* error);
+
+/* Chooses the host's space for poses and outputs. Outlives resets.
+ * Memory: none. Thread: owner. Errors: ARGUMENT; the space before stays. Cost: none, then and later. */
+DCLOTH_API dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error);
+
+/* Bytes of scratch that an output's formats and attributes need; reads those and vertex_count alone.
+ * Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
+DCLOTH_API uint64_t dcloth_output_scratch_size(const dcloth_output* output);
+
+/* Forgets all motion: recurrent state, displacement, velocity, time. After a teleport, a cut or a spawn.
  * Memory: none. Thread: owner. Errors: ARGUMENT. Cost: clears the state. */
 DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
 
-/* Advances the network by one tick of dcloth_model_info.tick_seconds with the pose at the tick's end. `stages` is one of
- * DCLOTH_STAGES_*, at most what the model holds. A refused pose leaves the state untouched.
+/* Runs the ticks that are due and draws: the call for every frame, whatever its rate; see dcloth_frame.
+ * `output` may be null for a garment that is not seen. A refused call leaves state and outputs untouched.
+ * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: due ticks or their share, and
+ * dcloth_cloth_skin's. */
+DCLOTH_API dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
+                                             const dcloth_output* output, dcloth_timer* timer);
+
+/* Describes the last update. Memory: none. Thread: owner. Errors: ARGUMENT. Cost: none. */
+DCLOTH_API dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info);
+
+/* The next two are update's halves, for hosts with a clock of their own at the tick rate.
+ *
+ * Advances the network by one tick of dcloth_model_info.tick_seconds with the pose at the tick's end.
+ * `stages` is one of DCLOTH_STAGES_*, at most what the model holds. A tick that an update left in work is
+ * completed first, and update's next tick is due one tick later. A refused pose leaves the state
+ * untouched.
  * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: the network; see `dcloth profile`. */
 DCLOTH_API dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages,
                                            dcloth_timer* timer);
 
-/* Skins the garment with the pose that is drawn. `blend` in [0, 1] goes from the displacement of the tick before the last
- * one (0) to the last one (1); after a single tick both are that one, before any tick it is zero. Positions and normals may
- * interleave in one vertex buffer. A refused pose leaves the outputs untouched.
- * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: skinning, and normals when asked for. */
+/* Skins the garment with the pose that is drawn. `blend` in [0, 1] goes from the displacement of the tick
+ * before the last one (0) to the last one (1); after a single tick both are that one, before any tick it
+ * is zero. Positions and normals may interleave in one vertex buffer. A refused pose leaves the outputs
+ * untouched.
+ * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: skinning, and normals and tangents when asked
+ * for. */
 DCLOTH_API dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend,
                                            const dcloth_output* output, dcloth_timer* timer);
 

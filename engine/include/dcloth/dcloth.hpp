@@ -20,6 +20,7 @@ enum class [[nodiscard]] Status : dcloth_status{
     kVersion = DCLOTH_ERROR_VERSION,
     kSemantics = DCLOTH_ERROR_SEMANTICS,
     kPose = DCLOTH_ERROR_POSE,
+    kJoints = DCLOTH_ERROR_JOINTS,
 };
 
 enum class Stages : uint32_t {
@@ -50,10 +51,25 @@ inline dcloth_pose MakePose(const float* matrices, uint32_t joint_count,
   return {sizeof(dcloth_pose), joint_count, matrices, static_cast<uint32_t>(layout)};
 }
 
-// Tightly packed vertex arrays; `normals` may be null.
+// `flags` are DCLOTH_FRAME_*.
+inline dcloth_frame MakeFrame(float seconds, Stages stages, uint32_t flags = 0) {
+  return {sizeof(dcloth_frame), static_cast<uint32_t>(stages), seconds, flags};
+}
+
+// Tightly packed float arrays; `normals` may be null. Other layouts start from this one.
 inline dcloth_output MakeOutput(float* positions, float* normals, uint32_t vertex_count) {
-  constexpr uint32_t kStride = 3 * sizeof(float);
-  return {sizeof(dcloth_output), vertex_count, positions, kStride, kStride, normals};
+  dcloth_output output = {};
+  output.struct_size = sizeof(output);
+  output.vertex_count = vertex_count;
+  output.positions = positions;
+  output.normals = normals;
+  output.position_stride_bytes = output.normal_stride_bytes = 3 * sizeof(float);
+  return output;
+}
+
+// DCLOTH_AXIS_*, see dcloth_space.
+inline dcloth_space MakeSpace(uint32_t left, uint32_t up, uint32_t forward, float metres_per_unit) {
+  return {sizeof(dcloth_space), left, up, forward, metres_per_unit, DCLOTH_JOINT_FRAMES_CONVERTED};
 }
 
 // A view of model bytes. Copies are further views of the same model.
@@ -92,7 +108,30 @@ class Cloth {
 
   bool is_created() const { return cloth_ != nullptr; }
 
+  // Poses hold one matrix per name from now on.
+  Status BindJoints(const char* const* names, uint32_t count, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_cloth_bind_joints(cloth_, names, count, error));
+  }
+
+  Status SetSpace(const dcloth_space& space, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_cloth_set_space(cloth_, &space, error));
+  }
+
   Status Reset() { return static_cast<Status>(dcloth_cloth_reset(cloth_)); }
+
+  // `output` may be null.
+  Status Update(const dcloth_pose& pose, const dcloth_frame& frame, const dcloth_output* output,
+                dcloth_timer* timer = nullptr) {
+    return static_cast<Status>(dcloth_cloth_update(cloth_, &pose, &frame, output, timer));
+  }
+
+  // All zero where no cloth is created.
+  dcloth_cloth_info Describe() const {
+    dcloth_cloth_info info = {};
+    info.struct_size = sizeof(info);
+    (void)dcloth_cloth_describe(cloth_, &info);
+    return info;
+  }
 
   Status Tick(const dcloth_pose& pose, Stages stages, dcloth_timer* timer = nullptr) {
     return static_cast<Status>(dcloth_cloth_tick(cloth_, &pose, static_cast<uint32_t>(stages), timer));

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "dcloth/dcloth.h"
+#include "dcloth/dcloth.hpp"
 #include "tests/unit/engine/model_builder.h"
 
 namespace dcloth::testing {
@@ -17,6 +17,13 @@ inline dcloth_error EmptyError() {
   dcloth_error error = {};
   error.struct_size = sizeof(error);
   return error;
+}
+
+// Float positions and normals (null when not wanted) at one stride.
+inline dcloth_output FloatOutput(size_t vertex_count, float* positions, uint32_t stride_bytes, float* normals) {
+  dcloth_output output = MakeOutput(positions, normals, static_cast<uint32_t>(vertex_count));
+  output.position_stride_bytes = output.normal_stride_bytes = stride_bytes;
+  return output;
 }
 
 class OpenedModel {
@@ -69,14 +76,24 @@ class OwnedCloth {
     const dcloth_pose pose = Pose(matrices);
     return dcloth_cloth_tick(cloth_, &pose, stages, nullptr);
   }
+  // A frame drawn into positions() and normals().
+  dcloth_status Update(const std::vector<float>& matrices, float seconds, uint32_t stages, uint32_t flags = 0) {
+    const dcloth_pose pose = Pose(matrices);
+    const dcloth_frame frame = {sizeof(dcloth_frame), stages, seconds, flags};
+    const dcloth_output output = Output();
+    return dcloth_cloth_update(cloth_, &pose, &frame, &output, nullptr);
+  }
   dcloth_status Skin(const std::vector<float>& matrices, float blend) {
     const dcloth_pose pose = Pose(matrices);
-    const dcloth_output output = {sizeof(dcloth_output), model_.info().vertex_count, positions_.data(), 12, 12,
-                                  normals_.data()};
+    const dcloth_output output = Output();
     return dcloth_cloth_skin(cloth_, &pose, blend, &output, nullptr);
   }
 
  private:
+  dcloth_output Output() {
+    return MakeOutput(positions_.data(), normals_.data(), model_.info().vertex_count);
+  }
+
   const OpenedModel& model_;
   AlignedBytes storage_;
   dcloth_cloth* cloth_ = nullptr;

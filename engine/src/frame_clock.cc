@@ -1,0 +1,42 @@
+#include "engine/src/frame_clock.h"
+
+namespace dcloth::engine {
+namespace {
+
+double Larger(double a, double b) { return a > b ? a : b; }
+
+}  // namespace
+
+DueTicks FrameClock::Advance(double step) {
+  step_ = step < kLongestGap ? step : kLongestGap;
+  if (!started_) {
+    Restart();
+    step_ = 0;
+    return {1, 0, {1.0, 1.0}};
+  }
+  const double phase = since_ + step_;
+  // Up to 2^20 + 1 and not negative: since_ is above -kTickTolerance.
+  const auto due = static_cast<uint32_t>(phase + kTickTolerance);
+  since_ = phase - due;
+  lag_ = Larger(lag_ - kLagLeak * step_, 0);
+  DueTicks ticks = {due < kMaxTicks ? due : kMaxTicks, due > kMaxTicks ? due - kMaxTicks : 0, {1.0, 1.0}};
+  for (uint32_t i = 0; i < ticks.count; ++i) {
+    const double ago = since_ + (ticks.count - 1 - i);
+    if (ago > kTickTolerance) ticks.fraction[i] = Larger(1 - ago / step_, 0);
+  }
+  return ticks;
+}
+
+void FrameClock::Restart() {
+  started_ = true;
+  since_ = 0;
+  lag_ = 0;
+}
+
+double FrameClock::Behind(bool in_work) {
+  const double age = Larger(since_, 0) + (in_work ? 1 : 0);
+  lag_ = Larger(lag_, age);
+  return lag_ - age;
+}
+
+}  // namespace dcloth::engine

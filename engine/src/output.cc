@@ -1,0 +1,130 @@
+#include "engine/src/output.h"
+
+#include <cstdint>
+
+#include "kernels/half.h"
+
+namespace dcloth::engine {
+namespace {
+
+constexpr uint32_t kPositionElements = 3, kNormalElements = 3, kTangentElements = 4;
+
+struct Attribute {
+  void* data;
+  uint32_t stride_bytes, format, elements;
+};
+
+Attribute Positions(const dcloth_output& o) {
+  return {o.positions, o.position_stride_bytes, o.position_format, kPositionElements};
+}
+Attribute Normals(const dcloth_output& o) {
+  return {o.normals, o.normal_stride_bytes, o.normal_format, kNormalElements};
+}
+Attribute Tangents(const dcloth_output& o) {
+  return {o.tangents, o.tangent_stride_bytes, o.tangent_format, kTangentElements};
+}
+
+uint32_t ElementBytes(uint32_t format) { return format == DCLOTH_FORMAT_FLOAT16 ? 2 : 4; }
+
+bool IsAligned(const void* pointer, size_t bytes) { return reinterpret_cast<uintptr_t>(pointer) % bytes == 0; }
+
+bool IsUsable(const Attribute& a) {
+  if (a.format > DCLOTH_FORMAT_FLOAT16) return false;
+  const uint32_t bytes = ElementBytes(a.format);
+  return IsAligned(a.data, bytes) && a.stride_bytes >= a.elements * bytes && a.stride_bytes % bytes == 0;
+}
+
+bool IsHalf(const Attribute& a) { return a.data != nullptr && a.format == DCLOTH_FORMAT_FLOAT16; }
+
+float* At(float* values, size_t stride_bytes, size_t vertex) {
+  return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(values) + stride_bytes * vertex);
+}
+
+// From scratch to the host's buffer.
+void Store(const Attribute& attribute, size_t vertex, const float* values) {
+  uint8_t* to = static_cast<uint8_t*>(attribute.data) + size_t{attribute.stride_bytes} * vertex;
+  for (uint32_t i = 0; i < attribute.elements; ++i) {
+    if (attribute.format == DCLOTH_FORMAT_FLOAT16) {
+      reinterpret_cast<uint16_t*>(to)[i] = kernels::HalfFromFloat(values[i]);
+    } else {
+      reinterpret_cast<float*>(to)[i] = values[i];
+    }
+  }
+}
+
+}  // namespace
+
+bool OutputIsUsable(const dcloth_output& output, uint32_t vertex_count) {
+  if (output.struct_size < sizeof(dcloth_output) || output.vertex_count != vertex_count) return false;
+  if (output.positions == nullptr || !IsUsable(Positions(output))) return false;
+  if (output.normals != nullptr && !IsUsable(Normals(output))) return false;
+  if (output.tangents != nullptr) {
+    if (output.normals == nullptr || !IsUsable(Tangents(output))) return false;
+    if (output.texture_coordinates == nullptr || !IsAligned(output.texture_coordinates, sizeof(float)) ||
+        output.texture_stride_bytes < 2 * sizeof(float) || output.texture_stride_bytes % sizeof(float) != 0) {
+      return false;
+    }
+  }
+  if (output.bounds != nullptr && !IsAligned(output.bounds, sizeof(float))) return false;
+  const size_t scratch = ScratchBytes(output);
+  return scratch == 0 || (output.scratch != nullptr && IsAligned(output.scratch, sizeof(float)) &&
+                          output.scratch_size >= scratch);
+}
+
+size_t ScratchBytes(const dcloth_output& output) {
+  if (!IsHalf(Positions(output)) && !IsHalf(Normals(output)) && !IsHalf(Tangents(output))) return 0;
+  const size_t floats = kPositionElements + (output.normals != nullptr ? kNormalElements : 0) +
+                        (output.tangents != nullptr ? kTangentElements : 0);
+  return floats * sizeof(float) * output.vertex_count;
+}
+
+Surface SurfaceOf(const dcloth_output& output) {
+  if (ScratchBytes(output) == 0) {
+    return {static_cast<float*>(output.positions), output.position_stride_bytes,
+            static_cast<float*>(output.normals),   output.normal_stride_bytes,
+            static_cast<float*>(output.tangents),  output.tangent_stride_bytes};
+  }
+  const size_t n = output.vertex_count;
+  Surface surface = {};
+  surface.positions = static_cast<float*>(output.scratch);
+  surface.position_stride_bytes = kPositionElements * sizeof(float);
+  float* next = surface.positions + kPositionElements * n;
+  if (output.normals != nullptr) {
+    surface.normals = next;
+    surface.normal_stride_bytes = kNormalElements * sizeof(float);
+    next += kNormalElements * n;
+  }
+  if (output.tangents != nullptr) {
+    surface.tangents = next;
+    surface.tangent_stride_bytes = kTangentElements * sizeof(float);
+  }
+  return surface;
+}
+
+void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, const dcloth_output& output) {
+  const bool convert = ScratchBytes(output) != 0;
+  float low[3] = {3.4e38f, 3.4e38f, 3.4e38f}, high[3] = {-3.4e38f, -3.4e38f, -3.4e38f};
+  for (uint32_t i = 0; i < output.vertex_count; ++i) {
+    float* position = At(surface.positions, surface.position_stride_bytes, i);
+    for (int c = 0; c < 3; ++c) {
+      position[c] += origin[c];
+      low[c] = position[c] < low[c] ? position[c] : low[c];
+      high[c] = position[c] > high[c] ? position[c] : high[c];
+    }
+    if (mirrored && surface.normals != nullptr) {
+      float* normal = At(surface.normals, surface.normal_stride_bytes, i);
+      for (int c = 0; c < 3; ++c) normal[c] = -normal[c];
+    }
+    if (!convert) continue;
+    Store(Positions(output), i, position);
+    if (surface.normals != nullptr) Store(Normals(output), i, At(surface.normals, surface.normal_stride_bytes, i));
+    if (surface.tangents != nullptr) Store(Tangents(output), i, At(surface.tangents, surface.tangent_stride_bytes, i));
+  }
+  if (output.bounds == nullptr) return;
+  for (int c = 0; c < 3; ++c) {
+    output.bounds[c] = low[c];
+    output.bounds[3 + c] = high[c];
+  }
+}
+
+}  // namespace dcloth::engine

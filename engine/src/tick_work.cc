@@ -1,0 +1,218 @@
+#include "engine/src/tick_work.h"
+
+#include <cstring>
+
+#include "engine/src/displacement.h"
+#include "engine/src/isa.h"
+#include "engine/src/static_stage.h"
+
+namespace dcloth::engine {
+namespace {
+
+using format::LinearView;
+using format::ModelView;
+
+// Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of
+// weights out of the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices
+// take 0.253 ms at F = 8 and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add; skinning takes
+// 0.039 ms for 7,952 vertices.
+constexpr uint64_t kPerByte = 40;
+constexpr uint64_t kPerLayerVertex = 20000;
+constexpr uint64_t kPerMultiplyAdd = 27;
+constexpr uint64_t kPerSkinnedVertex = 5000;
+constexpr uint64_t kPerGate = 1000;
+
+constexpr uint32_t kSkeletonBit = DCLOTH_STAGES_SKELETON & ~DCLOTH_STAGES_STATIC;
+constexpr uint32_t kMeshBit = DCLOTH_STAGES_MESH & ~DCLOTH_STAGES_SKELETON;
+
+struct PartSize {
+  uint64_t items;
+  uint64_t item_cost;
+};
+
+PartSize ProductSize(const LinearView& linear, size_t rows) {
+  return {kernels::PanelCount(linear.columns), PanelBytes(linear, rows) * kPerByte};
+}
+
+uint64_t ProductCost(const LinearView& linear) {
+  const PartSize size = ProductSize(linear, linear.rows);
+  return size.items * size.item_cost;
+}
+
+// The first layer's rows are shorter; an average keeps the items of all layers alike.
+uint64_t LayerBlockCost(const ModelView& model) {
+  const uint64_t width = model.mesh_stage.feature_width, layers = model.mesh_stage.layer_count;
+  const uint64_t inputs = 3 + (layers - 1) * width;
+  const uint64_t multiply_adds = 3 * width * inputs / layers + 4 * width * width;
+  return kernels::kGsgruBlock * (kPerLayerVertex + kPerMultiplyAdd * multiply_adds);
+}
+
+// No items: the part does not take place.
+PartSize SizeOf(const ModelView& model, uint32_t stages, TickPart part) {
+  const format::SkeletonStageView& skeleton = model.skeleton_stage;
+  const format::MeshStageView& mesh = model.mesh_stage;
+  const bool has_skeleton = (stages & kSkeletonBit) != 0, has_mesh = (stages & kMeshBit) != 0;
+  switch (part) {
+    case TickPart::kStatic:
+      return {1, ProductCost(model.static_stage.hidden) + ProductCost(model.static_stage.increments)};
+    case TickPart::kSkeletonInput:
+      return has_skeleton ? ProductSize(skeleton.input, skeleton.input.rows) : PartSize{};
+    case TickPart::kSkeletonHidden:
+      return has_skeleton ? ProductSize(skeleton.hidden, skeleton.units) : PartSize{};
+    case TickPart::kSkeletonGates:
+      return has_skeleton ? PartSize{1, skeleton.units * kPerGate} : PartSize{};
+    case TickPart::kBodyPoints:
+      return has_mesh ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex} : PartSize{};
+    case TickPart::kMeshLayers:
+      return has_mesh ? PartSize{MeshBlocks(model) * mesh.layer_count, LayerBlockCost(model)} : PartSize{};
+    case TickPart::kMeshHidden:
+      return has_mesh ? ProductSize(mesh.hidden, mesh.hidden.rows) : PartSize{};
+    case TickPart::kMeshCoefficients:
+      return has_mesh ? ProductSize(mesh.coefficients, mesh.coefficients.rows) : PartSize{};
+    case TickPart::kDisplacement: {
+      if (model.displacement.skeleton_rows == 0) return {};
+      if (!has_skeleton) return {1, DisplacementFloats(model) * sizeof(float) * kPerByte};
+      const size_t rows = model.displacement.skeleton_rows + (has_mesh ? model.displacement.mesh_rows : 0);
+      return ProductSize(model.displacement.basis, rows);
+    }
+    case TickPart::kDone:
+      break;
+  }
+  return {};
+}
+
+void ClearSkeletonState(Cloth* cloth) {
+  const size_t units = cloth->model->skeleton_stage.units;
+  if (units != 0) std::memset(cloth->coefficients, 0, units * sizeof(float));
+}
+
+// A stage that rested starts from zero: what it remembers belongs to a motion long past.
+void WakeStages(Cloth* cloth, uint32_t stages) {
+  const uint32_t woken = stages & ~cloth->stages;
+  if ((woken & kSkeletonBit) != 0) ClearSkeletonState(cloth);
+  if ((woken & kMeshBit) != 0) ClearMeshState(*cloth->model, cloth->mesh);
+  cloth->stages = stages;
+}
+
+// Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so
+// in any.
+void ClearCoefficientPads(const ModelView& model, float* coefficients) {
+  const uint32_t units = model.skeleton_stage.units, columns = model.mesh_stage.coefficients.columns;
+  if (units % 2 != 0) coefficients[units] = 0.0f;
+  if (columns % 2 != 0) coefficients[model.displacement.skeleton_rows + columns] = 0.0f;
+}
+
+LinearProduct ProductOf(const Cloth& cloth, TickPart part) {
+  const ModelView& model = *cloth.model;
+  float* q = cloth.coefficients + model.displacement.skeleton_rows;
+  switch (part) {
+    case TickPart::kSkeletonInput:
+      return SkeletonInput(model.skeleton_stage, cloth.features, cloth.skeleton, cloth.quantized);
+    case TickPart::kSkeletonHidden:
+      return SkeletonHidden(model.skeleton_stage, cloth.coefficients, cloth.skeleton, cloth.quantized);
+    case TickPart::kMeshHidden:
+      return MeshHidden(model.mesh_stage, cloth.mesh, cloth.quantized);
+    case TickPart::kMeshCoefficients:
+      return MeshCoefficients(model.mesh_stage, cloth.mesh, cloth.quantized, q);
+    default:
+      return DisplacementProduct(model, cloth.stages, cloth.coefficients, cloth.quantized,
+                                 cloth.displacement[NextTick(cloth)]);
+  }
+}
+
+void RunProduct(const kernels::KernelTable& kernels, Cloth* cloth, TickPart part, size_t begin, size_t count) {
+  const LinearProduct product = ProductOf(*cloth, part);
+  if (begin == 0) cloth->work.input_scale = QuantizeInput(kernels, product);
+  ApplyPanels(kernels, product, cloth->work.input_scale, begin, count);
+}
+
+// Items [begin, begin + count) of a part.
+void RunPart(Cloth* cloth, TickPart part, size_t begin, size_t count) {
+  const kernels::KernelTable& kernels = ActiveKernels();
+  const ModelView& model = *cloth->model;
+  switch (part) {
+    case TickPart::kStatic:
+      RunStaticStage(kernels, model.static_stage, cloth->features, cloth->hidden, cloth->quantized,
+                     cloth->increments[NextTick(*cloth)]);
+      break;
+    case TickPart::kSkeletonGates:
+      RunSkeletonGates(kernels, model.skeleton_stage, cloth->skeleton, cloth->coefficients);
+      break;
+    case TickPart::kBodyPoints:
+      PoseBodyPoints(kernels, model, cloth->mesh, begin, count);
+      break;
+    case TickPart::kMeshLayers:
+      RunMeshLayers(kernels, model, cloth->mesh, begin, count);
+      break;
+    case TickPart::kDisplacement:
+      if (cloth->stages == DCLOTH_STAGES_STATIC) {
+        std::memset(cloth->displacement[NextTick(*cloth)], 0, DisplacementFloats(model) * sizeof(float));
+        break;
+      }
+      if (begin == 0) ClearCoefficientPads(model, cloth->coefficients);
+      RunProduct(kernels, cloth, part, begin, count);
+      break;
+    default:
+      RunProduct(kernels, cloth, part, begin, count);
+      break;
+  }
+}
+
+// DCLOTH_STEP_* that a part's time belongs to.
+int StepOf(TickPart part) {
+  if (part == TickPart::kStatic) return DCLOTH_STEP_STATIC;
+  if (part <= TickPart::kSkeletonGates) return DCLOTH_STEP_SKELETON;
+  return part == TickPart::kDisplacement ? DCLOTH_STEP_DISPLACEMENT : DCLOTH_STEP_MESH;
+}
+
+TickPart After(TickPart part) { return static_cast<TickPart>(static_cast<uint32_t>(part) + 1); }
+
+void Publish(Cloth* cloth) {
+  cloth->newest = NextTick(*cloth);
+  if (cloth->tick_count < kTickSlots) ++cloth->tick_count;
+}
+
+}  // namespace
+
+uint64_t TickCost(const ModelView& model, uint32_t stages) {
+  uint64_t cost = 0;
+  for (TickPart part = TickPart::kStatic; part != TickPart::kDone; part = After(part)) {
+    const PartSize size = SizeOf(model, stages, part);
+    cost += size.items * size.item_cost;
+  }
+  return cost;
+}
+
+void BeginTick(Cloth* cloth, const BoundPose& bound, uint32_t stages, uint32_t elapsed_ticks, Stopwatch* watch) {
+  const ModelView& model = *cloth->model;
+  UpdateFeatures(model, bound, elapsed_ticks, &cloth->root, cloth->features);
+  WakeStages(cloth, stages);
+  if ((stages & kMeshBit) != 0) PrepareBodyPoints(model, bound, cloth->root.heading, cloth->mesh);
+  cloth->work = {TickPart::kStatic, 0, 1.0f};
+  watch->Lap(DCLOTH_STEP_POSE);
+}
+
+uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch) {
+  TickWork& work = cloth->work;
+  uint64_t spent = 0;
+  while (TickInWork(*cloth)) {
+    const PartSize size = SizeOf(*cloth->model, cloth->stages, work.part);
+    const uint64_t left = size.items - work.items_done;
+    if (left == 0) {
+      work.part = After(work.part);
+      work.items_done = 0;
+      if (work.part == TickPart::kDone) Publish(cloth);
+      continue;
+    }
+    if (spent >= budget) break;
+    const uint64_t wanted = (budget - spent - 1) / size.item_cost + 1;
+    const uint64_t count = wanted < left ? wanted : left;
+    RunPart(cloth, work.part, work.items_done, static_cast<size_t>(count));
+    watch->Lap(StepOf(work.part));
+    work.items_done += static_cast<uint32_t>(count);
+    spent += count * size.item_cost;
+  }
+  return spent;
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,122 @@
+#include "engine/src/update.h"
+
+#include <cstring>
+#include <utility>
+
+#include "engine/src/pose_blend.h"
+#include "engine/src/tick_work.h"
+
+namespace dcloth::engine {
+namespace {
+
+constexpr uint64_t kAllOfIt = UINT64_MAX;
+
+// A pipelined frame does this times its length in ticks of a tick's cost. Work then follows the frame time,
+// however frames and ticks fall, and what is left when the next tick is due fits into that frame's own part.
+// The little above 1 keeps a host whose frame time wobbles from finishing a frame late. Rejected: equal parts
+// over the frames until the next tick, which a wobble of the frame time turns into a whole tick in one frame.
+constexpr double kPipelinePace = 1.05;
+
+void StartTick(Cloth* cloth, const Affine* pose, uint32_t stages, uint32_t elapsed_ticks, Stopwatch* watch) {
+  BoundPose bound = {cloth->bound, {}};
+  BindPose(*cloth->model, pose, &bound);
+  BeginTick(cloth, bound, stages, elapsed_ticks, watch);
+}
+
+// 0 where frames are too unlike in length for one curve: a hitch, a pause.
+double OlderGap(const Cloth& cloth) {
+  constexpr double kMostUnlike = 10;
+  const double step = cloth.clock.step(), older = cloth.older_step;
+  return step > 0 && older < kMostUnlike * step && step < kMostUnlike * older ? older / step : 0;
+}
+
+// Finishes what an earlier frame left and starts the ticks that are due. All but the last one run whole, and
+// that one too where there is nothing to draw before it.
+uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& frame, Stopwatch* watch) {
+  const bool pipelined = (frame.flags & DCLOTH_FRAME_PIPELINED) != 0;
+  uint64_t spent = due.count != 0 || !pipelined ? ContinueTick(cloth, kAllOfIt, watch) : 0;
+  const PoseHistory history = {cloth->pose_older, cloth->pose_before, cloth->pose_now, OlderGap(*cloth)};
+  for (uint32_t i = 0; i < due.count; ++i) {
+    const Affine* pose = cloth->pose_now;
+    if (due.fraction[i] < 1) {
+      PoseBetween(history, due.fraction[i], cloth->model->joint_count, cloth->bound);
+      pose = cloth->bound;
+    }
+    StartTick(cloth, pose, frame.stages, i == 0 ? due.skipped + 1 : 1, watch);
+    if (!pipelined || i + 1 < due.count || cloth->tick_count == 0) spent += ContinueTick(cloth, kAllOfIt, watch);
+  }
+  return spent;
+}
+
+// This frame's part of the tick in work, less what the frame has already `spent`.
+uint64_t RunPart(Cloth* cloth, uint64_t tick_cost, uint64_t spent, Stopwatch* watch) {
+  const double budget = kPipelinePace * cloth->clock.step() * static_cast<double>(tick_cost);
+  if (budget >= static_cast<double>(tick_cost + spent)) return ContinueTick(cloth, kAllOfIt, watch);
+  const auto whole = static_cast<uint64_t>(budget);
+  return whole > spent ? ContinueTick(cloth, whole - spent, watch) : 0;
+}
+
+// The pose of this frame becomes the last one. A frame without time replaces the last one, so that a pause
+// leaves the motion before it in memory.
+void RememberPose(Cloth* cloth, bool jumped) {
+  if (cloth->clock.step() > 0) {
+    std::swap(cloth->pose_older, cloth->pose_before);
+    cloth->older_step = jumped ? 0 : cloth->clock.step();
+  }
+  std::swap(cloth->pose_before, cloth->pose_now);
+}
+
+void Draw(Cloth* cloth, const Affine* pose, double behind, const dcloth_output& output, Stopwatch* watch) {
+  BoundPose bound = {cloth->bound, {}};
+  BindPose(*cloth->model, pose, &bound);
+  watch->Lap(DCLOTH_STEP_POSE);
+  SkinFrame(cloth, bound, behind, output, watch);
+}
+
+}  // namespace
+
+bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_timer* timer) {
+  Stopwatch watch(timer);
+  if (!PoseIsUsable(*cloth->model, cloth->binding, pose)) return false;
+  ContinueTick(cloth, kAllOfIt, &watch);
+  ReadPose(*cloth->model, cloth->binding, pose, cloth->pose_before);
+  StartTick(cloth, cloth->pose_before, stages, 1, &watch);
+  ContinueTick(cloth, kAllOfIt, &watch);
+  cloth->clock.Restart();
+  cloth->older_step = 0;
+  return true;
+}
+
+bool SkinCloth(Cloth* cloth, const dcloth_pose& pose, float blend, const dcloth_output& output, dcloth_timer* timer) {
+  Stopwatch watch(timer);
+  if (!PoseIsUsable(*cloth->model, cloth->binding, pose)) return false;
+  ReadPose(*cloth->model, cloth->binding, pose, cloth->pose_now);
+  Draw(cloth, cloth->pose_now, 1 - static_cast<double>(blend), output, &watch);
+  return true;
+}
+
+bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& frame, const dcloth_output* output,
+                 dcloth_timer* timer) {
+  Stopwatch watch(timer);
+  const format::ModelView& model = *cloth->model;
+  if (!PoseIsUsable(model, cloth->binding, pose)) return false;
+  ReadPose(model, cloth->binding, pose, cloth->pose_now);
+  if ((frame.flags & DCLOTH_FRAME_JUMPED) != 0) {
+    std::memcpy(cloth->pose_before, cloth->pose_now, model.joint_count * sizeof(Affine));
+    cloth->root.jumped = cloth->root.started;
+    cloth->older_step = 0;
+  }
+  const double step = static_cast<double>(frame.seconds) * static_cast<double>(model.tick_rate);
+  const DueTicks due = cloth->clock.Advance(step);
+  watch.Lap(DCLOTH_STEP_POSE);
+  uint64_t spent = RunDueTicks(cloth, due, frame, &watch);
+  const uint64_t tick_cost = TickCost(model, cloth->stages);
+  spent += RunPart(cloth, tick_cost, spent, &watch);
+  RememberPose(cloth, (frame.flags & DCLOTH_FRAME_JUMPED) != 0);
+  cloth->work_done = static_cast<float>(static_cast<double>(spent) / static_cast<double>(tick_cost));
+  const double behind = cloth->clock.Behind(TickInWork(*cloth));
+  if (output != nullptr) Draw(cloth, cloth->pose_before, behind, *output, &watch);
+  return true;
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,217 @@
+// What reaches the host: formats, tangents, bounds, and nothing beside them.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "kernels/half.h"
+#include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/kernels/guarded_buffer.h"
+
+namespace dcloth::testing {
+namespace {
+
+using kernels::GuardedBuffer;
+using kernels::Place;
+
+constexpr uint32_t kAll = DCLOTH_STAGES_MESH;
+constexpr uint32_t kHalf = DCLOTH_FORMAT_FLOAT16;
+
+class OutputTest : public ::testing::Test {
+ protected:
+  OutputTest() {
+    for (int tick = 0; tick < 4; ++tick) {
+      EXPECT_EQ(cloth_.Tick(Pose(tick), kAll), DCLOTH_OK);
+    }
+    const size_t segments = model_.numbers.spec.segments;
+    for (size_t i = 0; i < n(); ++i) {  // leaning, so that neither axis runs along the mesh
+      const auto ring = static_cast<float>(i / segments), segment = static_cast<float>(i % segments);
+      texture_.insert(texture_.end(), {0.11f * segment + 0.03f * ring, 0.17f * ring - 0.02f * segment});
+    }
+  }
+
+  std::vector<float> Pose(int tick) const { return PoseAt(model_.numbers, tick / 30.0); }
+  size_t n() const { return model_.numbers.n; }
+
+  dcloth_status Skin(const dcloth_output& output) {
+    const std::vector<float> matrices = Pose(4);
+    const dcloth_pose pose = OwnedCloth::Pose(matrices);
+    return dcloth_cloth_skin(cloth_.get(), &pose, 0.5f, &output, nullptr);
+  }
+
+  // Everything, as floats.
+  struct Frame {
+    std::vector<float> positions, normals, tangents, bounds;
+  };
+  Frame Floats() {
+    Frame frame = {std::vector<float>(3 * n()), std::vector<float>(3 * n()), std::vector<float>(4 * n()),
+                   std::vector<float>(6)};
+    dcloth_output output = FloatOutput(n(), frame.positions.data(), 12, frame.normals.data());
+    output.tangents = frame.tangents.data();
+    output.tangent_stride_bytes = 16;
+    output.texture_coordinates = texture_.data();
+    output.texture_stride_bytes = 8;
+    output.bounds = frame.bounds.data();
+    EXPECT_EQ(dcloth_output_scratch_size(&output), 0u);
+    EXPECT_EQ(Skin(output), DCLOTH_OK);
+    return frame;
+  }
+
+  TestModel model_ = BuildModel({});
+  OpenedModel opened_{model_};
+  OwnedCloth cloth_{opened_};
+  std::vector<float> texture_;
+};
+
+TEST_F(OutputTest, BoundsAreThoseOfThePositions) {
+  const Frame frame = Floats();
+  for (size_t c = 0; c < 3; ++c) {
+    float low = INFINITY, high = -INFINITY;
+    for (size_t i = c; i < frame.positions.size(); i += 3) {
+      low = std::min(low, frame.positions[i]);
+      high = std::max(high, frame.positions[i]);
+    }
+    EXPECT_EQ(frame.bounds[c], low);
+    EXPECT_EQ(frame.bounds[3 + c], high);
+    EXPECT_LT(low, high);
+  }
+}
+
+// Against the sums in double over the positions drawn. A float sum of k terms is off by at most gamma(k + 4)
+// of their magnitudes (Higham, lemma 3.1; four roundings a term, up to 20 triangles a vertex); where the sum
+// nearly cancels or stands on the surface, that is a large part of what is left, and the vertex says nothing.
+TEST_F(OutputTest, TangentsFollowTheTexture) {
+  const Frame frame = Floats();
+  struct Sum {
+    double u[3] = {}, v[3] = {}, magnitude = 0, det = 0, det_magnitude = 0;
+  };
+  std::vector<Sum> sums(n());
+  for (size_t t = 0; t < model_.numbers.faces.size(); t += 3) {
+    const uint16_t* corner = &model_.numbers.faces[t];
+    double e[2][3], d[2][2];
+    for (size_t k = 0; k < 2; ++k) {
+      for (size_t c = 0; c < 3; ++c) {
+        e[k][c] = static_cast<double>(frame.positions[3 * corner[k + 1] + c]) -
+                  static_cast<double>(frame.positions[3 * corner[0] + c]);
+      }
+      for (size_t c = 0; c < 2; ++c) {
+        d[k][c] =
+            static_cast<double>(texture_[2 * corner[k + 1] + c]) - static_cast<double>(texture_[2 * corner[0] + c]);
+      }
+    }
+    const double det = d[0][0] * d[1][1] - d[1][0] * d[0][1], sign = det < 0 ? -1 : 1;
+    for (size_t k = 0; k < 3; ++k) {
+      Sum& sum = sums[corner[k]];
+      for (size_t c = 0; c < 3; ++c) {
+        sum.u[c] += sign * (e[0][c] * d[1][1] - e[1][c] * d[0][1]);
+        sum.v[c] += sign * (e[1][c] * d[0][0] - e[0][c] * d[1][0]);
+        // World positions are rounded at up to 8 m, texture coordinates at up to 2; both differences cancel.
+        sum.magnitude += (8 + std::abs(e[0][c])) * (std::abs(d[1][1]) + 2e-1) +
+                         (8 + std::abs(e[1][c])) * (std::abs(d[0][1]) + 2e-1);
+      }
+      sum.det += det;
+      sum.det_magnitude += std::abs(d[0][0] * d[1][1]) + std::abs(d[1][0] * d[0][1]);
+    }
+  }
+  size_t checked = 0;
+  for (size_t i = 0; i < n(); ++i) {
+    const float* normal = &frame.normals[3 * i];
+    const float* tangent = &frame.tangents[4 * i];
+    double along = 0, square = 0, flat[3], length = 0, dot = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      along += static_cast<double>(normal[c]) * static_cast<double>(tangent[c]);
+      square += static_cast<double>(tangent[c]) * static_cast<double>(tangent[c]);
+      dot += sums[i].u[c] * static_cast<double>(normal[c]);
+    }
+    EXPECT_NEAR(square, 1, 1e-6) << i;
+    EXPECT_TRUE(tangent[3] == 1 || tangent[3] == -1) << i;
+    for (size_t c = 0; c < 3; ++c) {
+      flat[c] = sums[i].u[c] - dot * static_cast<double>(normal[c]);
+      length += flat[c] * flat[c];
+    }
+    length = std::sqrt(length);
+    const double tolerance = 24 * 0x1p-24 * sums[i].magnitude / length + 1e-6;
+    EXPECT_NEAR(along, 0, tolerance) << i;
+    if (tolerance > 0.01 || std::abs(sums[i].det) < 1e-5 * sums[i].det_magnitude) continue;
+    for (size_t c = 0; c < 3; ++c)
+      EXPECT_NEAR(static_cast<double>(tangent[c]), flat[c] / length, 2 * tolerance) << i;
+    EXPECT_EQ(tangent[3] > 0, sums[i].det > 0) << i;
+    ++checked;
+  }
+  EXPECT_GT(checked, n() * 3 / 4);
+}
+
+// Every mix of formats in one interleaved buffer: the halves are the floats rounded, the floats are the
+// floats, and between attributes, behind the last vertex and behind the scratch nothing changes.
+TEST_F(OutputTest, FormatsAndPlacesMix) {
+  const Frame expected = Floats();
+  for (const uint32_t mix : {1u, 2u, 3u, 4u, 5u, 6u, 7u}) {
+    constexpr size_t kStride = 56, kNormals = 16, kTangents = 32;  // gaps of 4 or more everywhere
+    GuardedBuffer<uint8_t> vertices(kStride * (n() - 1) + kTangents + (mix & 4 ? 8 : 16), Place::kAligned64);
+    std::memset(vertices.data(), 0xA5, vertices.size());
+    dcloth_output output = FloatOutput(n(), nullptr, kStride, nullptr);
+    output.positions = vertices.data();
+    output.normals = vertices.data() + kNormals;
+    output.tangents = vertices.data() + kTangents;
+    output.tangent_stride_bytes = kStride;
+    output.texture_coordinates = texture_.data();
+    output.texture_stride_bytes = 8;
+    output.position_format = mix & 1 ? kHalf : 0;
+    output.normal_format = mix & 2 ? kHalf : 0;
+    output.tangent_format = mix & 4 ? kHalf : 0;
+    const uint64_t needed = dcloth_output_scratch_size(&output);
+    EXPECT_EQ(needed, n() * 40);
+    EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT) << "no scratch";
+    GuardedBuffer<uint8_t> scratch(needed, Place::kAligned64);
+    output.scratch = scratch.data();
+    output.scratch_size = needed - 1;
+    EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT);
+    output.scratch_size = needed;
+    ASSERT_EQ(Skin(output), DCLOTH_OK);
+    EXPECT_TRUE(vertices.SlackUntouched() && scratch.SlackUntouched());
+
+    std::vector<uint8_t> wanted(vertices.size(), 0xA5);
+    const auto put = [&](const std::vector<float>& values, size_t elements, size_t place, bool half) {
+      for (size_t i = 0; i < values.size(); ++i) {
+        uint8_t* to = wanted.data() + kStride * (i / elements) + place + i % elements * (half ? 2 : 4);
+        const uint16_t rounded = kernels::HalfFromFloat(values[i]);
+        std::memcpy(to, half ? static_cast<const void*>(&rounded) : &values[i], half ? 2 : 4);
+      }
+    };
+    put(expected.positions, 3, 0, mix & 1);
+    put(expected.normals, 3, kNormals, mix & 2);
+    put(expected.tangents, 4, kTangents, mix & 4);
+    EXPECT_EQ(std::memcmp(wanted.data(), vertices.data(), wanted.size()), 0) << mix;
+  }
+}
+
+TEST_F(OutputTest, BrokenOutputsAreRefused) {
+  std::vector<float> room(20 * n());
+  const auto refused = [&](auto change) {
+    dcloth_output output = FloatOutput(n(), room.data(), 40, room.data() + 3);
+    output.tangents = room.data() + 6;
+    output.tangent_stride_bytes = 40;
+    output.texture_coordinates = texture_.data();
+    output.texture_stride_bytes = 8;
+    output.scratch = room.data() + 10 * n();
+    output.scratch_size = 40 * n();
+    EXPECT_EQ(Skin(output), DCLOTH_OK) << "only the change may be refused";
+    change(&output);
+    EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT);
+  };
+  refused([](dcloth_output* o) { o->position_format = 2; });
+  refused([](dcloth_output* o) { o->normal_format = 7; });
+  refused([](dcloth_output* o) { o->tangent_format = ~0u; });
+  refused([](dcloth_output* o) { o->tangent_stride_bytes = 12; });
+  refused([](dcloth_output* o) { o->texture_stride_bytes = 4; });
+  refused([](dcloth_output* o) { o->texture_coordinates = nullptr; });
+  refused([](dcloth_output* o) { o->normals = nullptr; });
+  refused([](dcloth_output* o) { o->bounds = reinterpret_cast<float*>(reinterpret_cast<uintptr_t>(o->scratch) + 2); });
+  refused([](dcloth_output* o) { o->struct_size -= 8; });
+  refused([](dcloth_output* o) {
+    o->normal_format = kHalf;
+    o->normal_stride_bytes = 41;
+  });
+}
+
+}  // namespace
+}  // namespace dcloth::testing
