@@ -41,7 +41,7 @@ std::string BrokenByRefusal(const Outcome& outcome, const dcloth_error& error, s
   if (outcome.text.find("found ") == std::string::npos || outcome.text.find("; allowed: ") == std::string::npos) {
     return "a text that names nothing found or allowed: " + outcome.text;
   }
-  if (error.offset_bytes != UINT64_MAX && error.offset_bytes > size) return "an offset outside of the bytes";
+  if (error.offset_bytes != UINT64_MAX && error.offset_bytes >= size) return "an offset outside of the bytes";
   if (model != nullptr) return "a refused model in *model";
   return IsPoison(storage) ? "" : "storage written for a refused model";
 }
