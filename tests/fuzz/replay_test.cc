@@ -16,8 +16,6 @@ namespace {
 
 using Bytes = std::vector<uint8_t>;
 
-void PrintTo(const FuzzTarget& target, std::ostream* out) { *out << target.name; }
-
 Verdict Feed(const FuzzTarget& target, const Bytes& bytes) {
   const Bytes exact(bytes);  // no capacity behind the end
   return target.run(exact.data(), exact.size());
