@@ -34,7 +34,8 @@ TEST(Allocation, TheTrapSeesEveryWay) {
   EXPECT_EQ(seen([] {}), 0u);
   EXPECT_GT(seen([] { delete Used(new int); }), 0u);
   EXPECT_GT(seen([] { delete[] Used(new char[100]); }), 0u);
-  EXPECT_GT(seen([&] { ::operator delete(Used(static_cast<char*>(::operator new(100, kLine))), kLine); }), 0u);
+  EXPECT_GT(seen([&] { ::operator delete(Used(static_cast<char*>(::operator new(100, kLine))), kLine); }),
+            0u);
   EXPECT_GT(seen([] { std::free(Used(static_cast<char*>(std::malloc(100)))); }), 0u);
   EXPECT_GT(seen([] { std::free(Used(static_cast<char*>(std::calloc(100, 1)))); }), 0u);
   EXPECT_GT(seen([] { std::free(Used(static_cast<char*>(std::realloc(nullptr, 100)))); }), 0u);
@@ -53,7 +54,8 @@ TEST(Allocation, TheTrapSeesEveryWay) {
   other.join();
 }
 
-// Two characters on two threads share a model; stages, resets, refused poses and hops of level of detail on the way.
+// Two characters on two threads share a model; stages, resets, refused poses and hops of level of detail on
+// the way.
 TEST(Allocation, NoneInTenThousandFramesOnTwoThreads) {
   ModelSpec spec = Variants()[6].spec;
   ASSERT_EQ(spec.precision, format::DType_I8);

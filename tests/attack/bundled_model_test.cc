@@ -1,5 +1,5 @@
-// The bundled skirt, converted as a user would: damage sampled over its tables and weights, prefixes, the files it comes
-// from cut short. Argument of the build: where the bundle lies.
+// The bundled skirt, converted as a user would: damage sampled over its tables and weights, prefixes, the
+// files it comes from cut short. Argument of the build: where the bundle lies.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -47,7 +47,8 @@ class ByteDamageTest : public ::testing::TestWithParam<Variant> {
   // The three values that break most, and each bit alone.
   void TryAll(size_t place, Tally* tally) {
     for (const uint8_t value : {0x00, 0xFF, 0x80}) Try(place, value, tally);
-    for (int bit = 0; bit < 8; ++bit) Try(place, bytes_.data()[place] ^ static_cast<uint8_t>(1u << bit), tally);
+    for (int bit = 0; bit < 8; ++bit)
+      Try(place, bytes_.data()[place] ^ static_cast<uint8_t>(1u << bit), tally);
   }
 
   AlignedBytes bytes_ = BuildModel(GetParam().spec).Bytes();  // of exactly the file's size

@@ -1,5 +1,6 @@
-// The host's floating-point environment: rounding, flushed subnormals, exceptions that trap. Whatever it is, every call
-// gives the same bits and leaves it as it was, sticky flags included. The bound on the difference is zero.
+// The host's floating-point environment: rounding, flushed subnormals, exceptions that trap. Whatever it is,
+// every call gives the same bits and leaves it as it was, sticky flags included. The bound on the difference
+// is zero.
 #include <gtest/gtest.h>
 
 #if defined(__SSE__)
@@ -27,27 +28,40 @@ struct HostEnvironment {
 };
 
 #if defined(__SSE__)
-// MXCSR: bits 0 to 5 sticky flags, 6 subnormal inputs are zero, 7 to 12 masks, 13 and 14 rounding, 15 subnormal results
-// are zero. Unmasked exceptions kill the process at the first operation that raises one.
+// MXCSR: bits 0 to 5 sticky flags, 6 subnormal inputs are zero, 7 to 12 masks, 13 and 14 rounding, 15
+// subnormal results are zero. Unmasked exceptions kill the process at the first operation that raises one.
 constexpr HostEnvironment kEnvironments[] = {
-    {"default", 0x1F80},           {"downwards", 0x3F80},       {"upwards", 0x5F80},
-    {"towards_zero", 0x7F80},      {"flush_results", 0x9F80},   {"flush_inputs", 0x1FC0},
-    {"flush_both", 0x9FC0},        {"trap_invalid", 0x1F00},    {"trap_divide_by_zero", 0x1D80},
-    {"trap_overflow", 0x1B80},     {"trap_subnormal", 0x1E80},  {"trap_underflow", 0x1780},
-    {"trap_inexact", 0x0F80},      {"trap_all", 0x0000},        {"trap_all_upwards_flush", 0xC040},
-    {"flags_set", 0x1FBF},         {"flags_set_downwards", 0x3FBF},
+    {"default", 0x1F80},
+    {"downwards", 0x3F80},
+    {"upwards", 0x5F80},
+    {"towards_zero", 0x7F80},
+    {"flush_results", 0x9F80},
+    {"flush_inputs", 0x1FC0},
+    {"flush_both", 0x9FC0},
+    {"trap_invalid", 0x1F00},
+    {"trap_divide_by_zero", 0x1D80},
+    {"trap_overflow", 0x1B80},
+    {"trap_subnormal", 0x1E80},
+    {"trap_underflow", 0x1780},
+    {"trap_inexact", 0x0F80},
+    {"trap_all", 0x0000},
+    {"trap_all_upwards_flush", 0xC040},
+    {"flags_set", 0x1FBF},
+    {"flags_set_downwards", 0x3FBF},
 };
 uint32_t Read() { return _mm_getcsr(); }
 void Write(uint32_t word) { _mm_setcsr(word); }
 #else
-constexpr HostEnvironment kEnvironments[] = {
-    {"default", FE_TONEAREST}, {"downwards", FE_DOWNWARD}, {"upwards", FE_UPWARD}, {"towards_zero", FE_TOWARDZERO}};
+constexpr HostEnvironment kEnvironments[] = {{"default", FE_TONEAREST},
+                                             {"downwards", FE_DOWNWARD},
+                                             {"upwards", FE_UPWARD},
+                                             {"towards_zero", FE_TOWARDZERO}};
 uint32_t Read() { return static_cast<uint32_t>(fegetround()); }
 void Write(uint32_t word) { fesetround(static_cast<int>(word)); }
 #endif
 
-// Makes one call in the host's environment and returns what the call leaves of it. Nothing here computes with floats
-// but the call.
+// Makes one call in the host's environment and returns what the call leaves of it. Nothing here computes with
+// floats but the call.
 template <typename Call>
 uint32_t LeftBy(const HostEnvironment& host, const Call& call) {
   const uint32_t ours = Read();
@@ -69,7 +83,9 @@ struct Rollout {
   std::vector<float> positions, normals;
 };
 
-bool operator==(const Rollout& a, const Rollout& b) { return a.positions == b.positions && a.normals == b.normals; }
+bool operator==(const Rollout& a, const Rollout& b) {
+  return a.positions == b.positions && a.normals == b.normals;
+}
 
 class EnvironmentTest : public ::testing::TestWithParam<format::DType> {
  protected:
@@ -107,7 +123,8 @@ TEST_P(EnvironmentTest, NeitherChangesResultsNorIsChanged) {
     ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
     const Rollout expected = Play(kEnvironments[0]);
     for (const float x : expected.positions) ASSERT_TRUE(std::isfinite(x));
-    for (const HostEnvironment& host : kEnvironments) EXPECT_TRUE(Play(host) == expected) << isa << ", " << host.name;
+    for (const HostEnvironment& host : kEnvironments)
+      EXPECT_TRUE(Play(host) == expected) << isa << ", " << host.name;
   }
   dcloth_isa_select(nullptr);
 }
@@ -139,9 +156,8 @@ INSTANTIATE_TEST_SUITE_P(EveryPrecision, EnvironmentTest,
 // The verdict on a file is the same too, and NaN in it does not trap.
 TEST(Environment, NeitherChangesVerdicts) {
   const auto poke = [](float value) {
-    return Corrupted({"", kSemantics, "", "", [value](format::ModelT* m) {
-                        *Data<float>(m, *m->features->mean) = value;
-                      }});
+    return Corrupted({"", kSemantics, "", "",
+                      [value](format::ModelT* m) { *Data<float>(m, *m->features->mean) = value; }});
   };
   std::vector<AlignedBytes> files = {poke(0.5f), poke(kNaN), poke(kInfinity), poke(1e-40f)};
   files.push_back(poke(std::numeric_limits<float>::signaling_NaN()));
@@ -184,8 +200,10 @@ TEST(Environment, BadArgumentsDoNotTrap) {
   OwnedCloth cloth(opened);
   const std::vector<float> pose = PoseAt(model.numbers, 0);
   for (const HostEnvironment& host : kEnvironments) {
-    for (const float blend : {kNaN, kInfinity, -kInfinity, std::numeric_limits<float>::signaling_NaN(), -1e-45f}) {
-      EXPECT_EQ(In(host, [&] { return cloth.Skin(pose, blend); }), DCLOTH_ERROR_ARGUMENT) << host.name << blend;
+    for (const float blend :
+         {kNaN, kInfinity, -kInfinity, std::numeric_limits<float>::signaling_NaN(), -1e-45f}) {
+      EXPECT_EQ(In(host, [&] { return cloth.Skin(pose, blend); }), DCLOTH_ERROR_ARGUMENT)
+          << host.name << blend;
     }
     EXPECT_EQ(In(host, [&] { return cloth.Skin(pose, 1e-45f); }), DCLOTH_OK) << host.name;
   }

@@ -1,5 +1,5 @@
-// The verification ladder rung by rung: each named corruption of a sound file is refused, and the text names field and
-// reason.
+// The verification ladder rung by rung: each named corruption of a sound file is refused, and the text names
+// field and reason.
 #include <gtest/gtest.h>
 
 #include <iostream>
@@ -14,7 +14,8 @@ namespace {
 
 std::vector<Corruption> All() {
   std::vector<Corruption> all;
-  for (const auto& rung : {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions()})
+  for (const auto& rung :
+       {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions()})
     all.insert(all.end(), rung.begin(), rung.end());
   return all;
 }
@@ -59,7 +60,8 @@ INSTANTIATE_TEST_SUITE_P(Named, LadderTest, ::testing::ValuesIn(All()),
 
 TEST(Ladder, HasManyRungsAndEachNameOnce) {
   std::set<std::string> names;
-  for (const Corruption& corruption : All()) EXPECT_TRUE(names.insert(corruption.name).second) << corruption.name;
+  for (const Corruption& corruption : All())
+    EXPECT_TRUE(names.insert(corruption.name).second) << corruption.name;
   EXPECT_GE(names.size(), 120u);
   std::cout << "named corruptions: " << names.size() << "\n";
 }
@@ -73,7 +75,8 @@ TEST(Ladder, BytesOffTheirBoundaryAreRefused) {
     dcloth_error error = {};
     error.struct_size = sizeof(error);
     ASSERT_EQ(Open(room.data() + shift, whole.size(), &error), DCLOTH_ERROR_ALIGNMENT) << shift;
-    ASSERT_NE(std::string(error.text).find("found model bytes off a 64-byte boundary; allowed: addresses divisible"),
+    ASSERT_NE(std::string(error.text)
+                  .find("found model bytes off a 64-byte boundary; allowed: addresses divisible"),
               std::string::npos)
         << error.text;
   }
@@ -82,13 +85,14 @@ TEST(Ladder, BytesOffTheirBoundaryAreRefused) {
 // Sizes that no file has are refused before a byte is read: there are none behind this one line.
 TEST(Ladder, ImpossibleSizesAreRefused) {
   const AlignedBytes line(64);
-  for (const size_t size : {size_t{0}, size_t{1}, size_t{63}, size_t{0x7FFFFFFF}, size_t{0x80000000},
-                            SIZE_MAX - 63, SIZE_MAX}) {
+  for (const size_t size :
+       {size_t{0}, size_t{1}, size_t{63}, size_t{0x7FFFFFFF}, size_t{0x80000000}, SIZE_MAX - 63, SIZE_MAX}) {
     dcloth_error error = {};
     error.struct_size = sizeof(error);
     ASSERT_EQ(Open(line.data(), size, &error), DCLOTH_ERROR_FORMAT) << size;
-    ASSERT_EQ(std::string(error.text).find("found " + std::to_string(size) +
-                                           " bytes; allowed: a multiple of 64, from 64 to 2147483646"),
+    ASSERT_EQ(std::string(error.text)
+                  .find("found " + std::to_string(size) +
+                        " bytes; allowed: a multiple of 64, from 64 to 2147483646"),
               0u)
         << error.text;
   }

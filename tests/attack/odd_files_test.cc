@@ -1,5 +1,6 @@
-// Files that are strange and good: at the edges of every limit, laid out like no converter does, by later writers, with
-// weights that are no numbers. A verifier that refused them would be as wrong as one that lets a fault pass.
+// Files that are strange and good: at the edges of every limit, laid out like no converter does, by later
+// writers, with weights that are no numbers. A verifier that refused them would be as wrong as one that lets
+// a fault pass.
 #include <algorithm>
 #include <optional>
 
@@ -104,7 +105,8 @@ std::vector<OddFile> OddFiles() {
          const TensorWalk walk(m);
          for (const format::LinearT* linear : walk.linears())
            Fill(m, *linear->row_scales, linear->row_scales->shape[0], 3e38f);
-       }, std::nullopt},
+       },
+       std::nullopt},
       {"scales_least_normal", none,
        [](M* m) {
          const TensorWalk walk(m);
@@ -158,10 +160,8 @@ std::vector<OddFile> OddFiles() {
          s->joints = 1;
          s->bones = 1;
        }},
-      {"most_influences",
-       [](ModelSpec* s) { s->influences = s->body_influences = 8; }},
-      {"one_influence",
-       [](ModelSpec* s) { s->influences = s->body_influences = 1; }},
+      {"most_influences", [](ModelSpec* s) { s->influences = s->body_influences = 8; }},
+      {"one_influence", [](ModelSpec* s) { s->influences = s->body_influences = 1; }},
       {"most_layers_and_widest",
        [](ModelSpec* s) {
          s->layers = 8;
@@ -169,14 +169,13 @@ std::vector<OddFile> OddFiles() {
        }},
       {"ones_everywhere",
        [](ModelSpec* s) { s->static_width = s->units = s->mesh_width = s->mesh_basis = s->layers = 1; }},
-      {"static_with_empty_displacement",
-       [](ModelSpec* s) { s->skeleton = s->mesh = false; },
+      {"static_with_empty_displacement", [](ModelSpec* s) { s->skeleton = s->mesh = false; },
        [](M* m) { m->displacement = std::make_unique<format::DisplacementT>(); }},
       {"root_motion_and_no_joint", [](ModelSpec* s) { s->skeleton = s->mesh = false; },
        [](M* m) {
          m->features->joints.clear();
-         for (auto* tensor : {m->features->mean.get(), m->features->inverse_deviation.get(), m->features->low.get(),
-                              m->features->high.get()})
+         for (auto* tensor : {m->features->mean.get(), m->features->inverse_deviation.get(),
+                              m->features->low.get(), m->features->high.get()})
            tensor->shape = {4};
          m->static_stage->hidden->weights->shape[0] = 4;
          m->static_stage->hidden->row_scales->shape[0] = 4;

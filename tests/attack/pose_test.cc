@@ -1,5 +1,6 @@
-// Poses that no character takes. Numbers that are none are refused without a trace; everything else is defined: vertices
-// are finite, normals are unit vectors, recurrent state stays within its bounds, and a reset forgets all of it.
+// Poses that no character takes. Numbers that are none are refused without a trace; everything else is
+// defined: vertices are finite, normals are unit vectors, recurrent state stays within its bounds, and a
+// reset forgets all of it.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -176,13 +177,19 @@ TEST_P(PoseTest, StateIsNeverPoisoned) {
   }
 }
 
-// Each number of a pose in turn, each kind of number that is none, the least beyond the limit: refused, nothing written,
-// and what follows is what follows without.
+// Each number of a pose in turn, each kind of number that is none, the least beyond the limit: refused,
+// nothing written, and what follows is what follows without.
 TEST_P(PoseTest, NumbersThatAreNoneAreRefusedWithoutTrace) {
   using Limits = std::numeric_limits<float>;
-  const float none[] = {Limits::quiet_NaN(), Limits::signaling_NaN(), -Limits::quiet_NaN(), Limits::infinity(),
-                        -Limits::infinity(), std::nextafter(kLargest, 2e9f), -std::nextafter(kLargest, 2e9f),
-                        Limits::max(), Limits::lowest()};
+  const float none[] = {Limits::quiet_NaN(),
+                        Limits::signaling_NaN(),
+                        -Limits::quiet_NaN(),
+                        Limits::infinity(),
+                        -Limits::infinity(),
+                        std::nextafter(kLargest, 2e9f),
+                        -std::nextafter(kLargest, 2e9f),
+                        Limits::max(),
+                        Limits::lowest()};
   OwnedCloth disturbed(opened_), twin(opened_);
   size_t refused = 0;
   for (int tick = 0; tick < 3; ++tick) {

@@ -1,5 +1,5 @@
-// How deep the library's calls go into the host's stack: each runs on a painted stack of its own, and what it touched is
-// counted. Consoles and fibres give a job 16 to 64 KB.
+// How deep the library's calls go into the host's stack: each runs on a painted stack of its own, and what it
+// touched is counted. Consoles and fibres give a job 16 to 64 KB.
 #include <sys/mman.h>
 #include <ucontext.h>
 

@@ -40,8 +40,8 @@ class TensorWalk {
     }
   }
   void AddMesh(format::MeshStageT* mesh) {
-    Add(mesh->body_points, mesh->body_joints, mesh->body_weights, mesh->input_mean, mesh->input_inverse_deviation,
-        mesh->row_starts, mesh->columns, mesh->embed);
+    Add(mesh->body_points, mesh->body_joints, mesh->body_weights, mesh->input_mean,
+        mesh->input_inverse_deviation, mesh->row_starts, mesh->columns, mesh->embed);
     for (const auto& layer : mesh->layers) {
       Add(layer->input_gates, layer->gate_bias, layer->hidden_gates, layer->hidden_candidate, layer->output,
           layer->output_bias, layer->norm_gain, layer->norm_offset);

@@ -1,4 +1,5 @@
-// Files that end too early: each prefix of each variant, alone and filled up with zeros as a download that stopped.
+// Files that end too early: each prefix of each variant, alone and filled up with zeros as a download that
+// stopped.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +31,8 @@ TEST(Truncation, EveryPrefixOfEveryVariantIsRefused) {
   std::cout << "prefixes refused: " << refused << " of 11 variants\n";
 }
 
-// A size that is right, an end that never arrived. Lost weights are weights of zero and may pass; nothing else may.
+// A size that is right, an end that never arrived. Lost weights are weights of zero and may pass; nothing
+// else may.
 TEST(Truncation, ZeroFilledPrefixesNeverHarm) {
   size_t refused = 0, tried = 0;
   for (const Variant& variant : Variants()) {

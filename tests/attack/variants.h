@@ -17,8 +17,8 @@ struct Variant {
 
 inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
-// Every precision with every set of stages, and two that differ in features, influences and layers: 11 models of 3 to
-// 20 KB.
+// Every precision with every set of stages, and two that differ in features, influences and layers: 11 models
+// of 3 to 20 KB.
 inline std::vector<Variant> Variants() {
   ModelSpec small;
   small.rings = 3;

@@ -1,5 +1,5 @@
-// What fuzzers feed: every reader of untrusted bytes, and what happens to them next. A promise that the bytes broke is a
-// finding, as is anything but a return: a fault, a foreign exception.
+// What fuzzers feed: every reader of untrusted bytes, and what happens to them next. A promise that the bytes
+// broke is a finding, as is anything but a return: a fault, a foreign exception.
 #ifndef DCLOTH_TESTS_FUZZ_TARGETS_H_
 #define DCLOTH_TESTS_FUZZ_TARGETS_H_
 
@@ -37,7 +37,8 @@ struct Seed {
   bool sound;  // passes all checks
 };
 
-// A small corpus for a target, by its name: sound files of every kind and the named corruptions of model files.
+// A small corpus for a target, by its name: sound files of every kind and the named corruptions of model
+// files.
 std::vector<Seed> Seeds(const std::string& target);
 
 }  // namespace dcloth::testing

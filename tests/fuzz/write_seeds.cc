@@ -16,7 +16,8 @@ int main(int argc, char** argv) {
     size_t count = 0;
     for (const dcloth::testing::Seed& seed : dcloth::testing::Seeds(target.name)) {
       std::ofstream file(folder / seed.name, std::ios::binary);
-      file.write(reinterpret_cast<const char*>(seed.bytes.data()), static_cast<std::streamsize>(seed.bytes.size()));
+      file.write(reinterpret_cast<const char*>(seed.bytes.data()),
+                 static_cast<std::streamsize>(seed.bytes.size()));
       if (!file.flush()) {
         std::fprintf(stderr, "%s: cannot be written\n", (folder / seed.name).c_str());
         return 1;
