@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 
+#include "dcloth/dcloth.hpp"
 #include "engine/src/cloth.h"
 
 namespace dcloth::stability {
@@ -65,8 +66,7 @@ void Player::Tick(const Pose& pose) {
 
 const std::vector<float>& Player::Skin(const Pose& pose) {
   const dcloth_pose loaded = Load(pose);
-  const dcloth_output output = {
-      sizeof(dcloth_output), model_.info().vertex_count, positions_.data(), 3 * sizeof(float), 0, nullptr};
+  const dcloth_output output = dcloth::MakeOutput(positions_.data(), nullptr, model_.info().vertex_count);
   EXPECT_EQ(dcloth_cloth_skin(cloth_, &loaded, 1.0f, &output, nullptr), DCLOTH_OK);
   const float* const hips = matrices_.data() + 16 * garment_.rig.hips;
   const float origin[3] = {hips[3], hips[7], hips[11]};

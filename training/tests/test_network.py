@@ -195,3 +195,17 @@ def test_pruned_weights_keep_the_strongest_and_stay_pruned():
     after.square().sum().backward()
     dropped = after == 0
     assert dropped.any() and not stage.residual_weights.grad[:, dropped].any()
+
+
+def test_trained_pivots_are_blind_to_root_motion():
+    from dcloth_training import fit_static
+    torch.manual_seed(2)
+    stage = StaticStage(torch.rand(5, 3), torch.rand(2, 3), torch.full((5, 2), 0.5), 22, width=8)
+    torch.nn.init.normal_(stage.mlp[2].weight)
+    x = torch.randn(6, 22)
+    x[:, -4:] = torch.tensor([0.3, -1.0, 0.2, 0.7])
+    before = stage.increments(x)
+    fit_static.still(stage, x)
+    assert torch.allclose(stage.increments(x), before, atol=1e-6)
+    x[:, -4:] = 100.0
+    assert torch.allclose(stage.increments(x), before, atol=1e-6)
