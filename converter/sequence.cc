@@ -63,7 +63,12 @@ void ReadTruth(const SafeFile& file, Sequence* sequence) {
   }
   const std::vector<float> origins = FloatsOf(file, *origin);
   const size_t per_frame = sequence->truth_vertex_count * 3;
-  for (size_t i = 0; i < sequence->truth.size(); ++i) sequence->truth[i] += origins[i / per_frame * 3 + i % 3];
+  for (size_t i = 0; i < sequence->truth.size(); ++i) {
+    sequence->truth[i] += origins[i / per_frame * 3 + i % 3];
+    if (!std::isfinite(sequence->truth[i])) {
+      Refuse(file, origin->name, "a sum with truth beyond the floats at element " + std::to_string(i), "metres");
+    }
+  }
 }
 
 }  // namespace

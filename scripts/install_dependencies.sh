@@ -6,7 +6,7 @@ declare -A groups=(
   [build]="ca-certificates g++ cmake ninja-build libhwy-dev libflatbuffers-dev flatbuffers-compiler nlohmann-json3-dev
            libeigen3-dev libcli11-dev zlib1g-dev python3"
   [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
-          chromium binutils"
+          chromium binutils clang libclang-rt-dev"
   [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
 )
 packages=()

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what the tests need, builds with warnings as errors, runs every test, then the unit tests again under
-# AddressSanitizer and UndefinedBehaviorSanitizer.
+# AddressSanitizer and UndefinedBehaviorSanitizer, then the fuzzers for 20 seconds each.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,3 +13,4 @@ scripts/build.sh build-sanitize -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG
 # No job runs beside another where times are measured; the rest shares the cores.
 ctest --test-dir build --output-on-failure --no-tests=error -j "$(nproc)"
 ctest --test-dir build-sanitize --output-on-failure --no-tests=error -j "$(nproc)"
+scripts/fuzz.sh 20

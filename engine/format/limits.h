@@ -24,7 +24,8 @@ constexpr uint32_t kMaxFeatureWidth = 64;
 constexpr uint32_t kFeatureWidthStep = 8;
 constexpr uint32_t kFeaturesPerJoint = 9;
 constexpr uint32_t kRootFeatures = 4;
-constexpr float kMaxTickRate = 1000.0f;  // Hz
+constexpr float kMinTickRate = 0.001f;  // Hz; far below it a tick's length would be infinite
+constexpr float kMaxTickRate = 1000.0f;
 
 // Structural limits of the FlatBuffers verifier: Model > MeshStage > Linear > Tensor, and no more tables than the
 // widest model of this major version has, with room for fields to come.

@@ -102,6 +102,12 @@ constexpr Child kChildren[] = {
     {"weights", Model::VT_WEIGHTS, true, VerifyWeights},
 };
 
+// Of a place in the file. A broken vtable may put a field outside: then that of the root table.
+uint64_t OffsetInside(const uint8_t* bytes, size_t size, const uint8_t* place, const fb::Table& root) {
+  const uintptr_t offset = reinterpret_cast<uintptr_t>(place) - reinterpret_cast<uintptr_t>(bytes);
+  return offset < size ? offset : static_cast<uint64_t>(reinterpret_cast<const uint8_t*>(&root) - bytes);
+}
+
 // FlatBuffers' verifier only says no. Goes through the root's children again to say where.
 bool FailStructure(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
   const fb::Table& root = *Root(bytes, size);
@@ -115,8 +121,8 @@ bool FailStructure(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
     }
     fb::Verifier verifier = MakeVerifier(bytes, size);
     if (place != nullptr && !child.verify(verifier, root, child.field)) {
-      return diagnostic->Fail(DCLOTH_ERROR_FORMAT, static_cast<uint64_t>(place - bytes), &path,
-                              "a broken offset or length, or a required field missing", "an intact FlatBuffer", kFix);
+      return diagnostic->Fail(DCLOTH_ERROR_FORMAT, OffsetInside(bytes, size, place, root), &path,
+                              "a broken offset or length, a required field missing or over 256 tables", "an intact FlatBuffer", kFix);
     }
   }
   return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a broken structure, or more than 256 tables",

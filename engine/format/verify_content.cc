@@ -248,10 +248,10 @@ bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
   view->format_minor = model.format_minor();
   view->precision = model.precision() != nullptr ? model.precision()->c_str() : "";
   view->tick_rate = model.tick_rate();
-  if (!(view->tick_rate > 0.0f && view->tick_rate <= kMaxTickRate)) {
+  if (!(view->tick_rate >= kMinTickRate && view->tick_rate <= kMaxTickRate)) {
     char found[48];
     Text(found, sizeof(found)).AddNumber(static_cast<double>(view->tick_rate)).Add(" Hz");
-    return check->Fail({nullptr, "tick_rate"}, &model, found, "above 0, up to 1000 Hz");
+    return check->Fail({nullptr, "tick_rate"}, &model, found, "0.001 to 1000 Hz");
   }
   if (model.mesh_stage() != nullptr && model.skeleton_stage() == nullptr) {
     return check->Fail({nullptr, "mesh_stage"}, model.mesh_stage(), "a mesh stage alone",

@@ -8,6 +8,7 @@
 #include "engine/format/verify.h"
 #include "engine/format/view.h"
 #include "engine/src/cloth.h"
+#include "engine/src/float_environment.h"
 #include "engine/src/isa.h"
 #include "engine/src/joint_binding.h"
 #include "engine/src/output.h"
@@ -17,6 +18,7 @@
 namespace {
 
 using dcloth::engine::Cloth;
+using dcloth::engine::FloatEnvironment;
 using dcloth::format::Diagnostic;
 using dcloth::format::kNoOffset;
 using dcloth::format::ModelView;
@@ -89,6 +91,7 @@ size_t dcloth_model_storage_size(void) { return kModelStorage; }
 
 dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, size_t storage_size,
                                 dcloth_model** model, dcloth_error* error) {
+  const FloatEnvironment environment;
   Diagnostic diagnostic(error);
   if (model == nullptr) {
     diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null `model`", "a place for the result", "");
@@ -104,6 +107,7 @@ dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, s
 }
 
 dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info* info) {
+  const FloatEnvironment environment;
   if (model == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_model_info))
     return DCLOTH_ERROR_ARGUMENT;
   const ModelView& view = ViewOf(model);
@@ -130,6 +134,7 @@ size_t dcloth_cloth_storage_size(const dcloth_model* model) {
 
 dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size_t storage_size, dcloth_cloth** cloth,
                                   dcloth_error* error) {
+  const FloatEnvironment environment;
   Diagnostic diagnostic(error);
   if (model == nullptr || cloth == nullptr) {
     diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a model and a place for the result",
@@ -159,6 +164,7 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
 }
 
 dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error) {
+  const FloatEnvironment environment;
   Diagnostic diagnostic(error);
   if (cloth == nullptr || space == nullptr || space->struct_size < sizeof(dcloth_space) ||
       !dcloth::engine::MakeSpace(*space, &ClothOf(cloth)->binding.space)) {
@@ -183,6 +189,7 @@ dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth) {
 
 dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
                                   const dcloth_output* output, dcloth_timer* timer) {
+  const FloatEnvironment environment;
   if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& model = *ClothOf(cloth)->model;
   if (!FrameIsUsable(frame, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
@@ -191,6 +198,7 @@ dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, 
 }
 
 dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info) {
+  const FloatEnvironment environment;
   if (cloth == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_cloth_info))
     return DCLOTH_ERROR_ARGUMENT;
   const Cloth& described = *reinterpret_cast<const Cloth*>(cloth);
@@ -201,6 +209,7 @@ dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info
 }
 
 dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages, dcloth_timer* timer) {
+  const FloatEnvironment environment;
   if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& model = *ClothOf(cloth)->model;
   if (!StagesAreUsable(stages, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
@@ -209,9 +218,11 @@ dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, ui
 
 dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend, const dcloth_output* output,
                                 dcloth_timer* timer) {
+  const FloatEnvironment environment;
   if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& model = *ClothOf(cloth)->model;
-  if (!(blend >= 0.0f && blend <= 1.0f) || !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
+  const volatile float asked = blend;  // volatile: compared inside the environment, where a NaN does not trap
+  if (!(asked >= 0.0f && asked <= 1.0f) || !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
   return dcloth::engine::SkinCloth(ClothOf(cloth), *pose, blend, *output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 

@@ -9,7 +9,7 @@ void Normals(const NormalsJob& job) {
   for (size_t i = 0; i < job.vertices; ++i) {
     float* n = NormalAt(job, i);
     const float squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
-    if (squared >= kNormalsTiny) {
+    if (squared >= kNormalsTiny && squared <= kNormalsHuge) {
       const float inverse = 1.0f / SquareRoot(squared);
       n[0] *= inverse;
       n[1] *= inverse;

@@ -28,7 +28,7 @@ HWY_INLINE void NormaliseGroup(const NormalsJob& job, size_t first, size_t count
   }
   const auto squared = hn::Load(d, lanes);
   const auto usable = hn::Ge(squared, hn::Set(d, kNormalsTiny));
-  // Zero marks a vertex without area.
+  // Zero marks a vertex without area, and is what the reciprocal root of infinity is.
   hn::Store(hn::IfThenElseZero(usable, hn::Div(hn::Set(d, 1.0f), hn::Sqrt(squared))), d, lanes);
   for (size_t i = 0; i < count; ++i) {
     float* n = NormalAt(job, first + i);

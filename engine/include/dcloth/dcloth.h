@@ -8,6 +8,10 @@
  * number of cloths may share one model; calls on different cloths may run on different threads at once,
  * calls on one cloth may not.
  *
+ * Rounding mode, flushing of subnormals and trapping exceptions that the host has set neither change a
+ * result nor are changed: each call sets them aside, a timer's clock runs in the default environment, and
+ * all is restored, sticky flags included (x86, AArch64; WebAssembly has none).
+ *
  * Every struct_size is at least sizeof of the struct in this header; a larger one, of a later header, is
  * accepted. Any weights pass dcloth_model_open, even NaN: they give NaN vertices until the next reset,
  * never a fault.

@@ -54,6 +54,13 @@ TEST(SequenceTest, HalfTruthIsAddedToItsOrigin) {
   EXPECT_EQ(sequence.truth[4], 2 + 4 / 64.0f);
   EXPECT_EQ(sequence.truth[27], 4 + 27 / 64.0f);
   EXPECT_EQ(sequence.truth[53], 6 + 53 / 64.0f);
+  auto& large = raw.At("truth");
+  large.type = SafeType::kF32;
+  const std::vector<float> huge(2 * 9 * 3, 3e38f);
+  const auto huge_bytes = std::as_bytes(std::span(huge));
+  large.bytes.assign(huge_bytes.begin(), huge_bytes.end());
+  raw.Replace("truth_origin", {2, 3}, {0, 0, 0, 0, 3e38f, 0});
+  EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found a sum with truth beyond the floats at element 28"));
   raw.Replace("truth_origin", {3, 3}, std::vector<float>(9));
   EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found F32 [3, 3], expected F32 [2, 3]"));
 }

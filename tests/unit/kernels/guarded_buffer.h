@@ -20,6 +20,7 @@ namespace dcloth::kernels {
 enum class Place {
   kEnd,        // the last element touches the guard page; aligned to the element only
   kAligned64,  // starts on 64 bytes, as close to the guard page as that allows
+  kStart,      // the first element touches the guard page before it
 };
 
 // Floats start as NaN and other bytes as 0xCD, so that a missing write and an unwanted read both show.
@@ -37,6 +38,7 @@ class GuardedBuffer {
     std::memset(body_, kCanary, body);
     uint8_t* start = end_ - count * sizeof(T);
     if (place == Place::kAligned64) start -= reinterpret_cast<uintptr_t>(start) % 64;
+    if (place == Place::kStart) start = body_;
     data_ = reinterpret_cast<T*>(start);
     Poison();
     if (mprotect(base_, page, PROT_NONE) != 0 || mprotect(end_, page, PROT_NONE) != 0) {
@@ -62,6 +64,11 @@ class GuardedBuffer {
     } else {
       std::memset(data_, kCanary, count_ * sizeof(T));
     }
+  }
+
+  // From now on writing faults like leaving the array does.
+  void MakeReadOnly() {
+    if (mprotect(body_, static_cast<size_t>(end_ - body_), PROT_READ) != 0) throw std::runtime_error("mprotect failed");
   }
 
   // Whether the bytes between the array and the guard pages are as they were.

@@ -113,5 +113,21 @@ TEST_P(NormalsTest, InterleavedBufferAndKnownSquare) {
   }
 }
 
+// Squared lengths beyond the floats, infinite and NaN sums: still unit vectors.
+TEST_P(NormalsTest, SumsThatLeaveTheFloatsGiveTheDefault) {
+  const float huge[] = {1e10f, 1e20f, 3e38f, std::numeric_limits<float>::infinity(),
+                        std::numeric_limits<float>::quiet_NaN()};
+  for (const float size : huge) {
+    const std::vector<float> positions = {0, 0, 0, 0, 0, size, size, 0, 0, size, size, -size};
+    const std::vector<uint16_t> triangles = {0, 1, 2, 1, 3, 2};
+    std::vector<float> normals(positions.size());
+    table().normals({positions.data(), 12, triangles.data(), normals.data(), 12, 4, 2});
+    for (size_t i = 0; i < normals.size(); i += 3) {
+      EXPECT_EQ((std::array{normals[i], normals[i + 1], normals[i + 2]}), (std::array{0.0f, 1.0f, 0.0f}))
+          << table().name << ", " << size << ", vertex " << i / 3;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace dcloth::kernels

@@ -1,0 +1,196 @@
+// Faults of the stages: indices, skin weights, the mesh graph's rows, layers, stages missing or that do not
+// fit.
+#include "tests/attack/corruption.h"
+
+namespace dcloth::testing {
+namespace {
+
+using M = format::ModelT;
+
+std::vector<Corruption> IndicesAndWeights() {
+  static constexpr char kJoint[] = "allowed: an index into character.joint_names";
+  static constexpr char kRow[] =
+      "found a row that is no set of weights; allowed: weights from 0 up that sum to 1 within 1e-4";
+  return {
+      {"face_index_one_past", kSemantics, "garment.faces[5]: ", "found 60; allowed: indices below 60",
+       [](M* m) { *Data<uint16_t>(m, *m->garment->faces, 5) = 60; }},
+      {"face_index_last_all_bits", kSemantics,
+       "garment.faces[299]: ", "found 65535; allowed: indices below 60",
+       [](M* m) { *Data<uint16_t>(m, *m->garment->faces, 299) = 65535; }},
+      {"bone_all_bits", kSemantics, "static_stage.bones[0]: found 65535", kJoint,
+       [](M* m) { m->static_stage->bones[0] = 65535; }},
+      {"bones_none", kSemantics, "static_stage.bones.length: ", "found 0; allowed: 1 to 256",
+       [](M* m) { m->static_stage->bones.clear(); }},
+      {"bones_many", kSemantics, "static_stage.bones.length: ", "found 257; allowed: 1 to 256",
+       [](M* m) { m->static_stage->bones.assign(257, 0); }},
+      {"bone_one_more", kSemantics, "static_stage.pivots.shape: ", "found [5, 3]; allowed: [6, 3]",
+       [](M* m) { m->static_stage->bones.push_back(0); }},
+      {"influences_zero", kSemantics, "static_stage.influences: ", "found 0; allowed: 1 to 8",
+       [](M* m) { m->static_stage->influences = 0; }},
+      {"influences_nine", kSemantics, "static_stage.influences: ", "found 9; allowed: 1 to 8",
+       [](M* m) { m->static_stage->influences = 9; }},
+      {"influences_other_than_stored", kSemantics, "static_stage.influence_bones.shape: ",
+       "found [60, 4]; allowed: [60, 5]", [](M* m) { m->static_stage->influences = 5; }},
+      {"influence_bone_one_past", kSemantics,
+       "static_stage.influence_bones[11]: ", "found 5; allowed: indices below 5",
+       [](M* m) { *Data<uint8_t>(m, *m->static_stage->influence_bones, 11) = 5; }},
+      {"influence_bone_all_bits", kSemantics,
+       "static_stage.influence_bones[239]: ", "found 255; allowed: indices below 5",
+       [](M* m) { *Data<uint8_t>(m, *m->static_stage->influence_bones, 239) = 255; }},
+      {"influence_weight_negative", kSemantics, "static_stage.influence_weights[0]: ", kRow,
+       [](M* m) { *Data<float>(m, *m->static_stage->influence_weights) = -0.1f; }},
+      {"influence_weights_sum", kSemantics, "static_stage.influence_weights[2]: ", kRow,
+       [](M* m) { *Data<float>(m, *m->static_stage->influence_weights, 9) += 0.01f; }},
+      {"influence_weight_infinite", kSemantics, "static_stage.influence_weights[3]: ", "found infinity",
+       [](M* m) { *Data<float>(m, *m->static_stage->influence_weights, 3) = kInfinity; }},
+      {"pivot_nan", kSemantics, "static_stage.pivots[14]: ", "found NaN",
+       [](M* m) { *Data<float>(m, *m->static_stage->pivots, 14) = kNaN; }},
+      {"body_influences_zero", kSemantics, "mesh_stage.body_influences: ", "found 0; allowed: 1 to 8",
+       [](M* m) { m->mesh_stage->body_influences = 0; }},
+      {"body_influences_all_bits", kSemantics, "mesh_stage.body_influences: ", "found 255; allowed: 1 to 8",
+       [](M* m) { m->mesh_stage->body_influences = 255; }},
+      {"body_joint_one_past", kSemantics, "mesh_stage.body_joints[0]: ", "found 9; allowed: indices below 9",
+       [](M* m) { *Data<uint8_t>(m, *m->mesh_stage->body_joints) = 9; }},
+      {"body_weight_nan", kSemantics, "mesh_stage.body_weights[4]: ", "found NaN",
+       [](M* m) { *Data<float>(m, *m->mesh_stage->body_weights, 4) = kNaN; }},
+      {"body_weights_zero", kSemantics, "mesh_stage.body_weights[1]: ", kRow,
+       [](M* m) {
+         for (size_t k = 3; k < 6; ++k) *Data<float>(m, *m->mesh_stage->body_weights, k) = 0;
+       }},
+      {"body_point_infinite", kSemantics, "mesh_stage.body_points[179]: ", "found infinity",
+       [](M* m) { *Data<float>(m, *m->mesh_stage->body_points, 179) = -kInfinity; }},
+      {"input_deviation_nan", kSemantics, "mesh_stage.input_inverse_deviation[2]: ", "found NaN",
+       [](M* m) { *Data<float>(m, *m->mesh_stage->input_inverse_deviation, 2) = kNaN; }},
+  };
+}
+
+std::vector<Corruption> GraphRows() {
+  static constexpr char kRising[] = "found a start not above the one before; allowed: rising starts";
+  return {
+      {"rows_begin_late", kSemantics,
+       "mesh_stage.row_starts[0]: ", "found a first row that starts late; allowed: 0",
+       [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts) = 1; }},
+      {"row_empty", kSemantics, "mesh_stage.row_starts[10]: ", kRising,
+       [](M* m) {
+         uint32_t* starts = Data<uint32_t>(m, *m->mesh_stage->row_starts);
+         starts[10] = starts[9];
+       }},
+      {"rows_fall", kSemantics, "mesh_stage.row_starts[9]: ", kRising,
+       [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 9) = 2; }},
+      {"row_end_all_bits", kSemantics,
+       "mesh_stage.row_starts[60]: ", "found 4294967295; allowed: 60 to 16777216",
+       [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 60) = ~0u; }},
+      {"row_start_huge", kSemantics, "mesh_stage.row_starts[31]: ", kRising,
+       [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 30) = 0x80000000u; }},
+      {"row_end_one_more", kSemantics, "mesh_stage.columns.shape: ", "allowed: [",
+       [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 60) += 1; }},
+      {"row_end_one_less", kSemantics, "mesh_stage.columns.shape: ", "allowed: [",
+       [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 60) -= 1; }},
+      {"rows_one_less", kSemantics, "mesh_stage.row_starts.shape: ", "found [60]; allowed: [61]",
+       [](M* m) { m->mesh_stage->row_starts->shape = {60}; }},
+      {"column_one_past", kSemantics, "mesh_stage.columns[3]: ", "found 60; allowed: indices below 60",
+       [](M* m) { *Data<uint16_t>(m, *m->mesh_stage->columns, 3) = 60; }},
+      {"column_all_bits", kSemantics, "mesh_stage.columns[0]: ", "found 65535; allowed: indices below 60",
+       [](M* m) { *Data<uint16_t>(m, *m->mesh_stage->columns) = 65535; }},
+  };
+}
+
+std::vector<Corruption> Layers() {
+  return {
+      {"feature_width_zero", kSemantics, "mesh_stage.feature_width: ", "found 0; allowed: 8 to 64",
+       [](M* m) { m->mesh_stage->feature_width = 0; }},
+      {"feature_width_odd", kSemantics, "mesh_stage.feature_width: ", "found 12; allowed: multiples of 8",
+       [](M* m) { m->mesh_stage->feature_width = 12; }},
+      {"feature_width_wide", kSemantics, "mesh_stage.feature_width: ", "found 72; allowed: 8 to 64",
+       [](M* m) { m->mesh_stage->feature_width = 72; }},
+      {"feature_width_other_than_stored", kSemantics, "mesh_stage.layers[0].input_gates.shape: ",
+       "found [3, 48]; allowed: [3, 24]", [](M* m) { m->mesh_stage->feature_width = 8; }},
+      {"layers_none", kSemantics, "mesh_stage.layers.length: ", "found 0; allowed: 1 to 8",
+       [](M* m) { m->mesh_stage->layers.clear(); }},
+      {"layers_nine", kSemantics, "mesh_stage.layers.length: ", "found 9; allowed: 1 to 8",
+       [](M* m) {
+         while (m->mesh_stage->layers.size() < 9)
+           m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1]));
+       }},
+      {"layer_copied", kSemantics,
+       "mesh_stage.layers[3].input_gates.offset: ", "found an overlap with the tensor at",
+       [](M* m) { m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1])); }},
+      {"layers_swapped", kSemantics,
+       "mesh_stage.layers[0].input_gates.shape: ", "found [16, 48]; allowed: [3, 48]",
+       [](M* m) { std::swap(m->mesh_stage->layers[0], m->mesh_stage->layers[1]); }},
+      {"layer_output_narrow", kSemantics, "mesh_stage.layers[1].output.shape: ",
+       "found [16, 15]; allowed: [16, 16]", [](M* m) { m->mesh_stage->layers[1]->output->shape[1] = 15; }},
+      {"layer_gates_nan", kSemantics, "mesh_stage.layers[2].hidden_gates[1]: ", "found NaN",
+       [](M* m) { *Data<float>(m, *m->mesh_stage->layers[2]->hidden_gates, 1) = kNaN; }},
+      {"layer_norm_infinite", kSemantics, "mesh_stage.layers[0].norm_gain[15]: ", "found infinity",
+       [](M* m) { *Data<float>(m, *m->mesh_stage->layers[0]->norm_gain, 15) = kInfinity; }},
+      {"slope_infinite", kSemantics,
+       "mesh_stage.layers[0].prelu_slope: ", "found infinity; allowed: a finite number",
+       [](M* m) { m->mesh_stage->layers[0]->prelu_slope = kInfinity; }},
+      {"embed_bias_nan", kSemantics, "mesh_stage.embed_bias: ", "found NaN; allowed: a finite number",
+       [](M* m) { m->mesh_stage->embed_bias = kNaN; }},
+      {"embed_narrow", kSemantics, "mesh_stage.embed.shape: ", "found [8]; allowed: [16]",
+       [](M* m) { m->mesh_stage->embed->shape = {8}; }},
+  };
+}
+
+std::vector<Corruption> StagesThatDoNotFit() {
+  return {
+      {"mesh_stage_alone", kSemantics,
+       "mesh_stage: ", "found a mesh stage alone; allowed: only after a skeleton stage",
+       [](M* m) { m->skeleton_stage.reset(); }},
+      {"skeleton_stage_missing", kSemantics, "displacement.skeleton_rows: ", "found 20; allowed: 0",
+       [](M* m) {
+         m->skeleton_stage.reset();
+         m->mesh_stage.reset();
+       }},
+      {"mesh_stage_missing", kSemantics, "displacement.mesh_rows: ", "found 14; allowed: 0",
+       [](M* m) { m->mesh_stage.reset(); }},
+      {"displacement_missing", kSemantics, "displacement.skeleton_rows: ", "found 0; allowed: 20",
+       [](M* m) { m->displacement.reset(); }},
+      {"basis_missing", kSemantics, "displacement.basis: ", "found no basis; allowed: one",
+       [](M* m) { m->displacement->basis.reset(); }},
+      {"basis_with_bias", kSemantics,
+       "displacement.basis.bias: ", "found a bias; allowed: a basis without bias",
+       [](M* m) { m->displacement->basis->bias = Copy(*m->features->mean); }},
+      {"basis_rows_not_even", kSemantics, "displacement.skeleton_rows: ", "found 19; allowed: 20",
+       [](M* m) { m->displacement->skeleton_rows = 19; }},
+      {"basis_mesh_rows_all_bits", kSemantics, "displacement.mesh_rows: ", "found 4294967295; allowed: 14",
+       [](M* m) { m->displacement->mesh_rows = ~0u; }},
+      {"basis_columns", kSemantics, "displacement.basis.weights.shape: ",
+       "found [34, 181]; allowed: [34, 180]", [](M* m) { m->displacement->basis->weights->shape[1] = 181; }},
+      {"basis_without_stages", kSemantics, "displacement.basis: ", "found a basis; allowed: none without",
+       [](M* m) {
+         m->displacement = std::make_unique<format::DisplacementT>();
+         m->displacement->basis = std::make_unique<format::LinearT>();
+         m->displacement->basis->weights = Copy(*m->features->mean);
+       },
+       nullptr, format::DType_F32, DCLOTH_STAGES_STATIC},
+      {"gru_empty", kSemantics, "skeleton_stage.hidden.weights.shape[0]: ", "found 0; allowed: 1 to 4096",
+       [](M* m) { m->skeleton_stage->hidden->weights->shape[0] = 0; }},
+      {"gru_units_huge", kSemantics, "skeleton_stage.hidden.weights.shape[0]: ",
+       "found 4097; allowed: 1 to 4096", [](M* m) { m->skeleton_stage->hidden->weights->shape[0] = 4097; }},
+      {"gru_two_gates", kSemantics, "skeleton_stage.hidden.weights.shape: ",
+       "found [19, 38]; allowed: [19, 57]", [](M* m) { m->skeleton_stage->hidden->weights->shape[1] = 38; }},
+      {"gru_of_another_pose", kSemantics, "skeleton_stage.input.weights.shape: ",
+       "found [45, 57]; allowed: [49, 57]", [](M* m) { m->skeleton_stage->input->weights->shape[0] = 45; }},
+      {"vertex_network_of_another_mesh", kSemantics, "mesh_stage.hidden.weights.shape: ",
+       "found [61, 37]; allowed: [60, 37]", [](M* m) { m->mesh_stage->hidden->weights->shape[0] = 61; }},
+      {"coefficients_of_another_width", kSemantics,
+       "mesh_stage.coefficients.weights.shape: ", "found [38, 13]; allowed: [37, 13]",
+       [](M* m) { m->mesh_stage->coefficients->weights->shape[0] = 38; }},
+      {"coefficients_many", kSemantics, "mesh_stage.coefficients.weights.shape[1]: ",
+       "found 4097; allowed: 1 to 4096", [](M* m) { m->mesh_stage->coefficients->weights->shape[1] = 4097; }},
+  };
+}
+
+}  // namespace
+
+std::vector<Corruption> StageCorruptions() {
+  std::vector<Corruption> all = IndicesAndWeights();
+  for (const auto& more : {GraphRows(), Layers(), StagesThatDoNotFit()})
+    all.insert(all.end(), more.begin(), more.end());
+  return all;
+}
+
+}  // namespace dcloth::testing

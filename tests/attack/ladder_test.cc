@@ -1,0 +1,106 @@
+// The verification ladder rung by rung: each named corruption of a sound file is refused, and the text names
+// field and reason.
+#include <gtest/gtest.h>
+
+#include <iostream>
+#include <set>
+#include <string>
+
+#include "tests/attack/corruption.h"
+#include "tests/attack/open_and_run.h"
+
+namespace dcloth::testing {
+namespace {
+
+std::vector<Corruption> All() {
+  std::vector<Corruption> all;
+  for (const auto& rung :
+       {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions()})
+    all.insert(all.end(), rung.begin(), rung.end());
+  return all;
+}
+
+dcloth_status Open(const void* bytes, size_t size, dcloth_error* error = nullptr) {
+  AlignedBytes storage(dcloth_model_storage_size());
+  dcloth_model* model = nullptr;
+  const dcloth_status status = dcloth_model_open(bytes, size, storage.data(), storage.size(), &model, error);
+  EXPECT_EQ(model == nullptr, status != DCLOTH_OK);
+  return status;
+}
+
+class LadderTest : public ::testing::TestWithParam<Corruption> {};
+
+TEST_P(LadderTest, RefusesNamingFieldAndReason) {
+  const Corruption& fault = GetParam();
+  const AlignedBytes sound = SoundTwin(fault);
+  const Outcome before = OpenAndRun(sound.data(), sound.size());
+  ASSERT_EQ(before.status, DCLOTH_OK) << before.text;
+  ASSERT_EQ(before.broken_promise, "");
+
+  const AlignedBytes spoilt = Corrupted(fault);
+  const Outcome outcome = OpenAndRun(spoilt.data(), spoilt.size());
+  EXPECT_EQ(outcome.broken_promise, "");
+  EXPECT_EQ(outcome.status, fault.status) << outcome.text;
+  EXPECT_EQ(outcome.text.compare(0, std::strlen(fault.field), fault.field), 0)
+      << "'" << outcome.text << "' does not begin with '" << fault.field << "'";
+  EXPECT_NE(outcome.text.find(fault.reason), std::string::npos)
+      << "'" << outcome.text << "' does not say '" << fault.reason << "'";
+  EXPECT_LT(outcome.text.size(), sizeof(dcloth_error::text) - 1) << "cut off: " << outcome.text;
+
+  // The same verdict when nobody listens, and for a host of an older header.
+  EXPECT_EQ(Open(spoilt.data(), spoilt.size()), fault.status);
+  dcloth_error older = {};
+  older.struct_size = 8;
+  EXPECT_EQ(Open(spoilt.data(), spoilt.size(), &older), fault.status);
+  EXPECT_EQ(older.status, DCLOTH_OK) << "a smaller error struct is not written to";
+}
+
+INSTANTIATE_TEST_SUITE_P(Named, LadderTest, ::testing::ValuesIn(All()),
+                         [](const auto& test) { return test.param.name; });
+
+TEST(Ladder, HasManyRungsAndEachNameOnce) {
+  std::set<std::string> names;
+  for (const Corruption& corruption : All())
+    EXPECT_TRUE(names.insert(corruption.name).second) << corruption.name;
+  EXPECT_GE(names.size(), 120u);
+  std::cout << "named corruptions: " << names.size() << "\n";
+}
+
+// The first rung: what the bytes are, before what they say.
+TEST(Ladder, BytesOffTheirBoundaryAreRefused) {
+  const AlignedBytes whole = BuildModel({}).Bytes();
+  AlignedBytes room(whole.size() + 64);
+  for (size_t shift = 1; shift < 64; ++shift) {
+    std::memcpy(room.data() + shift, whole.data(), whole.size());
+    dcloth_error error = {};
+    error.struct_size = sizeof(error);
+    ASSERT_EQ(Open(room.data() + shift, whole.size(), &error), DCLOTH_ERROR_ALIGNMENT) << shift;
+    ASSERT_NE(std::string(error.text)
+                  .find("found model bytes off a 64-byte boundary; allowed: addresses divisible"),
+              std::string::npos)
+        << error.text;
+  }
+}
+
+// Sizes that no file has are refused before a byte is read: there are none behind this one line.
+TEST(Ladder, ImpossibleSizesAreRefused) {
+  const AlignedBytes line(64);
+  for (const size_t size :
+       {size_t{0}, size_t{1}, size_t{63}, size_t{0x7FFFFFFF}, size_t{0x80000000}, SIZE_MAX - 63, SIZE_MAX}) {
+    dcloth_error error = {};
+    error.struct_size = sizeof(error);
+    ASSERT_EQ(Open(line.data(), size, &error), DCLOTH_ERROR_FORMAT) << size;
+    ASSERT_EQ(std::string(error.text)
+                  .find("found " + std::to_string(size) +
+                        " bytes; allowed: a multiple of 64, from 64 to 2147483646"),
+              0u)
+        << error.text;
+  }
+  dcloth_error error = {};
+  error.struct_size = sizeof(error);
+  EXPECT_EQ(Open(nullptr, 4096, &error), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(std::string(error.text).find("found a null pointer; allowed: the bytes of a .dcloth file"), 0u);
+}
+
+}  // namespace
+}  // namespace dcloth::testing

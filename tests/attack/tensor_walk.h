@@ -1,0 +1,58 @@
+// Every tensor of a model's tables, for attacks and rewrites that concern them all.
+#ifndef DCLOTH_TESTS_ATTACK_TENSOR_WALK_H_
+#define DCLOTH_TESTS_ATTACK_TENSOR_WALK_H_
+
+#include <memory>
+#include <vector>
+
+#include "tests/unit/engine/model_builder.h"
+
+namespace dcloth::testing {
+
+class TensorWalk {
+ public:
+  explicit TensorWalk(format::ModelT* m) {
+    Add(m->garment->template_positions, m->garment->faces, m->character->inverse_bind);
+    Add(m->features->mean, m->features->inverse_deviation, m->features->low, m->features->high);
+    Add(m->static_stage->pivots, m->static_stage->influence_bones, m->static_stage->influence_weights);
+    AddLinear(m->static_stage->hidden, m->static_stage->increments);
+    if (m->skeleton_stage) AddLinear(m->skeleton_stage->input, m->skeleton_stage->hidden);
+    if (m->mesh_stage) AddMesh(m->mesh_stage.get());
+    if (m->displacement) AddLinear(m->displacement->basis);
+  }
+
+  const std::vector<format::TensorT*>& tensors() const { return tensors_; }
+  const std::vector<format::LinearT*>& linears() const { return linears_; }
+
+ private:
+  template <typename... Tensors>
+  void Add(const Tensors&... tensors) {
+    for (format::TensorT* tensor : {tensors.get()...}) {
+      if (tensor != nullptr) tensors_.push_back(tensor);
+    }
+  }
+  template <typename... Linears>
+  void AddLinear(const Linears&... linears) {
+    for (format::LinearT* linear : {linears.get()...}) {
+      if (linear == nullptr) continue;
+      linears_.push_back(linear);
+      Add(linear->weights, linear->row_scales, linear->column_scales, linear->bias);
+    }
+  }
+  void AddMesh(format::MeshStageT* mesh) {
+    Add(mesh->body_points, mesh->body_joints, mesh->body_weights, mesh->input_mean,
+        mesh->input_inverse_deviation, mesh->row_starts, mesh->columns, mesh->embed);
+    for (const auto& layer : mesh->layers) {
+      Add(layer->input_gates, layer->gate_bias, layer->hidden_gates, layer->hidden_candidate, layer->output,
+          layer->output_bias, layer->norm_gain, layer->norm_offset);
+    }
+    AddLinear(mesh->hidden, mesh->coefficients);
+  }
+
+  std::vector<format::TensorT*> tensors_;
+  std::vector<format::LinearT*> linears_;
+};
+
+}  // namespace dcloth::testing
+
+#endif  // DCLOTH_TESTS_ATTACK_TENSOR_WALK_H_

@@ -1,0 +1,67 @@
+// One small model of each kind that a file can be, so that attacks on all of their bytes take seconds.
+#ifndef DCLOTH_TESTS_ATTACK_VARIANTS_H_
+#define DCLOTH_TESTS_ATTACK_VARIANTS_H_
+
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "tests/unit/engine/model_builder.h"
+
+namespace dcloth::testing {
+
+struct Variant {
+  std::string name;  // "F16_skeleton"
+  ModelSpec spec;
+};
+
+inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
+
+// Every precision with every set of stages, and two that differ in features, influences and layers, and one with a
+// reduced basis: 12 models of 3 to 20 KB.
+inline std::vector<Variant> Variants() {
+  ModelSpec small;
+  small.rings = 3;
+  small.segments = 4;
+  small.joints = 5;
+  small.bones = 3;
+  small.influences = 2;
+  small.body_influences = 2;
+  small.static_width = 5;
+  small.units = 3;
+  small.feature_width = 8;
+  small.layers = 2;
+  small.mesh_width = 5;
+  small.mesh_basis = 3;
+  std::vector<Variant> variants;
+  for (const format::DType precision : {format::DType_F32, format::DType_F16, format::DType_I8}) {
+    ModelSpec spec = small;
+    spec.precision = precision;
+    const std::string name = format::EnumNameDType(precision);
+    variants.push_back({name + "_mesh", spec});
+    spec.mesh = false;
+    variants.push_back({name + "_skeleton", spec});
+    spec.skeleton = false;
+    variants.push_back({name + "_static", spec});
+  }
+  ModelSpec other = small;
+  other.precision = format::DType_I8;
+  other.root_motion = false;
+  other.influences = 8;
+  other.body_influences = 1;
+  other.layers = 3;
+  variants.push_back({"I8_no_root_motion_three_layers", other});
+  other.layers = 1;
+  other.feature_width = 16;
+  other.influences = 1;
+  other.body_influences = 8;
+  variants.push_back({"I8_one_wide_layer", other});
+  small.precision = format::DType_I8;
+  small.rank = 4;
+  variants.push_back({"I8_reduced", small});
+  return variants;
+}
+
+}  // namespace dcloth::testing
+
+#endif  // DCLOTH_TESTS_ATTACK_VARIANTS_H_

@@ -1,0 +1,46 @@
+// What fuzzers feed: every reader of untrusted bytes, and what happens to them next. A promise that the bytes
+// broke is a finding, as is anything but a return: a fault, a foreign exception.
+#ifndef DCLOTH_TESTS_FUZZ_TARGETS_H_
+#define DCLOTH_TESTS_FUZZ_TARGETS_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace dcloth::testing {
+
+struct Verdict {
+  std::string broken_promise;  // empty where all were kept
+  bool accepted = false;       // the bytes passed every check and were used
+};
+
+// A model file: opened, run for two ticks, drawn. Zeros fill it up to a whole line of 64 bytes.
+Verdict FuzzModel(const uint8_t* bytes, size_t size);
+
+// A training bundle: parsed, checked, and where it passes converted; the model then opens and runs.
+Verdict FuzzBundle(const uint8_t* bytes, size_t size);
+
+// A sequence: parsed, checked, its joints mapped and poses gathered. What passes is finite.
+Verdict FuzzSequence(const uint8_t* bytes, size_t size);
+
+struct FuzzTarget {
+  const char* name;
+  Verdict (*run)(const uint8_t* bytes, size_t size);
+};
+inline constexpr FuzzTarget kFuzzTargets[] = {
+    {"model", FuzzModel}, {"bundle", FuzzBundle}, {"sequence", FuzzSequence}};
+
+struct Seed {
+  std::string name;
+  std::vector<uint8_t> bytes;
+  bool sound;  // passes all checks
+};
+
+// A small corpus for a target, by its name: sound files of every kind and the named corruptions of model
+// files.
+std::vector<Seed> Seeds(const std::string& target);
+
+}  // namespace dcloth::testing
+
+#endif  // DCLOTH_TESTS_FUZZ_TARGETS_H_
