@@ -17,17 +17,13 @@ SEQUENCES = 4      # side by side; more only costs memory once a layer's rows fi
 VERTICES = 512
 
 
+@torch.no_grad()
 def _errors(mesh, static, clips, embedded, every=8):
-    """Mean skinned distance in metres of the whole stage, on every eighth vertex."""
-    weights = static.weights()[::every]
+    """Typical error in metres of the whole stage over clips, on every eighth vertex."""
     basis = mesh.basis[:, ::every].flatten(1)
-    total = ticks = 0
-    for clip, s in zip(clips, embedded):
-        delta = (mesh.coefficients(torch.from_numpy(s)) @ basis).reshape(len(clip), -1, 3)
-        error = delta - torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
-        total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
-        ticks += len(clip)
-    return total / ticks
+    predicted = [(mesh.coefficients(torch.from_numpy(s)) @ basis).reshape(len(clip), -1, 3)
+                 for clip, s in zip(clips, embedded)]
+    return mesh_head.typical(static.weights()[::every], clips, predicted, every)
 
 
 def _chunks(mesh, body_points, static, clips, options, generator):
@@ -65,17 +61,17 @@ def train(mesh, body_points, static, training, validation, options, folder, log=
     mesh.basis.requires_grad_(False)
 
     def head(stage):
-        return mesh_head.fit(stage, mesh, body_points, static, components, deviations, training,
-                             validation, options, folder, log)
+        chosen = np.random.default_rng(options.seed).permutation(len(training))[:options.head_clips]
+        return mesh_head.fit(stage, mesh, body_points, static, components, deviations,
+                             [training[i] for i in sorted(chosen)], validation, options, folder, log)
 
     histories = {}
     histories["mesh_head"], lowest = head("mesh_head")
     best = copy.deepcopy(mesh.state_dict())
     if options.mesh_epochs:
         def validate():
-            with torch.no_grad():
-                return _errors(mesh, static, validation,
-                               mesh_head.embed(mesh, body_points, validation))
+            return _errors(mesh, static, validation,
+                           mesh_head.embed(mesh, body_points, validation))
 
         mesh.mlp.requires_grad_(False)
         histories["mesh_layers"] = loop.fit(

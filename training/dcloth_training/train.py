@@ -60,6 +60,7 @@ def arguments(argv=None):
     add("--mesh-clips", type=int, default=16, help="clips drawn for one such epoch")
     add("--mesh-rate", type=float, default=1e-3)
     add("--chunk", type=int, default=16, help="ticks of truncated back-propagation")
+    add("--head-clips", type=int, default=10 ** 6, help="clips drawn for the head, at most")
     add("--head-rank", type=int, default=32)
     add("--head-epochs", type=int, default=40)
     add("--head-rate", type=float, default=3e-4)
