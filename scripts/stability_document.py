@@ -26,7 +26,8 @@ The bundled garments, converted to fp32, fp16 and int8, driven through the publi
   *Old against fresh* compares a garment that never restarted with one that started three seconds before, on the
   same motion. *No growth* is tested on one side.
 - Disturbances last half a second (15 ticks) in the middle of a clip. *Joints beyond training range*: each
-  joint's angle multiplied so that features lie as far outside the trained range as they get. *Zero matrices*:
+  joint's angle multiplied so that features lie as far outside the trained range as they get (elements of a rotation
+  end at 1; a range that spans them cannot be left). *Zero matrices*:
   every joint collapsed into the origin. |h| = 1 is a start state that no motion leads to: the worst there is.
 """
 

@@ -6,16 +6,10 @@
 #include <vector>
 
 #include "tests/unit/engine/aligned_bytes.h"
+#include "tests/unit/engine/all_finite.h"
 
 namespace dcloth::testing {
 namespace {
-
-bool AllFinite(const std::vector<float>& values) {
-  for (const float value : values) {
-    if (!std::isfinite(value)) return false;
-  }
-  return true;
-}
 
 bool IsPoison(const AlignedBytes& bytes) {
   for (size_t i = 0; i < bytes.size(); ++i) {

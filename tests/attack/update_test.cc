@@ -9,6 +9,7 @@
 
 #include "engine/src/cloth.h"
 #include "tests/attack/variants.h"
+#include "tests/unit/engine/all_finite.h"
 #include "tests/unit/engine/cloth_fixture.h"
 #include "tests/unit/kernels/guarded_buffer.h"
 
@@ -28,10 +29,6 @@ bool Bounded(OwnedCloth* cloth, const Numbers& numbers) {
   if (!spec.skeleton || !spec.mesh) return true;
   const size_t count = spec.layers * kernels::GsgruStateFloats(numbers.n, spec.feature_width);
   return std::all_of(inside->mesh.state, inside->mesh.state + count, bounded);
-}
-
-bool AllFinite(const std::vector<float>& values) {
-  return std::all_of(values.begin(), values.end(), [](float x) { return std::isfinite(x); });
 }
 
 class UpdateAttackTest : public ::testing::TestWithParam<Variant> {

@@ -1,21 +1,11 @@
-#include <cmath>
 #include <cstring>
 
 #include "converter/error.h"
 #include "converter/sequence.h"
 #include "tests/fuzz/targets.h"
+#include "tests/unit/engine/all_finite.h"
 
 namespace dcloth::testing {
-namespace {
-
-bool AllFinite(const std::vector<float>& values) {
-  for (const float value : values) {
-    if (!std::isfinite(value)) return false;
-  }
-  return true;
-}
-
-}  // namespace
 
 Verdict FuzzSequence(const uint8_t* bytes, size_t size) {
   converter::AlignedBytes file(size);

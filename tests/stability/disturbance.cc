@@ -113,14 +113,15 @@ Outcome Disturb(const Garment& garment, Precision precision, const Host& host) {
 Reach FactorBeyondTraining(const Garment& garment) {
   Reach reach;
   for (int factor = 2; factor <= 8; ++factor) {
-    double ratio = 0;
+    Reach here = {static_cast<double>(factor)};
     for (const Clip& clip : garment.clips) {
       for (size_t frame = kDisturbedFrom; frame < kDisturbedUntil; ++frame) {
-        ratio =
-            std::max(ratio, FarthestFeature(garment, Exaggerated(clip.motion[frame], garment.rig, factor)));
+        const Pose pose = Exaggerated(clip.motion[frame], garment.rig, factor);
+        here.ratio = std::max(here.ratio, FarthestFeature(garment, pose));
+        here.turn = std::max(here.turn, LargestTurn(pose, garment.rig));
       }
     }
-    if (ratio > reach.ratio) reach = {static_cast<double>(factor), ratio};
+    if (here.ratio > reach.ratio) reach = here;
   }
   return reach;
 }

@@ -28,11 +28,12 @@ Outcome Disturb(const Garment& garment, Precision precision, const Host& host);
 
 // How far Exaggerated(factor) leads while the garment is disturbed: the largest distance of a pose feature
 // from the middle of its trained range, over half of that range (1 is the border). Elements of a rotation end
-// at 1, so that ratio cannot grow with the angle: of the factors 2, 3, ... 8 it is the one that leads
-// farthest.
+// at 1, so that ratio cannot grow with the angle, and a range that spans them cannot be left at all: of the
+// factors 2, 3, ... 8 it is the one that leads farthest, and `turn` says how far joints turn then (radians).
 struct Reach {
   double factor = 0;
   double ratio = 0;
+  double turn = 0;
 };
 Reach FactorBeyondTraining(const Garment& garment);
 

@@ -29,6 +29,21 @@ Eigen::Matrix3d Multiplied(const Eigen::Matrix3d& rotation, double factor) {
   return turn.toRotationMatrix();
 }
 
+// A joint against its parent, the hips against the ground frame: pose, rest rotation, and the rotation between them.
+struct AgainstParent {
+  Matrix local;
+  Eigen::Matrix3d rest, turn;
+};
+
+AgainstParent OfJoint(const Pose& pose, const Rig& rig, const Matrix& ground, size_t joint) {
+  const bool root = joint == rig.hips;
+  const size_t parent = rig.parents[joint];
+  const Matrix rest = root ? rig.bind[joint] : Matrix(rig.bind[parent].inverse() * rig.bind[joint]);
+  const Matrix local = (root ? ground : pose[parent]).inverse() * pose[joint];
+  const Eigen::Matrix3d rotation = rest.topLeftCorner<3, 3>();
+  return {local, rotation, local.topLeftCorner<3, 3>() * rotation.transpose()};
+}
+
 // The largest distance of the child's origin in the parent's frame from where it is in the first frame.
 double Wander(const std::vector<const Motion*>& motions, size_t child, size_t parent) {
   const auto local = [&](const Pose& pose) { return OriginOf(pose[parent].inverse() * pose[child]); };
@@ -78,6 +93,14 @@ Pose Moved(const Pose& pose, const Eigen::Vector3d& offset) {
   return moved;
 }
 
+double LargestTurn(const Pose& pose, const Rig& rig) {
+  const Matrix ground = GroundFrame(pose, rig);
+  double largest = 0;
+  for (size_t j = 0; j < pose.size(); ++j)
+    largest = std::max(largest, Eigen::AngleAxisd(OfJoint(pose, rig, ground, j).turn).angle());
+  return largest;
+}
+
 Pose Exaggerated(const Pose& pose, const Rig& rig, double factor) {
   const Matrix ground = GroundFrame(pose, rig);
   // Parents come before their children, whatever order the joints have.
@@ -90,15 +113,10 @@ Pose Exaggerated(const Pose& pose, const Rig& rig, double factor) {
 
   Pose out(pose.size());
   for (const size_t j : order) {
-    const bool root = j == rig.hips;
-    // Rest and pose of the joint against its parent; the hips' parent is the ground frame.
-    const Matrix rest = root ? rig.bind[j] : Matrix(rig.bind[rig.parents[j]].inverse() * rig.bind[j]);
-    const Matrix local = (root ? ground : pose[rig.parents[j]]).inverse() * pose[j];
-    const Eigen::Matrix3d rest_rotation = rest.topLeftCorner<3, 3>();
-    const Eigen::Matrix3d turn = local.topLeftCorner<3, 3>() * rest_rotation.transpose();
-    Matrix scaled = local;
-    scaled.topLeftCorner<3, 3>() = Multiplied(turn, factor) * rest_rotation;
-    out[j] = (root ? ground : out[rig.parents[j]]) * scaled;
+    const AgainstParent joint = OfJoint(pose, rig, ground, j);
+    Matrix scaled = joint.local;
+    scaled.topLeftCorner<3, 3>() = Multiplied(joint.turn, factor) * joint.rest;
+    out[j] = (j == rig.hips ? ground : out[rig.parents[j]]) * scaled;
   }
   return out;
 }
