@@ -44,10 +44,8 @@ def arguments(argv=None):
     add("--skeleton-size", type=int, default=128, help="k_S")
     add("--skeleton-rank", type=int, default=64, help="principal components below S")
     add("--skeleton-epochs", type=int, default=220)
-    add("--long-epochs", type=int, default=40, help="that go on from whole runs' states")
     add("--skeleton-rate", type=float, default=2e-3)
     add("--window", type=int, default=64, help="ticks a training window")
-    add("--twist", type=float, default=0.0, help="degrees limbs turn about their bones, see twist.py")
     add("--noise", type=float, default=0.1, help="of standardised features")
     add("--dropout", type=float, default=0.1)
     add("--decay", type=float, default=0.01)
@@ -113,10 +111,9 @@ def prepare(options, log):
     character = rig.read_character(os.path.join(options.data, "character.safetensors"))
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
-    static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character,
-                          options.twist, seed=options.seed)
+    static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
     dynamic = dataset.load(dataset.find(options.data, "dynamic", dataset.HELD_OUT), fitted.rig,
-                           character, options.twist, options.validation.split(","), options.seed)
+                           character)
     training, validation = dataset.split(dynamic, options.validation.split(","))
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
         if not clips:

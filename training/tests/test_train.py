@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from conftest import train_tiny as run
-from dcloth_training import checkpoint, dataset, loop
+from dcloth_training import checkpoint, dataset, fit_skeleton, loop
 
 def test_every_stage_lowers_the_validation_error(trained):
     (_, _, _, provenance), out = trained
@@ -101,3 +101,16 @@ def test_windows_begin_with_a_reset(tiny):
     x = late.x(lambda v: v, 16)
     assert not x[0, -4:].any() and x[1:, -4:].all() and x[0, :9].all()
     assert np.shape(x) == (16, 13)
+
+
+def test_windows_start_at_zero_where_another_ended_or_anywhere():
+    generator = torch.Generator().manual_seed(3)
+    windows = [dataset.Window(None, first, 0) for first in [0] * 50 + [7] * 600]
+    ended = torch.full((4, 5), 0.25)
+    state, reset = fit_skeleton.first_states(windows, ended, generator)
+    assert state.shape == (1, 650, 5) and reset[:50].all() and not state[0][reset].any()
+    other = (state[0] == 0.25).all(1)
+    assert not (other & reset).any()
+    anywhere = state[0][~other & ~reset]
+    assert float(anywhere.min()) < -0.9 and float(anywhere.max()) > 0.9 and anywhere.abs().max() <= 1
+    assert all(abs(int(kind.sum()) - 200) < 50 for kind in (reset[50:], other, ~other & ~reset))

@@ -179,3 +179,14 @@ def test_random_script_never_changes_a_parameter_faster_than_allowed():
         for (t0, a), (t1, b) in zip(keys, keys[1:]):
             for name, limit in random_script.CHANGE.items():
                 assert 1.5 * abs(b[name] - a[name]) <= limit * (t1 - t0) + 1e-9
+
+
+def test_legs_come_from_the_clips_they_are_taken_of():
+    body, left, right = (procedural.clip(name) for name in ("walk_weave", "kicks", "run_fast"))
+    mixed = variations.with_legs_of(body, left, right)
+    frames = min(map(len, (body, left, right)))
+    assert len(mixed) == frames and np.array_equal(mixed.root, body.root[:frames])
+    for name, joint in skeleton.INDEX.items():
+        leg = name.endswith(("Leg", "Foot"))
+        source = (left if name.startswith("Left") else right) if leg else body
+        assert np.array_equal(mixed.local[:, joint], source.local[:frames, joint]), name

@@ -26,6 +26,9 @@ OVERLAP_FRAMES = 15           # two clips fade into each other: half a second
 _OFFSETS = {"Hips": "XYZ", "Chest": "XYZ", "LeftUpLeg": "XYZ", "RightUpLeg": "XYZ",
             "LeftLeg": "X", "RightLeg": "X"}
 _LEGS = tuple(name for name in INDEX if name.endswith("Leg"))
+_SIDES = tuple([index for name, index in INDEX.items()
+                if name.startswith(side) and name.endswith(("Leg", "Foot"))]
+               for side in ("Left", "Right"))
 
 
 def band_limited(frames, generator, low=OFFSET_HERTZ[0], high=OFFSET_HERTZ[1], waves=3):
@@ -170,3 +173,16 @@ def join(first, second, overlap=OVERLAP_FRAMES):
     local = np.concatenate([local_a[:start], mixed, local_b[overlap:]])
     local[:, 0] = rotations.about_axis("Y", heading) @ local[:, 0]
     return Motion(root, local)
+
+
+def with_legs_of(motion, left, right):
+    """`motion` with the left leg of one clip and the right leg of another, frame by frame.
+
+    Recordings tie what the hips do to what the legs do, and the legs to each other; cloth obeys
+    their joints alone. Lengths: the shortest of the three. Nobody walks like that.
+    """
+    frames = min(len(motion), len(left), len(right))
+    local = motion.local[:frames].copy()
+    for source, joints in zip((left, right), _SIDES):
+        local[:, joints] = source.local[:frames][:, joints]
+    return Motion(motion.root[:frames], local)
