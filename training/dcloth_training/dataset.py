@@ -27,6 +27,7 @@ class Clip:
     path: str
     mirrored: bool
     pose: network.Pose                       # float32
+    rate: float                              # Hz
     residual: Optional[np.ndarray] = None    # [T, n, 3] template space, float16, after unskin
 
     def __len__(self):
@@ -72,7 +73,7 @@ def load(paths, rig, character):
             raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
         for mirrored in (False, True):
             clips.append(Clip(item.clip, path, mirrored,
-                              load_pose(item, rig, character.joint_mirror, mirrored)))
+                              load_pose(item, rig, character.joint_mirror, mirrored), rig.rate))
     return clips
 
 
@@ -102,11 +103,15 @@ class Window:
     first: int
     warm_up: int     # leading ticks that do not count, since the cloth was already moving
 
-    def x(self, standardise, frames, reset=True):
-        """Features; after a reset the first tick has no root motion."""
+    def x(self, standardise, frames, reset=True, velocity=None):
+        """Features; after a reset the first tick has no root motion. velocity [3]: features.carried."""
         x = self.clip.pose.x[self.first:self.first + frames].clone()
-        if self.first and reset and x.shape[1] % 9:
-            x[0, -4:] = 0
+        if x.shape[1] % 9:
+            if velocity is not None:
+                x = torch.from_numpy(features.carried(x.numpy(), velocity, self.clip.rate))
+                x[0, -4:-1] += torch.as_tensor(velocity, dtype=x.dtype)
+            if self.first and reset:
+                x[0, -4:] = 0
         return standardise(x)
 
 

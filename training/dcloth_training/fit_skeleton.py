@@ -56,6 +56,15 @@ def gather(windows, vertices, frames):
     return linear, torch.from_numpy(target)
 
 
+CARRIED = (1.0, 0.15, 1.0)    # deviation of the velocity a window is carried at, by axis, times --carried
+
+
+def velocities(windows, deviation, generator):
+    """[B, 3] m/s: what each window is carried at; clips start at rest, so their first windows are not."""
+    inside = torch.tensor([[float(w.first > 0)] for w in windows])
+    return deviation * inside * torch.tensor(CARRIED) * torch.randn(len(windows), 3, generator=generator)
+
+
 def counted(windows, frames):
     """[B, T] bool: ticks that count, past each window's warm-up."""
     return torch.arange(frames) >= torch.tensor([[w.warm_up] for w in windows])
@@ -106,7 +115,8 @@ def train(skeleton, static, standardise, training, validation, options, folder, 
             linear, target = gather(some, rows, frames)
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
             state, reset = first_states(some, ended, generator)
-            x = torch.stack([w.x(standardise, frames, zero) for w, zero in zip(some, reset)])
+            velocity = velocities(some, options.carried, generator).numpy()
+            x = torch.stack([w.x(standardise, frames, zero, v) for w, zero, v in zip(some, reset, velocity)])
             coefficients, state = reduced(x, state)
             ended = state[0].detach()
             delta = (coefficients @ columns).reshape(target.shape)

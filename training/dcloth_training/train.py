@@ -46,6 +46,7 @@ def arguments(argv=None):
     add("--skeleton-epochs", type=int, default=220)
     add("--skeleton-rate", type=float, default=2e-3)
     add("--window", type=int, default=64, help="ticks a training window")
+    add("--carried", type=float, default=1.5, help="m/s: deviation of the velocity that windows are carried at")
     add("--noise", type=float, default=0.1, help="of standardised features")
     add("--dropout", type=float, default=0.1)
     add("--decay", type=float, default=0.01)
@@ -95,6 +96,17 @@ def body_statistics(fitted, clips, every=10):
     return points.mean(0).float(), points.std(0).float()
 
 
+def feature_rows(clips, options):
+    """Features [N, d] of all clips as they are and, with root motion, as windows are carried."""
+    rows = [c.pose.x.double().numpy() for c in clips]
+    if options.carried and not options.no_root_motion:
+        generator = np.random.default_rng(options.seed)
+        deviation = options.carried * np.array(fit_skeleton.CARRIED)
+        rows += [features.carried(x, deviation * generator.standard_normal(3), c.rate)
+                 for x, c in zip(rows, clips)]
+    return np.concatenate(rows)
+
+
 class Log:
     def __init__(self, folder):
         self.began, self.path = time.monotonic(), os.path.join(folder, "train.log")
@@ -130,8 +142,7 @@ def run(options):
     torch.set_num_threads(options.threads)
     log = Log(options.out)
     character, fitted, static_clips, training, validation = prepare(options, log)
-    rows = np.concatenate([c.pose.x.double().numpy() for c in training])
-    standard = features.fit_standard(rows)
+    standard = features.fit_standard(feature_rows(training, options))
     statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
     net = build(fitted, character, standard, options, statistics, options.stages)
     if options.freeze:

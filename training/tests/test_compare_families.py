@@ -28,7 +28,7 @@ def clip(x, residual):
     count = len(x)
     pose = network.Pose(torch.as_tensor(x, dtype=torch.float32),
                         torch.eye(3).expand(count, 2, 3, 3), torch.zeros(count, 2, 3), None)
-    return Clip("made/up", "", False, pose, np.asarray(residual, np.float32))
+    return Clip("made/up", "", False, pose, 30.0, np.asarray(residual, np.float32))
 
 
 def base_stage():

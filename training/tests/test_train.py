@@ -88,7 +88,8 @@ def test_held_out_clips_are_never_found(tiny, tmp_path):
 
 def test_windows_begin_with_a_reset(tiny):
     class Clip:
-        name, pose = "c", type("P", (), {"x": torch.ones(40, 13), "__len__": lambda s: 40})()
+        name, rate = "c", 30.0
+        pose = type("P", (), {"x": torch.ones(40, 13), "__len__": lambda s: 40})()
 
         def __len__(self):
             return 40
@@ -101,6 +102,8 @@ def test_windows_begin_with_a_reset(tiny):
     x = late.x(lambda v: v, 16)
     assert not x[0, -4:].any() and x[1:, -4:].all() and x[0, :9].all()
     assert np.shape(x) == (16, 13)
+    aboard = late.x(lambda v: v, 16, reset=False, velocity=np.array([0.0, 2.0, 0.0]))
+    assert torch.allclose(aboard[:, -3], torch.tensor(3.0)) and torch.equal(aboard[:, :9], x[:, :9])
 
 
 def test_windows_start_at_zero_where_another_ended_or_anywhere():

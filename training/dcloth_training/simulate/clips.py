@@ -168,7 +168,9 @@ def load(name, motion_folder=None):
     if "~" in name:
         motion, frames = _variation(name, motion_folder), LONG_FRAMES
     elif name.startswith("procedural/random_"):
-        motion, frames = timing.to_origin(procedural.clip(name.partition("/")[2])), LONG_FRAMES
+        motion, frames = procedural.clip(name.partition("/")[2]), LONG_FRAMES
+        generator = np.random.default_rng([0x6F, seed(name)])   # scripts neither lean nor turn their thighs
+        motion = timing.to_origin(variations.offset_joints(motion, generator, WIDE_STRENGTH))
     else:
         motion, frames = _take(name, motion_folder), MAX_FRAMES
     return timing.ease_in(motion, EASE_FRAMES)[:frames]
