@@ -20,7 +20,7 @@ EPS = np.finfo(np.float64).eps
 EPS32 = np.finfo(np.float32).eps
 FEATURES, WINDOW, BONES = 9, 24, 6
 TEMPLATE = tube(0.2, 6, 10, 1.0, 0.5)[0]
-OPTIONS = SimpleNamespace(noise=0.0, dropout=0.0, window=WINDOW, skeleton_rank=6, seed=1)
+OPTIONS = SimpleNamespace(noise=0.0, dropout=0.0, carried=0.0, window=WINDOW, skeleton_rank=6, seed=1)
 
 
 def clip(x, residual):
