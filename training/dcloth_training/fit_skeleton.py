@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, losses, loop, unskin
+from . import augment, dataset, losses, loop, unskin
 
 BATCH = 16
 VERTICES = 256
@@ -35,8 +35,7 @@ class Reduced(nn.Module):
     def forward(self, x, state=None):
         """x [B, T, d], state [1, B, k] or None -> coefficients [B, T, R], last state [1, B, k]."""
         if self.training:
-            noise = self.options.noise
-            x = x + noise * torch.randn_like(x) + noise * torch.randn_like(x[:, :1])
+            x = augment.noisy(x, self.options.noise)
         states, last = self.gru(x, state)
         if self.training and self.options.dropout:
             states = nn.functional.dropout(states, self.options.dropout)
@@ -54,15 +53,6 @@ def gather(windows, vertices, frames):
     rows = vertices.numpy()
     target = np.stack([w.clip.wanted(slice(w.first, w.first + frames), rows) for w in windows])
     return linear, torch.from_numpy(target)
-
-
-CARRIED = (1.0, 0.15, 1.0)    # deviation of the velocity a window is carried at, by axis, times --carried
-
-
-def velocities(windows, deviation, generator):
-    """[B, 3] m/s: what each window is carried at; clips start at rest, so their first windows are not."""
-    inside = torch.tensor([[float(w.first > 0)] for w in windows])
-    return deviation * inside * torch.tensor(CARRIED) * torch.randn(len(windows), 3, generator=generator)
 
 
 def counted(windows, frames):
@@ -115,7 +105,7 @@ def train(skeleton, static, standardise, training, validation, options, folder, 
             linear, target = gather(some, rows, frames)
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
             state, reset = first_states(some, ended, generator)
-            velocity = velocities(some, options.carried, generator).numpy()
+            velocity = augment.velocities(some, options.carried, generator).numpy()
             x = torch.stack([w.x(standardise, frames, zero, v) for w, zero, v in zip(some, reset, velocity)])
             coefficients, state = reduced(x, state)
             ended = state[0].detach()

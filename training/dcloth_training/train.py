@@ -14,7 +14,7 @@ import time
 import numpy as np
 import torch
 
-from . import (checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry,
+from . import (augment, checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry,
                network, plots, rig)
 from .stages.mesh_stage import MeshStage
 from .stages.skeleton_stage import SkeletonStage
@@ -47,7 +47,7 @@ def arguments(argv=None):
     add("--skeleton-rate", type=float, default=2e-3)
     add("--window", type=int, default=64, help="ticks a training window")
     add("--carried", type=float, default=1.5, help="m/s: deviation of the velocity that windows are carried at")
-    add("--noise", type=float, default=0.1, help="of standardised features")
+    add("--noise", type=float, default=0.1, help="deviation of standardised features, see augment.py")
     add("--dropout", type=float, default=0.1)
     add("--decay", type=float, default=0.01)
     add("--validate-every", type=int, default=5)
@@ -101,7 +101,7 @@ def feature_rows(clips, options):
     rows = [c.pose.x.double().numpy() for c in clips]
     if options.carried and not options.no_root_motion:
         generator = np.random.default_rng(options.seed)
-        deviation = options.carried * np.array(fit_skeleton.CARRIED)
+        deviation = options.carried * np.array(augment.CARRIED)
         rows += [features.carried(x, deviation * generator.standard_normal(3), c.rate)
                  for x, c in zip(rows, clips)]
     return np.concatenate(rows)

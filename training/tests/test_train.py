@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from conftest import train_tiny as run
-from dcloth_training import checkpoint, dataset, fit_skeleton, loop
+from dcloth_training import augment, checkpoint, dataset, fit_skeleton, loop
 
 def test_every_stage_lowers_the_validation_error(trained):
     (_, _, _, provenance), out = trained
@@ -117,3 +117,18 @@ def test_windows_start_at_zero_where_another_ended_or_anywhere():
     anywhere = state[0][~other & ~reset]
     assert float(anywhere.min()) < -0.9 and float(anywhere.max()) > 0.9 and anywhere.abs().max() <= 1
     assert all(abs(int(kind.sum()) - 200) < 50 for kind in (reset[50:], other, ~other & ~reset))
+
+
+def test_noise_is_mostly_an_offset_of_the_window():
+    torch.manual_seed(5)
+    noise = augment.noisy(torch.zeros(400, 64, 3), 0.5)
+    assert abs(float(noise.mean(1).std()) - 0.5) < 0.05
+    steps = noise[:, 1:] - noise[:, :-1]
+    assert abs(float(steps.std()) - 0.5 * augment.JITTER * 2 ** 0.5) < 0.01
+
+
+def test_windows_at_a_clips_start_are_not_carried():
+    generator = torch.Generator().manual_seed(0)
+    found = augment.velocities([dataset.Window(None, first, 0) for first in [0, 5] * 500], 2.0, generator)
+    assert not found[::2].any()
+    assert torch.allclose(found[1::2].std(0), 2 * torch.tensor(augment.CARRIED), rtol=0.15)
