@@ -59,7 +59,6 @@ void Solver::Frame(int32_t frame) {
 
   // Air that follows the hips: their velocity, and their turning as a small-angle vector.
   const float per_second = 1 / settings_.frame_seconds;
-  air_centre_ = Vec{};
   air_velocity_ = (settings_.air_follows * per_second) * (Column(hips, 3) - origin);
   Vec turn{};
   for (int c = 0; c < 3; ++c) turn += 0.5f * Cross(Column(hips - 12, c), Column(hips, c));
@@ -103,7 +102,7 @@ void Solver::Predict() {
     before_[i] = x_[i];
     if (inverse_mass_[i] == 0) continue;
     Vec& v = v_[i];
-    const Vec wind = v - air_velocity_ - Cross(air_spin_, x_[i] - air_centre_);
+    const Vec wind = v - air_velocity_ - Cross(air_spin_, x_[i]);
     const Vec& n = normals_[i];
     v -= tangent * wind + ((normal - tangent) * Dot(wind, n)) * n;
     v.y -= kGravity * dt_;

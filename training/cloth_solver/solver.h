@@ -39,12 +39,12 @@ class Solver {
   std::vector<Tether> tethers_;
   std::vector<int32_t> pins_;
   std::vector<float> inverse_mass_;
-  std::vector<Vec> x_, before_, v_, normals_, smoothed_, pin_from_, pin_to_, air_origin_;
+  std::vector<Vec> x_, before_, v_, normals_, smoothed_, pin_from_, pin_to_;
   std::vector<uint8_t> touching_;
   std::vector<Vec> slide_;      // contact: velocity of the body where a vertex touches it
   std::vector<Vec> slide_normal_;
   Vec origin_;                  // of the simulation in the world: the hips, so that floats stay small and precise
-  Vec air_velocity_, air_spin_, air_centre_;
+  Vec air_velocity_, air_spin_;
   int step_ = 0;
 };
 

@@ -4,17 +4,15 @@ Layout of the folder: character.safetensors, dynamic/*.safetensors, static/*.saf
 held-out clips are never read here. What stays in memory is one float16 residual [T, n, 3] a clip
 and mirror image (48 kB a frame at n = 7,952; rounded by 0.1 mm at most where it is 0.4 m).
 """
-import functools
 import glob
 import os
-import zlib
 from dataclasses import dataclass
 from typing import Optional
 
 import numpy as np
 import torch
 
-from . import features, network, sequence, twist, unskin
+from . import features, network, sequence, unskin
 
 HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run",
             "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1",
@@ -29,6 +27,7 @@ class Clip:
     path: str
     mirrored: bool
     pose: network.Pose                       # float32
+    rate: float                              # Hz
     residual: Optional[np.ndarray] = None    # [T, n, 3] template space, float16, after unskin
 
     def __len__(self):
@@ -42,13 +41,10 @@ class Clip:
         return part.astype(np.float32)
 
 
-def load_pose(item, rig, joint_mirror, mirrored, turned=None):
-    """`turned`: a function of joint matrices [T, J, 4, 4] that leaves the cloth as it is."""
+def load_pose(item, rig, joint_mirror, mirrored):
     matrices = item.joint_matrices.astype(np.float64)
     if mirrored:
         matrices = features.mirror_pose(matrices, joint_mirror)
-    if turned:
-        matrices = turned(matrices)
     return network.pose_of(matrices, rig, torch.float32)
 
 
@@ -65,18 +61,9 @@ def find(folder, kind, exclude=()):
     return [p for p in paths if os.path.splitext(os.path.basename(p))[0] not in left_out]
 
 
-def load(paths, rig, character, twist_degrees=0.0, untwisted=(), seed=0):
-    """Every clip and its mirror image, without residuals.
-
-    Limbs are turned about their bones by `twist_degrees` (twist.py), otherwise in each clip and
-    mirror image; not in the clips named `untwisted`.
-    """
-    clips, limbs = [], []
-    if twist_degrees:
-        if character.parents is None:
-            raise ValueError("twist: the character's metadata has no 'parents'; make it again with "
-                             "simulate/run.py, or train with --twist 0")
-        limbs = twist.chains(rig.feature_joints, character.parents, rig.hips)
+def load(paths, rig, character):
+    """Every clip and its mirror image, without residuals."""
+    clips = []
     for path in paths:
         item = sequence.read(path)
         if list(item.joint_names) != list(rig.joint_names) or item.truth is None or \
@@ -85,14 +72,8 @@ def load(paths, rig, character, twist_degrees=0.0, untwisted=(), seed=0):
         if abs(item.fps - rig.rate) > 1e-6:
             raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
         for mirrored in (False, True):
-            turned = None
-            if limbs and item.clip not in untwisted:
-                key = zlib.crc32(f"{seed} {item.clip} {mirrored}".encode())
-                turned = functools.partial(
-                    twist.twist, bind=rig.bind, chains=limbs, deviation=np.radians(twist_degrees),
-                    rate=rig.rate, generator=np.random.default_rng(key))
             clips.append(Clip(item.clip, path, mirrored,
-                              load_pose(item, rig, character.joint_mirror, mirrored, turned)))
+                              load_pose(item, rig, character.joint_mirror, mirrored), rig.rate))
     return clips
 
 
@@ -112,25 +93,29 @@ def split(clips, validation):
             [c for c in clips if c.name in validation])
 
 
-WARM_UP = 12    # ticks in which a state of zero cannot know how the cloth was moving
+WARM_UP = 12    # ticks in which a state from elsewhere cannot know how the cloth was moving
 
 
 @dataclass
 class Window:
-    """`frames` consecutive ticks of one clip, started from a reset."""
+    """`frames` consecutive ticks of one clip."""
     clip: Clip
     first: int
     warm_up: int     # leading ticks that do not count, since the cloth was already moving
 
-    def x(self, standardise, frames, go_on=False):
-        """Features; the first tick has a reset's zero root motion unless the state goes on."""
+    def x(self, standardise, frames, reset=True, velocity=None):
+        """Features; after a reset the first tick has no root motion. velocity [3]: features.carried."""
         x = self.clip.pose.x[self.first:self.first + frames].clone()
-        if self.first and not go_on and x.shape[1] % 9:
-            x[0, -4:] = 0
+        if x.shape[1] % 9:
+            if velocity is not None:
+                x = torch.from_numpy(features.carried(x.numpy(), velocity, self.clip.rate))
+                x[0, -4:-1] += torch.as_tensor(velocity, dtype=x.dtype)
+            if self.first and reset:
+                x[0, -4:] = 0
         return standardise(x)
 
 
-def windows(clips, frames, generator, warm_up=WARM_UP):
+def windows(clips, frames, generator):
     """A random epoch of windows of `frames` ticks, about one for every `frames` of data.
 
     Half of the windows start with the clip, where the cloth rests as the network's zero state says.
@@ -144,6 +129,6 @@ def windows(clips, frames, generator, warm_up=WARM_UP):
             first = int(torch.randint(0, last + 1, (1,), generator=generator))
             if torch.rand(1, generator=generator) < 0.5:
                 first = 0
-            out.append(Window(clip, first, warm_up if first else 0))
+            out.append(Window(clip, first, WARM_UP if first else 0))
     order = torch.randperm(len(out), generator=generator)
     return [out[i] for i in order]

@@ -54,6 +54,19 @@ def root_motion(rotation, origin, yaw, rate):
     return out
 
 
+def carried(x, velocity, rate):
+    """Features [T, d] with root motion of the same ticks on a vessel that moves at `velocity` [3], m/s.
+
+    In the simulation air travels with the hips, so cloth feels their acceleration but not their
+    velocity: the truth, as seen from the hips, is the same. `velocity` is in the first tick's heading
+    frame. The first tick keeps its root motion; a caller whose state goes on from before adds to it.
+    """
+    out = np.array(x)
+    yaw = np.cumsum(out[1:, -1], dtype=np.float64) / rate
+    out[1:, -4:-1] += np.einsum("tji,j->ti", about_y(yaw), np.asarray(velocity, np.float64))
+    return out
+
+
 def raw(matrices, bind, hips, joints, rate, with_root_motion=True):
     """Features before standardising: [T, 9 len(joints) (+ 4)]."""
     rotation, origin, yaw = heading_frames(matrices, bind, hips)

@@ -4,19 +4,19 @@ The basis is S = C B: B [R, n, 3] holds the principal components of the un-skinn
 C [k_S, R] is trained, so a state within (-1, 1) reaches any coefficient. The loss is the skinned
 vertex distance on a random subset of vertices, which costs as little as regressing coefficients.
 
-First windows start from a state of zero; a network that has seen no more drifts in long runs (6.9 mm
-in the first 64 ticks of training clips, 13.4 mm after). Then they go on from the state that a run of
-the whole clip has there, computed anew every epoch.
+A window that begins in the middle of a clip starts at zero, at the state in which another window
+ended, or anywhere in (-1, 1), a third each, and does not count until WARM_UP ticks later: whatever
+a host does to a garment, half a second of good poses must be enough to forget it.
 """
 import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, losses, loop, unskin
+from . import augment, dataset, losses, loop, unskin
 
 BATCH = 16
 VERTICES = 256
-BASIS_EVERY = 2     # every second frame is enough for the principal components
+BASIS_EVERY = 4     # every fourth frame is enough for the principal components
 
 
 class Reduced(nn.Module):
@@ -32,15 +32,14 @@ class Reduced(nn.Module):
         # A state of deviation about 0.3 in every unit should give coefficients of their deviation.
         self.readout = nn.Parameter(torch.randn(size, len(components)) / (0.3 * size ** 0.5))
 
-    def coefficients(self, x, state=None):
-        """x [B, T, d], state [1, B, k] to go on from -> coefficients [B, T, R]."""
+    def forward(self, x, state=None):
+        """x [B, T, d], state [1, B, k] or None -> coefficients [B, T, R], last state [1, B, k]."""
         if self.training:
-            noise = self.options.noise
-            x = x + noise * torch.randn_like(x) + noise * torch.randn_like(x[:, :1])
-        state = self.gru(x, state)[0]
+            x = augment.noisy(x, self.options.noise)
+        states, last = self.gru(x, state)
         if self.training and self.options.dropout:
-            state = nn.functional.dropout(state, self.options.dropout)
-        return state @ self.readout * self.scale
+            states = nn.functional.dropout(states, self.options.dropout)
+        return states @ self.readout * self.scale, last
 
     def basis(self):
         """S [k, n, 3] of the finished stage."""
@@ -61,16 +60,15 @@ def counted(windows, frames):
     return torch.arange(frames) >= torch.tensor([[w.warm_up] for w in windows])
 
 
-@torch.no_grad()
-def whole_runs(reduced, standardise, clips, side_by_side=32):
-    """{id(clip): state [T, k]} of every clip run from its reset to its end, without noise."""
-    out, order = {}, sorted(clips, key=len)
-    for at in range(0, len(order), side_by_side):
-        some = order[at:at + side_by_side]
-        x = nn.utils.rnn.pad_sequence([standardise(c.pose.x) for c in some], batch_first=True)
-        for clip, state in zip(some, reduced.gru(x)[0]):
-            out[id(clip)] = state[:len(clip)].clone()
-    return out
+def first_states(windows, ended, generator):
+    """(state [1, B, k], reset [B] bool) to start windows from; ended [E, k]: where others ended."""
+    count, size = len(windows), ended.shape[1]
+    kind = torch.randint(0, 3, (count,), generator=generator)
+    kind[torch.tensor([w.first == 0 for w in windows])] = 0
+    others = ended[torch.randint(0, len(ended), (count,), generator=generator)]
+    anywhere = 2 * torch.rand(count, size, generator=generator) - 1
+    state = torch.where((kind == 1)[:, None], others, (kind == 2)[:, None] * anywhere)
+    return state[None], kind == 0
 
 
 @torch.no_grad()
@@ -81,7 +79,7 @@ def clip_errors(reduced, static, standardise, clips, every=8):
     columns = reduced.components.reshape(len(reduced.components), -1, 3)[:, rows].flatten(1)
     total, ticks = 0.0, 0
     for clip in clips:
-        delta = reduced.coefficients(standardise(clip.pose.x)[None])[0] @ columns
+        delta = reduced(standardise(clip.pose.x)[None])[0][0] @ columns
         error = delta.reshape(len(clip), -1, 3) - torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
         total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
         ticks += len(clip)
@@ -98,19 +96,20 @@ def train(skeleton, static, standardise, training, validation, options, folder, 
     reduced = Reduced(skeleton.gru, components, deviations, options)
     weights, frames = static.weights().detach(), options.window
 
-    def batches(generator, go_on=False):
-        runs = whole_runs(reduced, standardise, training) if go_on else None
-        order = dataset.windows(training, frames, generator, warm_up=0 if go_on else dataset.WARM_UP)
+    def batches(generator):
+        order = dataset.windows(training, frames, generator)
+        ended = torch.zeros(1, reduced.gru.hidden_size)
         for at in range(0, len(order), BATCH):
-            some, state = order[at:at + BATCH], None
+            some = order[at:at + BATCH]
             rows = losses.pick_vertices(count, VERTICES, generator)
             linear, target = gather(some, rows, frames)
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
-            x = torch.stack([w.x(standardise, frames, go_on) for w in some])
-            if go_on:
-                state = torch.stack([runs[id(w.clip)][w.first - 1] if w.first
-                                     else x.new_zeros(reduced.gru.hidden_size) for w in some])[None]
-            delta = (reduced.coefficients(x, state) @ columns).reshape(target.shape)
+            state, reset = first_states(some, ended, generator)
+            velocity = augment.velocities(some, options.carried, generator).numpy()
+            x = torch.stack([w.x(standardise, frames, zero, v) for w, zero, v in zip(some, reset, velocity)])
+            coefficients, state = reduced(x, state)
+            ended = state[0].detach()
+            delta = (coefficients @ columns).reshape(target.shape)
             keep = counted(some, frames)
             yield losses.skinned_distance(linear[keep], weights[rows], (delta - target)[keep])
 
@@ -120,12 +119,6 @@ def train(skeleton, static, standardise, training, validation, options, folder, 
     history = loop.fit("skeleton", reduced, options.skeleton_epochs, batches, validate, folder,
                        seed=options.seed, rate=options.skeleton_rate, decay=options.decay,
                        validate_every=options.validate_every, log=log)
-    if options.long_epochs:
-        later = loop.fit("skeleton_long", reduced, options.long_epochs,
-                         lambda generator: batches(generator, go_on=True), validate, folder,
-                         seed=options.seed, rate=options.skeleton_rate / 2, decay=options.decay,
-                         validate_every=options.validate_every, log=log)
-        history = history + [{**h, "epoch": h["epoch"] + options.skeleton_epochs} for h in later]
     with torch.no_grad():
         skeleton.basis.copy_(reduced.basis())
     return history

@@ -14,7 +14,7 @@ import time
 import numpy as np
 import torch
 
-from . import (checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry,
+from . import (augment, checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry,
                network, plots, rig)
 from .stages.mesh_stage import MeshStage
 from .stages.skeleton_stage import SkeletonStage
@@ -44,11 +44,10 @@ def arguments(argv=None):
     add("--skeleton-size", type=int, default=128, help="k_S")
     add("--skeleton-rank", type=int, default=64, help="principal components below S")
     add("--skeleton-epochs", type=int, default=220)
-    add("--long-epochs", type=int, default=40, help="that go on from whole runs' states")
-    add("--skeleton-rate", type=float, default=2e-3)
+    add("--skeleton-rate", type=float, default=8e-3)
     add("--window", type=int, default=64, help="ticks a training window")
-    add("--twist", type=float, default=0.0, help="degrees limbs turn about their bones, see twist.py")
-    add("--noise", type=float, default=0.1, help="of standardised features")
+    add("--carried", type=float, default=1.5, help="m/s: deviation of the velocity that windows are carried at")
+    add("--noise", type=float, default=0.1, help="deviation of standardised features, see augment.py")
     add("--dropout", type=float, default=0.1)
     add("--decay", type=float, default=0.01)
     add("--validate-every", type=int, default=5)
@@ -97,6 +96,17 @@ def body_statistics(fitted, clips, every=10):
     return points.mean(0).float(), points.std(0).float()
 
 
+def feature_rows(clips, options):
+    """Features [N, d] of all clips as they are and, with root motion, as windows are carried."""
+    rows = [c.pose.x.double().numpy() for c in clips]
+    if options.carried and not options.no_root_motion:
+        generator = np.random.default_rng(options.seed)
+        deviation = options.carried * np.array(augment.CARRIED)
+        rows += [features.carried(x, deviation * generator.standard_normal(3), c.rate)
+                 for x, c in zip(rows, clips)]
+    return np.concatenate(rows)
+
+
 class Log:
     def __init__(self, folder):
         self.began, self.path = time.monotonic(), os.path.join(folder, "train.log")
@@ -113,10 +123,9 @@ def prepare(options, log):
     character = rig.read_character(os.path.join(options.data, "character.safetensors"))
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
-    static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character,
-                          options.twist, seed=options.seed)
+    static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
     dynamic = dataset.load(dataset.find(options.data, "dynamic", dataset.HELD_OUT), fitted.rig,
-                           character, options.twist, options.validation.split(","), options.seed)
+                           character)
     training, validation = dataset.split(dynamic, options.validation.split(","))
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
         if not clips:
@@ -133,8 +142,7 @@ def run(options):
     torch.set_num_threads(options.threads)
     log = Log(options.out)
     character, fitted, static_clips, training, validation = prepare(options, log)
-    rows = np.concatenate([c.pose.x.double().numpy() for c in training])
-    standard = features.fit_standard(rows)
+    standard = features.fit_standard(feature_rows(training, options))
     statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
     net = build(fitted, character, standard, options, statistics, options.stages)
     if options.freeze:

@@ -15,7 +15,8 @@ def test_the_split_is_the_promised_one_and_every_list_is_disjoint():
         "mocap/dance_a", "mocap/run", "game/game_walking_b", "mocap/long_walk1"}
     assert set(dataset.HELD_OUT) == set(clips.HELD_OUT)
     assert set(dataset.VALIDATION) <= clips.NOT_VARIED
-    everything = clips.HELD_OUT + clips.training() + clips.RANDOM + clips.VARIATIONS
+    everything = (clips.HELD_OUT + clips.training() + clips.RANDOM + clips.VARIATIONS + clips.WIDE
+                  + clips.MIXED)
     assert len({clips.file_stem(c) for c in everything}) == len(everything)
     assert all(set(clips.file_stem(c)) <= set(string.ascii_letters + string.digits + "_-")
                for c in everything)
@@ -36,8 +37,20 @@ def test_variations_are_full_length_reproducible_and_never_of_a_held_out_clip():
         clips.load("procedural/spin_left~x")
 
 
+def test_takes_go_from_near_to_wide_to_mixed():
+    base = "procedural/kicks"
+    near, wide, mixed = (clips.load(f"{base}~{take}") for take in (1, 2, 3))
+    assert f"{base}~3" in [c.replace(c.partition("~")[0], base) for c in clips.MIXED]
+    # Legs of a mixed take come from elsewhere: left and right no longer share their source.
+    for take in (near, wide, mixed):
+        assert len(take) == clips.LONG_FRAMES
+        assert np.abs(np.diff(take.root, axis=0)).max() * 30 < 12
+    assert np.abs(wide.local - near.local).max() > 0.1
+
+
 def test_left_out_clips_have_a_reason_and_used_ones_have_none():
     assert "upside down" in clips.why_left_out("mocap/cartwheel")
     assert "ground" in clips.why_left_out("game/game_death_b")
-    assert clips.why_left_out("game/game_idle_a") and clips.why_left_out("game/game_idle_b") is None
+    assert "snap" in clips.why_left_out("game/game_running_holdingbow")
+    assert all(clips.why_left_out(c) is None for c in ("game/game_idle_b", "game/game_idle_a"))
     assert clips.why_left_out("mocap/long_walk2") is None and clips.why_left_out("a/unheard") is None

@@ -20,7 +20,7 @@ EPS = np.finfo(np.float64).eps
 EPS32 = np.finfo(np.float32).eps
 FEATURES, WINDOW, BONES = 9, 24, 6
 TEMPLATE = tube(0.2, 6, 10, 1.0, 0.5)[0]
-OPTIONS = SimpleNamespace(noise=0.0, dropout=0.0, window=WINDOW, skeleton_rank=6, seed=1)
+OPTIONS = SimpleNamespace(noise=0.0, dropout=0.0, carried=0.0, window=WINDOW, skeleton_rank=6, seed=1)
 
 
 def clip(x, residual):
@@ -28,7 +28,7 @@ def clip(x, residual):
     count = len(x)
     pose = network.Pose(torch.as_tensor(x, dtype=torch.float32),
                         torch.eye(3).expand(count, 2, 3, 3), torch.zeros(count, 2, 3), None)
-    return Clip("made/up", "", False, pose, np.asarray(residual, np.float32))
+    return Clip("made/up", "", False, pose, 30.0, np.asarray(residual, np.float32))
 
 
 def base_stage():

@@ -97,3 +97,19 @@ def test_standardise_clamps_to_the_widened_training_range():
     layer = features.Standardise(**standard)
     got = layer(torch.tensor([[1.0, 5.0], [9.0, 6.0], [-9.0, 4.0], [2.1, 5.0]]).double())
     assert np.allclose(got, [[0, 0], [1.2, 0], [-1.2, 0], [1.1, 0]])
+
+
+def test_a_vessel_adds_its_velocity_in_the_heading_frame():
+    generator = np.random.default_rng(7)
+    matrices, bind = poses(40, generator), bind_pose()
+    spin = np.stack([rigid(rotation([0, 1, 0], 0.3 * t), np.array([0.02 * t, 0, 0.01 * t * t]))
+                     for t in range(40)])
+    matrices = spin[:, None] @ matrices
+    world = np.array([2.0, -0.3, 1.0])                       # m/s
+    aboard = matrices.copy()
+    aboard[:, :, :3, 3] += world * np.arange(40)[:, None, None] / RATE
+    rotation0 = features.heading_frames(matrices, bind, 0)[0][0]
+    plain = features.raw(matrices, bind, 0, JOINTS, RATE)
+    got = features.carried(plain, rotation0.T @ world, RATE)
+    assert np.abs(got - features.raw(aboard, bind, 0, JOINTS, RATE)).max() < 1e-9
+    assert np.abs(got - plain)[1:, -4:-1].max() > 1

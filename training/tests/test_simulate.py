@@ -72,7 +72,8 @@ def test_settings_change_one_value_and_refuse_unknown():
 
 
 def test_clip_lists_hold_nothing_out_twice():
-    assert len(set(clips.training())) == len(clips.training()) == len(clips.PROCEDURAL + clips.RECORDED)
+    assert len(set(clips.training())) == len(clips.training()) == len(
+        clips.PROCEDURAL + clips.RECORDED + clips.STANCES)
     assert not set(clips.HELD_OUT) & set(clips.training())
     assert {c.split("/")[1] for c in clips.PROCEDURAL} == set(procedural.TRAINING)
     for name in clips.HELD_OUT:

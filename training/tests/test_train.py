@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from conftest import train_tiny as run
-from dcloth_training import checkpoint, dataset, loop
+from dcloth_training import augment, checkpoint, dataset, fit_skeleton, loop
 
 def test_every_stage_lowers_the_validation_error(trained):
     (_, _, _, provenance), out = trained
@@ -88,7 +88,8 @@ def test_held_out_clips_are_never_found(tiny, tmp_path):
 
 def test_windows_begin_with_a_reset(tiny):
     class Clip:
-        name, pose = "c", type("P", (), {"x": torch.ones(40, 13), "__len__": lambda s: 40})()
+        name, rate = "c", 30.0
+        pose = type("P", (), {"x": torch.ones(40, 13), "__len__": lambda s: 40})()
 
         def __len__(self):
             return 40
@@ -101,3 +102,33 @@ def test_windows_begin_with_a_reset(tiny):
     x = late.x(lambda v: v, 16)
     assert not x[0, -4:].any() and x[1:, -4:].all() and x[0, :9].all()
     assert np.shape(x) == (16, 13)
+    aboard = late.x(lambda v: v, 16, reset=False, velocity=np.array([0.0, 2.0, 0.0]))
+    assert torch.allclose(aboard[:, -3], torch.tensor(3.0)) and torch.equal(aboard[:, :9], x[:, :9])
+
+
+def test_windows_start_at_zero_where_another_ended_or_anywhere():
+    generator = torch.Generator().manual_seed(3)
+    windows = [dataset.Window(None, first, 0) for first in [0] * 50 + [7] * 600]
+    ended = torch.full((4, 5), 0.25)
+    state, reset = fit_skeleton.first_states(windows, ended, generator)
+    assert state.shape == (1, 650, 5) and reset[:50].all() and not state[0][reset].any()
+    other = (state[0] == 0.25).all(1)
+    assert not (other & reset).any()
+    anywhere = state[0][~other & ~reset]
+    assert float(anywhere.min()) < -0.9 and float(anywhere.max()) > 0.9 and anywhere.abs().max() <= 1
+    assert all(abs(int(kind.sum()) - 200) < 50 for kind in (reset[50:], other, ~other & ~reset))
+
+
+def test_noise_is_mostly_an_offset_of_the_window():
+    torch.manual_seed(5)
+    noise = augment.noisy(torch.zeros(400, 64, 3), 0.5)
+    assert abs(float(noise.mean(1).std()) - 0.5) < 0.05
+    steps = noise[:, 1:] - noise[:, :-1]
+    assert abs(float(steps.std()) - 0.5 * augment.JITTER * 2 ** 0.5) < 0.01
+
+
+def test_windows_at_a_clips_start_are_not_carried():
+    generator = torch.Generator().manual_seed(0)
+    found = augment.velocities([dataset.Window(None, first, 0) for first in [0, 5] * 500], 2.0, generator)
+    assert not found[::2].any()
+    assert torch.allclose(found[1::2].std(0), 2 * torch.tensor(augment.CARRIED), rtol=0.15)

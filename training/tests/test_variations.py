@@ -9,7 +9,8 @@ from dcloth_training.motion.skeleton import FPS
 CLIPS = ("walk_weave", "spin_left", "kicks", "run_turn_walk", "jumps")
 FASTEST = variations.RATE[1] * (1 + variations.RATE_WAVER)
 # A sum of sines whose shares add up to one is at most as steep as its fastest sine.
-OFFSET_RATE = np.radians(variations.OFFSET_DEGREES) * 2 * np.pi * variations.OFFSET_HERTZ[1]
+OFFSET_RATE = {joint: sum(np.radians(degrees) for degrees in axes.values())
+               * 2 * np.pi * variations.OFFSET_HERTZ[1] for joint, axes in variations.OFFSETS.items()}
 
 
 def angular_speed(local):
@@ -47,12 +48,12 @@ def test_joint_speeds_of_a_variation_stay_within_the_stated_factors(name, seed):
     # Scaling a rotation vector by s >= 1 raises its angular speed by at most s; one by s < 1, of
     # angles below 2 rad, by at most 1.
     bound = FASTEST * variations.AMPLITUDE[1] * before
-    for joint, axes in variations._OFFSETS.items():
-        bound[skeleton.INDEX[joint]] += len(axes) * OFFSET_RATE
+    for joint, rate in OFFSET_RATE.items():
+        bound[skeleton.INDEX[joint]] += rate
     heading, tilt = variations.split_heading(motion.local[:, 0])
     bound[0] = (FASTEST * (np.abs(np.diff(heading)).max() * FPS
                            + variations.AMPLITUDE[1] * angular_speed(tilt).max())
-                + 3 * OFFSET_RATE + variations.TURN_RATE)
+                + OFFSET_RATE["Hips"] + variations.TURN_RATE)
     assert (after <= bound + 1e-6).all()
     # Over the ground: playback and step length; the curve turns steps but never stretches them.
     step = np.linalg.norm(np.diff(motion.root, axis=0), axis=1).max()
@@ -82,7 +83,7 @@ def test_knees_are_never_bent_forward():
         moved = variations.offset_joints(motion, np.random.default_rng(seed))
         change = np.swapaxes(motion.local, -1, -2) @ moved.local
         added = np.arctan2(change[:, knees, 2, 1], change[:, knees, 1, 1])
-        assert added.min() >= -1e-9 and 0 < added.max() <= np.radians(variations.OFFSET_DEGREES)
+        assert added.min() >= -1e-9 and 0 < added.max() <= np.radians(variations.OFFSETS["LeftLeg"]["X"])
 
 
 def test_a_joint_that_swings_far_keeps_its_rotation_and_others_scale():
@@ -179,3 +180,14 @@ def test_random_script_never_changes_a_parameter_faster_than_allowed():
         for (t0, a), (t1, b) in zip(keys, keys[1:]):
             for name, limit in random_script.CHANGE.items():
                 assert 1.5 * abs(b[name] - a[name]) <= limit * (t1 - t0) + 1e-9
+
+
+def test_legs_come_from_the_clips_they_are_taken_of():
+    body, left, right = (procedural.clip(name) for name in ("walk_weave", "kicks", "run_fast"))
+    mixed = variations.with_legs_of(body, left, right)
+    frames = min(map(len, (body, left, right)))
+    assert len(mixed) == frames and np.array_equal(mixed.root, body.root[:frames])
+    for name, joint in skeleton.INDEX.items():
+        leg = name.endswith(("Leg", "Foot"))
+        source = (left if name.startswith("Left") else right) if leg else body
+        assert np.array_equal(mixed.local[:, joint], source.local[:frames, joint]), name

@@ -6,6 +6,8 @@ skinning of its `BASE` then carries along: "plain" (nearest-point weights) or "h
 import torch
 from torch import nn
 
+from .. import augment
+
 READOUT_STATE = 0.3    # deviation of a code's entries that the readout's first values assume
 
 
@@ -31,7 +33,7 @@ class Family(nn.Module):
     def code(self, x):
         """x [B, T, d] -> code [B, T, k]; while training with stage 2's noise and dropout."""
         if self.training:
-            x = x + self.noise * torch.randn_like(x) + self.noise * torch.randn_like(x[:, :1])
+            x = augment.noisy(x, self.noise)
         code = self.encode(x)
         if self.training and self.dropout:
             code = nn.functional.dropout(code, self.dropout)

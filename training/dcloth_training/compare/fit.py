@@ -4,7 +4,7 @@ import os
 import numpy as np
 import torch
 
-from .. import checkpoint, dataset, fit_skeleton, loop, losses, unskin
+from .. import augment, checkpoint, dataset, fit_skeleton, loop, losses, unskin
 from . import sizes, virtual_bones
 
 EVERY = 8               # validation looks at every eighth vertex, as stage 2's does
@@ -87,7 +87,8 @@ def batches_of(family, base, standardise, clips, options):
             some = order[at:at + fit_skeleton.BATCH]
             rows = losses.pick_vertices(count, fit_skeleton.VERTICES, generator)
             linear, target = fit_skeleton.gather(some, rows, frames)
-            x = torch.stack([w.x(standardise, frames) for w in some])
+            velocity = augment.velocities(some, options.carried, generator).numpy()
+            x = torch.stack([w.x(standardise, frames, velocity=v) for w, v in zip(some, velocity)])
             ticks = slice(int(torch.randint(0, family.STRIDE, (1,), generator=generator)), None,
                           family.STRIDE)
             error = family.displacement(family.code(x)[:, ticks], rows) - target[:, ticks]

@@ -16,16 +16,21 @@ RATE_WAVER = 0.08             # slow change of playback speed on top, of its val
 AMPLITUDE = (0.8, 1.2)        # of a joint's rotation about its mean over the clip
 JOINT_SPREAD = 0.05           # joints differ that much from the clip's own amplitude
 SCALED_BELOW = 2.0            # rad: a joint that leaves its mean farther keeps its rotation
-OFFSET_DEGREES = 4.0          # largest offset of a joint about one axis
 OFFSET_HERTZ = (0.08, 0.6)
-TURN_RATE = 0.6               # rad/s added to the heading, constant part and waver together
+TURN_RATE = 1.0               # rad/s added to the heading, constant part and waver together
 WIDEST = 0.5                  # share of a rotation that even a strong variation keeps
 OVERLAP_FRAMES = 15           # two clips fade into each other: half a second
 
-# Joints whose carriage varies, and the axes: knees bend one way only.
-_OFFSETS = {"Hips": "XYZ", "Chest": "XYZ", "LeftUpLeg": "XYZ", "RightUpLeg": "XYZ",
-            "LeftLeg": "X", "RightLeg": "X"}
+# Largest offset in degrees of the joints whose carriage varies. People differ most in how far they lean
+# (X of the hips) and in how far thighs are turned about the bone (Y), scripts in neither. Knees bend
+# one way only.
+_THIGH = {"X": 5.0, "Y": 8.0, "Z": 4.0}
+OFFSETS = {"Hips": {"X": 8.0, "Y": 4.0, "Z": 4.0}, "Chest": {"X": 4.0, "Y": 4.0, "Z": 4.0},
+           "LeftUpLeg": _THIGH, "RightUpLeg": _THIGH, "LeftLeg": {"X": 4.0}, "RightLeg": {"X": 4.0}}
 _LEGS = tuple(name for name in INDEX if name.endswith("Leg"))
+_SIDES = tuple([index for name, index in INDEX.items()
+                if name.startswith(side) and name.endswith(("Leg", "Foot"))]
+               for side in ("Left", "Right"))
 
 
 def band_limited(frames, generator, low=OFFSET_HERTZ[0], high=OFFSET_HERTZ[1], waves=3):
@@ -83,14 +88,15 @@ def scale_amplitude(motion, generator, strength=1.0):
 def offset_joints(motion, generator, strength=1.0):
     """Another carriage: slowly changing offsets of a few degrees on hips, spine and legs."""
     local = motion.local.copy()
-    frames, largest = len(motion), strength * np.radians(OFFSET_DEGREES)
+    frames = len(motion)
     heading, tilt = split_heading(local[:, 0])
     local[:, 0] = tilt
-    for name, axes in _OFFSETS.items():
+    for name, axes in OFFSETS.items():
         joint = INDEX[name]
-        for axis in axes:
+        for axis, degrees in axes.items():
+            largest = strength * np.radians(degrees)
             angle = generator.uniform(0.3, 1.0) * largest * band_limited(frames, generator)
-            if axes == "X":                        # a knee only bends more, it is not broken
+            if len(axes) == 1:                     # a knee only bends more, it is not broken
                 angle = 0.5 * (largest + angle)
             local[:, joint] = local[:, joint] @ rotations.about_axis(axis, angle)
     local[:, 0] = rotations.about_axis("Y", heading) @ local[:, 0]
@@ -114,8 +120,8 @@ def curve_path(motion, generator, strength=1.0):
 def vary(motion, seed, strength=1.0):
     """A plausible other take of `motion` [T frames] -> Motion of 0.74 T to 1.36 T frames.
 
-    `strength` 1 is another take of the same person, 3 another person altogether (12 degrees of
-    offset): recorded clips differ that much from each other. The same seed gives the same take,
+    `strength` 1 is another take of the same person, 3 another person altogether (24 degrees
+    of lean): recorded clips differ that much from each other. The same seed gives the same take,
     bit for bit. Cost: about a millisecond a frame.
     """
     generator = np.random.default_rng([0x7661, seed])
@@ -170,3 +176,16 @@ def join(first, second, overlap=OVERLAP_FRAMES):
     local = np.concatenate([local_a[:start], mixed, local_b[overlap:]])
     local[:, 0] = rotations.about_axis("Y", heading) @ local[:, 0]
     return Motion(root, local)
+
+
+def with_legs_of(motion, left, right):
+    """`motion` with the left leg of one clip and the right leg of another, frame by frame.
+
+    Recordings tie what the hips do to what the legs do, and the legs to each other; cloth obeys
+    their joints alone. Lengths: the shortest of the three. Nobody walks like that.
+    """
+    frames = min(len(motion), len(left), len(right))
+    local = motion.local[:frames].copy()
+    for source, joints in zip((left, right), _SIDES):
+        local[:, joints] = source.local[:frames][:, joints]
+    return Motion(motion.root[:frames], local)
