@@ -44,7 +44,7 @@ def arguments(argv=None):
     add("--skeleton-size", type=int, default=128, help="k_S")
     add("--skeleton-rank", type=int, default=64, help="principal components below S")
     add("--skeleton-epochs", type=int, default=220)
-    add("--skeleton-rate", type=float, default=8e-3)
+    add("--skeleton-rate", type=float, default=3e-3)
     add("--window", type=int, default=64, help="ticks a training window")
     add("--carried", type=float, default=1.5, help="m/s: deviation of the velocity that windows are carried at")
     add("--noise", type=float, default=0.1, help="deviation of standardised features, see augment.py")
