@@ -8,6 +8,7 @@
 #endif
 #include "converter/error.h"
 #include "dcloth_generated.h"
+#include "engine/format/checksum.h"
 #include "engine/format/limits.h"
 
 namespace dcloth::converter {
@@ -16,7 +17,7 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 1;
+constexpr uint16_t kFormatMinor = 2;
 
 // Where each tensor lies in the weight vector.
 struct Layout {
@@ -31,6 +32,15 @@ Layout Arrange(const std::vector<const PackedTensor*>& tensors) {
     layout.size += (tensor->bytes.size() + format::kAlignment - 1) / format::kAlignment * format::kAlignment;
   }
   return layout;
+}
+
+// Keeps the place: FlatBuffers leaves out fields that hold their default.
+constexpr uint64_t kNoIdentityYet = 1;
+
+void SetIdentity(AlignedBytes* bytes) {
+  auto* root = fb::GetMutableRoot<fb::Table>(bytes->data());
+  root->SetField<uint64_t>(format::Model::VT_IDENTITY, 0);
+  root->SetField<uint64_t>(format::Model::VT_IDENTITY, format::Checksum(bytes->data(), bytes->size()));
 }
 
 class Writer {
@@ -52,10 +62,12 @@ class Writer {
     const auto precision = String(parts_.precision);
     const auto model =
         format::CreateModel(builder_, format::kFormatMajor, kFormatMinor, producer, precision, parts_.tick_rate,
-                            garment, character, features, static_stage, skeleton, mesh, displacement, weights);
+                            garment, character, features, static_stage, skeleton, mesh, displacement, weights,
+                            kNoIdentityYet);
     builder_.Finish(model, format::ModelIdentifier());
     AlignedBytes bytes(builder_.GetSize());
     std::memcpy(bytes.data(), builder_.GetBufferPointer(), bytes.size());
+    SetIdentity(&bytes);
     return bytes;
   }
 

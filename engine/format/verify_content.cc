@@ -248,6 +248,7 @@ bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
   view->format_minor = model.format_minor();
   view->precision = model.precision() != nullptr ? model.precision()->c_str() : "";
   view->tick_rate = model.tick_rate();
+  view->identity = model.identity();
   if (!(view->tick_rate >= kMinTickRate && view->tick_rate <= kMaxTickRate)) {
     char found[48];
     Text(found, sizeof(found)).AddNumber(static_cast<double>(view->tick_rate)).Add(" Hz");

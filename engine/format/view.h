@@ -105,6 +105,7 @@ struct ModelView {
   uint32_t format_major;
   uint32_t format_minor;
   float tick_rate;  // Hz
+  uint64_t identity;  // told by the file's writer; 0 before 1.2
 };
 
 // Terminated; null past the end.

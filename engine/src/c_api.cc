@@ -12,6 +12,7 @@
 #include "engine/src/isa.h"
 #include "engine/src/joint_binding.h"
 #include "engine/src/output.h"
+#include "engine/src/state.h"
 #include "engine/src/tick_work.h"
 #include "engine/src/update.h"
 
@@ -185,6 +186,45 @@ dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth) {
   if (cloth == nullptr) return DCLOTH_ERROR_ARGUMENT;
   dcloth::engine::ResetCloth(ClothOf(cloth));
   return DCLOTH_OK;
+}
+
+size_t dcloth_cloth_state_size(const dcloth_cloth* cloth) {
+  const FloatEnvironment environment;
+  return cloth == nullptr ? 0 : dcloth::engine::StateSize(*reinterpret_cast<const Cloth*>(cloth));
+}
+
+dcloth_status dcloth_cloth_save(const dcloth_cloth* cloth, void* state, size_t size, dcloth_error* error) {
+  const FloatEnvironment environment;
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || state == nullptr) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a cloth and memory for its state",
+                    "");
+    return diagnostic.status();
+  }
+  const Cloth& saved = *reinterpret_cast<const Cloth*>(cloth);
+  const size_t needed = dcloth::engine::StateSize(saved);
+  if (size < needed) {
+    char allowed[48];
+    dcloth::format::Text(allowed, sizeof(allowed)).Add("at least ").Add(uint64_t{needed});
+    diagnostic.FailCount(DCLOTH_ERROR_MEMORY, kNoOffset, nullptr, size, " bytes for the state", allowed,
+                         "lend what dcloth_cloth_state_size asks for");
+    return diagnostic.status();
+  }
+  dcloth::engine::SaveState(saved, state, &diagnostic);
+  return diagnostic.status();
+}
+
+dcloth_status dcloth_cloth_restore(dcloth_cloth* cloth, const void* state, size_t size, uint32_t flags,
+                                   dcloth_error* error) {
+  const FloatEnvironment environment;
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || state == nullptr || (flags & ~uint32_t{DCLOTH_RESTORE_OTHER_MODEL}) != 0) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer or an unknown flag",
+                    "a cloth, the bytes of a state and DCLOTH_RESTORE_* or 0", "");
+    return diagnostic.status();
+  }
+  dcloth::engine::RestoreState(state, size, flags != 0, ClothOf(cloth), &diagnostic);
+  return diagnostic.status();
 }
 
 dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,

@@ -9,10 +9,6 @@ using format::ModelView;
 
 bool HasHead(const ModelView& model) { return model.displacement.head.rows != 0; }
 
-size_t MixedAt(const ModelView& model) {
-  return MeshCoefficientsAt(model) + kernels::PaddedColumns(model.mesh_stage.coefficients.columns);
-}
-
 // Pad coefficients meet pad rows of the basis; both are zero in a sound file, and this keeps one of them so in any.
 void ClearPads(const ModelView& model, float* coefficients) {
   const uint32_t units = model.skeleton_stage.units, columns = model.mesh_stage.coefficients.columns;
@@ -24,12 +20,16 @@ void ClearPads(const ModelView& model, float* coefficients) {
 
 size_t MeshCoefficientsAt(const ModelView& model) { return kernels::PairedRows(model.skeleton_stage.units); }
 
+size_t MixedCoefficientsAt(const ModelView& model) {
+  return MeshCoefficientsAt(model) + kernels::PaddedColumns(model.mesh_stage.coefficients.columns);
+}
+
 size_t CoefficientFloats(const ModelView& model) {
-  return MixedAt(model) + (HasHead(model) ? kernels::PaddedColumns(model.displacement.head.columns) : 0);
+  return MixedCoefficientsAt(model) + (HasHead(model) ? kernels::PaddedColumns(model.displacement.head.columns) : 0);
 }
 
 const float* BasisCoefficients(const ModelView& model, const float* coefficients) {
-  return HasHead(model) ? coefficients + MixedAt(model) : coefficients;
+  return HasHead(model) ? coefficients + MixedCoefficientsAt(model) : coefficients;
 }
 
 void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model, uint32_t stages, float* coefficients,
@@ -39,7 +39,7 @@ void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model
     return;
   }
   const format::LinearView& head = model.displacement.head;
-  float* mixed = coefficients + MixedAt(model);
+  float* mixed = coefficients + MixedCoefficientsAt(model);
   ApplyLinear(kernels, {&head, coefficients, head.rows, Activation::kNone, quantized, mixed});
   if (stages != DCLOTH_STAGES_MESH) return;
   const float* q = coefficients + MeshCoefficientsAt(model);

@@ -13,6 +13,9 @@ size_t CoefficientFloats(const format::ModelView& model);
 // Where Q begins; P begins at 0 and is the skeleton stage's state.
 size_t MeshCoefficientsAt(const format::ModelView& model);
 
+// Where c begins with a head.
+size_t MixedCoefficientsAt(const format::ModelView& model);
+
 // What the basis multiplies.
 const float* BasisCoefficients(const format::ModelView& model, const float* coefficients);
 

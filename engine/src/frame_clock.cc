@@ -33,6 +33,12 @@ void FrameClock::Restart() {
   lag_ = 0;
 }
 
+void FrameClock::Resume(double since, double lag) {
+  started_ = true;
+  since_ = since;
+  lag_ = lag;
+}
+
 double FrameClock::Behind(bool in_work) {
   const double age = Larger(since_, 0) + (in_work ? 1 : 0);
   lag_ = Larger(lag_, age);

@@ -42,7 +42,11 @@ class FrameClock {
   // due.
   double Behind(bool in_work);
 
+  // Goes on as a clock did that was at `since` with this lag, after its first tick.
+  void Resume(double since, double lag);
+
   double lag() const { return lag_; }
+  double since() const { return since_; }
   double step() const { return step_; }
 
  private:

@@ -33,7 +33,7 @@ kernels::GsgruJob LayerJob(const ModelView& model, size_t index, const MeshMemor
   const bool last = index + 1 == stage.layer_count;
   const size_t row = portion.begin * stage.feature_width;
   kernels::GsgruJob job = {};
-  job.x = index % 2 == 0 ? memory.even : memory.odd;
+  job.x = MeshLayerInput(memory, index);
   job.row_starts = stage.row_starts + portion.begin;
   job.columns = stage.columns;
   job.input_gates = layer.input_gates;
@@ -46,7 +46,7 @@ kernels::GsgruJob LayerJob(const ModelView& model, size_t index, const MeshMemor
   job.norm_offset = layer.norm_offset;
   job.embed = last ? stage.embed : nullptr;
   job.state = memory.state + index * LayerStateFloats(model) + row;
-  job.next_x = last ? nullptr : (index % 2 == 0 ? memory.odd : memory.even) + row;
+  job.next_x = last ? nullptr : MeshLayerInput(memory, index + 1) + row;
   job.s = last ? memory.embedded + portion.begin : nullptr;
   job.scratch = memory.layer;
   job.vertices = portion.count;

@@ -18,6 +18,11 @@ struct MeshMemory {
   float* hidden;    // [padded h]
 };
 
+// Input rows of a layer, GsgruInputStride apart, which the layer before writes.
+inline float* MeshLayerInput(const MeshMemory& memory, size_t layer) {
+  return layer % 2 == 0 ? memory.even : memory.odd;
+}
+
 MeshMemory PlaceMeshMemory(const format::ModelView& model, Arena* arena);
 
 void ClearMeshState(const format::ModelView& model, const MeshMemory& memory);

@@ -97,6 +97,12 @@ void WakeStages(Cloth* cloth, uint32_t stages) {
   cloth->stages = stages;
 }
 
+// Cut into panels: parts whose items are products of one input.
+bool IsProduct(TickPart part) {
+  return part == TickPart::kSkeletonInput || part == TickPart::kSkeletonHidden || part == TickPart::kMeshHidden ||
+         part == TickPart::kMeshCoefficients || part == TickPart::kDisplacement;
+}
+
 LinearProduct ProductOf(const Cloth& cloth, TickPart part) {
   const ModelView& model = *cloth.model;
   float* q = cloth.coefficients + MeshCoefficientsAt(model);
@@ -187,6 +193,17 @@ void BeginTick(Cloth* cloth, const BoundPose& bound, uint32_t stages, uint32_t e
   if ((stages & kMeshBit) != 0) PrepareBodyPoints(model, bound, cloth->root.heading, cloth->mesh);
   cloth->work = {TickPart::kStatic, 0, 1.0f};
   watch->Lap(DCLOTH_STEP_POSE);
+}
+
+uint64_t TickItems(const ModelView& model, uint32_t stages, TickPart part) {
+  return SizeOf(model, stages, part).items;
+}
+
+// The integers of a product are made anew from its input, which it does not change.
+void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done) {
+  cloth->work = {part, items_done, 1.0f};
+  if (IsProduct(part) && items_done != 0)
+    cloth->work.input_scale = QuantizeInput(ActiveKernels(), ProductOf(*cloth, part));
 }
 
 uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch) {

@@ -25,6 +25,12 @@ void BeginTick(Cloth* cloth, const BoundPose& bound, uint32_t stages, uint32_t e
 // item above the budget. A complete tick becomes the newest one. Without a tick in work it does nothing.
 uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch);
 
+// Items of a part of a tick; none where the part does not take place.
+uint64_t TickItems(const format::ModelView& model, uint32_t stages, TickPart part);
+
+// Takes up a tick whose results so far lie in the cloth's memory: `items_done` of `part`, fewer than it has.
+void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done);
+
 inline bool TickInWork(const Cloth& cloth) { return cloth.work.part != TickPart::kDone; }
 
 }  // namespace dcloth::engine

@@ -52,7 +52,13 @@ int Run(const char* path) {
   const bool placed = cloth.SetSpace(left_handed) == dcloth::Status::kOk &&
                       cloth.Update(pose, dcloth::MakeFrame(0.01f, stages), &output) == dcloth::Status::kOk &&
                       cloth.Describe().tick_share == 1.0f;
-  const bool fine = bound && placed && cloth.Tick(pose, stages, &timer) == dcloth::Status::kOk &&
+  const size_t state_size = cloth.StateSize();
+  void* state = std::malloc(state_size);
+  const bool kept = cloth.Save(state, state_size, &error) == dcloth::Status::kOk &&
+                    cloth.Restore(state, state_size, DCLOTH_RESTORE_OTHER_MODEL) == dcloth::Status::kOk &&
+                    cloth.Restore(state, state_size - 1) == dcloth::Status::kFormat;
+  std::free(state);
+  const bool fine = bound && placed && kept && cloth.Tick(pose, stages, &timer) == dcloth::Status::kOk &&
                     cloth.Skin(pose, 1, output) == dcloth::Status::kOk &&
                     cloth.Tick(dcloth::MakePose(matrices, info.joint_count + 1), stages) == dcloth::Status::kPose &&
                     cloth.Reset() == dcloth::Status::kOk;

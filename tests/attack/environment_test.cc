@@ -17,7 +17,7 @@
 #include "engine/src/cloth.h"
 #include "engine/src/update.h"
 #include "tests/attack/corruption.h"
-#include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/engine/state_fixture.h"
 
 namespace dcloth::testing {
 namespace {
@@ -206,6 +206,26 @@ TEST(Environment, BadArgumentsDoNotTrap) {
           << host.name << blend;
     }
     EXPECT_EQ(In(host, [&] { return cloth.Skin(pose, 1e-45f); }), DCLOTH_OK) << host.name;
+  }
+}
+
+// States are saved and judged alike, and NaN in one does not trap.
+TEST(Environment, StatesAreJudgedAlike) {
+  const TestModel model = BuildModel({});
+  const OpenedModel opened(model);
+  OwnedCloth cloth(opened);
+  for (int frame = 0; frame < 9; ++frame)
+    ASSERT_EQ(cloth.Update(PoseAt(model.numbers, frame / 60.0), 1 / 60.0f, DCLOTH_STAGES_MESH), DCLOTH_OK);
+  const StateBytes sound = Save(&cloth);
+  StateBytes poisoned = sound;
+  for (size_t i = 184; i < poisoned.size(); ++i) poisoned[i] = 0xFF;  // NaN
+  Seal(&poisoned);
+  for (const HostEnvironment& host : kEnvironments) {
+    StateBytes saved(sound.size());
+    EXPECT_EQ(In(host, [&] { return dcloth_cloth_save(cloth.get(), saved.data(), saved.size(), nullptr); }), DCLOTH_OK);
+    EXPECT_EQ(saved, sound) << host.name;
+    EXPECT_EQ(In(host, [&] { return Restore(&cloth, poisoned); }), DCLOTH_ERROR_SEMANTICS) << host.name;
+    EXPECT_EQ(In(host, [&] { return Restore(&cloth, sound); }), DCLOTH_OK) << host.name;
   }
 }
 

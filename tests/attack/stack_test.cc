@@ -86,6 +86,18 @@ TEST(Stack, EveryCallStaysShallow) {
       const std::string name = format::EnumNameDType(precision) + (" on " + isa);
       check("tick, " + name, [&] { EXPECT_EQ(cloth.Tick(pose, DCLOTH_STAGES_MESH), DCLOTH_OK); });
       check("skin, " + name, [&] { EXPECT_EQ(cloth.Skin(pose, 0.5f), DCLOTH_OK); });
+      std::vector<uint8_t> state(dcloth_cloth_state_size(cloth.get()));
+      check("save, " + name, [&] {
+        EXPECT_EQ(dcloth_cloth_save(cloth.get(), state.data(), state.size(), nullptr), DCLOTH_OK);
+      });
+      check("restore, " + name, [&] {
+        EXPECT_EQ(dcloth_cloth_restore(cloth.get(), state.data(), state.size(), 0, nullptr), DCLOTH_OK);
+      });
+      dcloth_error refusal = EmptyError();
+      std::fill(state.end() - 4, state.end(), uint8_t{0xFF});
+      check("restore, refused, " + name, [&] {
+        EXPECT_EQ(dcloth_cloth_restore(cloth.get(), state.data(), state.size(), 0, &refusal), DCLOTH_ERROR_FORMAT);
+      });
     }
     dcloth_isa_select(nullptr);
     AlignedBytes view(dcloth_model_storage_size()), memory(dcloth_cloth_storage_size(opened.get()));

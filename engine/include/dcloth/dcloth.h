@@ -58,7 +58,8 @@ enum {
   DCLOTH_ERROR_VERSION = 5,    /* a .dcloth file of another major version */
   DCLOTH_ERROR_SEMANTICS = 6,  /* structure intact, content impossible: shapes, indices, scales, ranges */
   DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, beyond 1e9 or a wrong joint count; the state is untouched */
-  DCLOTH_ERROR_JOINTS = 8      /* the host's skeleton lacks joints of the model */
+  DCLOTH_ERROR_JOINTS = 8,     /* the host's skeleton lacks joints of the model */
+  DCLOTH_ERROR_MODEL = 9       /* a saved state of another model */
 };
 
 /* What went wrong, in words: field, found, allowed, mend. Filled only on failure; owned by the caller; may be null
@@ -66,7 +67,7 @@ enum {
 typedef struct dcloth_error {
   uint32_t struct_size;   /* set to sizeof(dcloth_error) before the call */
   dcloth_status status;
-  uint64_t offset_bytes;  /* where in the model bytes, or UINT64_MAX where no place applies */
+  uint64_t offset_bytes;  /* where in the model's or state's bytes, or UINT64_MAX where no place applies */
   char text[240];         /* always terminated */
 } dcloth_error;
 
@@ -289,6 +290,45 @@ DCLOTH_API uint64_t dcloth_output_scratch_size(const dcloth_output* output);
 /* Forgets all motion: recurrent state, displacement, velocity, time. After a teleport, a cut or a spawn.
  * Memory: none. Thread: owner. Errors: ARGUMENT. Cost: clears the state. */
 DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
+
+/* State that survives.
+ *
+ * Saved bytes hold all that the frames to come depend on, a tick in work included: a cloth that takes them goes on
+ * to the bit as the one that was saved would have, on the same instruction set. Joint binding and space are the
+ * host's and not among them. They are little-endian and laid out the same on every platform and instruction set;
+ * their version is 1, and a release that cannot read one refuses it with VERSION.
+ *
+ * Pause: do not update, or save, give the memory back, create and restore later. The first update's `seconds` is the
+ *   frame time as if nothing had happened in between; where the character was moved, add DCLOTH_FRAME_JUMPED.
+ * Save games are untrusted. Truncated or changed bytes, another version, other models, and numbers that no cloth can
+ *   have (NaN, a recurrent state beyond 1, times outside of their range) are refused, whatever the checksum says. A
+ *   refused cloth is as it was before; reset it instead.
+ * Other model: a state belongs to the model file it was saved with, told by the identity that the converter writes
+ *   into the file (before format 1.2 by name and sizes). DCLOTH_RESTORE_OTHER_MODEL takes the state of another file
+ *   with the same sizes, between ticks: the same network in another precision or rank.
+ * Hot swap: open the new file and create its cloth in other memory; bind joints and space as before. Then either
+ *   save the old cloth after an update without DCLOTH_FRAME_PIPELINED, restore with DCLOTH_RESTORE_OTHER_MODEL and
+ *   go on (the frame that follows is off by what the precisions differ); or, for another network, where that is
+ *   refused with MODEL or means nothing, update both for about a second, the new one with `output` null, and then
+ *   draw the new one. Give the old memory back after its last call. */
+enum {
+  DCLOTH_RESTORE_OTHER_MODEL = 1 /* only the sizes have to agree: joints, features, bones, vertices, layers, rate */
+};
+
+/* Bytes that dcloth_cloth_save writes now: less than dcloth_cloth_storage_size, fewest between ticks.
+ * Memory: none. Thread: owner. Errors: 0 for null. Cost: none. */
+DCLOTH_API size_t dcloth_cloth_state_size(const dcloth_cloth* cloth);
+
+/* Writes the state into `state`, `size` bytes at any address, of which dcloth_cloth_state_size are used.
+ * Memory: none. Thread: owner. Errors: ARGUMENT, MEMORY, SEMANTICS (weights made NaN: reset); nothing is written
+ * then. Cost: a copy and a checksum. */
+DCLOTH_API dcloth_status dcloth_cloth_save(const dcloth_cloth* cloth, void* state, size_t size, dcloth_error* error);
+
+/* Takes a saved state, `size` bytes at any address. `flags` are DCLOTH_RESTORE_* or 0.
+ * Memory: none. Thread: owner. Errors: ARGUMENT, FORMAT, VERSION, MODEL, SEMANTICS; the cloth is untouched. Cost: a
+ * checksum, a check of each number and a copy. */
+DCLOTH_API dcloth_status dcloth_cloth_restore(dcloth_cloth* cloth, const void* state, size_t size, uint32_t flags,
+                                              dcloth_error* error);
 
 /* Runs the ticks that are due and draws: the call for every frame, whatever its rate; see dcloth_frame.
  * `output` may be null for a garment that is not seen. A refused call leaves state and outputs untouched.

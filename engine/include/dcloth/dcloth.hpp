@@ -21,6 +21,7 @@ enum class [[nodiscard]] Status : dcloth_status{
     kSemantics = DCLOTH_ERROR_SEMANTICS,
     kPose = DCLOTH_ERROR_POSE,
     kJoints = DCLOTH_ERROR_JOINTS,
+    kModel = DCLOTH_ERROR_MODEL,
 };
 
 enum class Stages : uint32_t {
@@ -118,6 +119,17 @@ class Cloth {
   }
 
   Status Reset() { return static_cast<Status>(dcloth_cloth_reset(cloth_)); }
+
+  size_t StateSize() const { return dcloth_cloth_state_size(cloth_); }
+
+  Status Save(void* state, size_t size, dcloth_error* error = nullptr) const {
+    return static_cast<Status>(dcloth_cloth_save(cloth_, state, size, error));
+  }
+
+  // `flags` are DCLOTH_RESTORE_*.
+  Status Restore(const void* state, size_t size, uint32_t flags = 0, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_cloth_restore(cloth_, state, size, flags, error));
+  }
 
   // `output` may be null.
   Status Update(const dcloth_pose& pose, const dcloth_frame& frame, const dcloth_output* output,

@@ -11,6 +11,7 @@
 #endif
 #include "converter/assemble.h"
 #include "dcloth_generated.h"
+#include "engine/format/checksum.h"
 #include "tests/unit/converter/bundle_builder.h"
 
 namespace dcloth::converter {
@@ -71,6 +72,26 @@ TEST(WriteModelTest, TensorNamesAreUnique) {
   for (const PackedTensor* tensor : TensorsOf(parts))
     EXPECT_TRUE(names.insert(tensor->report.name).second) << tensor->report.name;
   EXPECT_GT(names.size(), 50u);
+}
+
+// The checksum of all else in the file: one more bit anywhere is another model.
+TEST(WriteModelTest, IdentityIsTheFilesChecksum) {
+  const auto identity = [](const AlignedBytes& bytes) { return format::GetModel(bytes.data())->identity(); };
+  std::set<uint64_t> seen;
+  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+    ModelParts parts = Parts(precision);
+    AlignedBytes bytes = WriteModel(parts);
+    EXPECT_EQ(identity(bytes), identity(WriteModel(parts))) << "the same parts are the same model";
+    EXPECT_TRUE(seen.insert(identity(bytes)).second);
+    parts.template_positions.bytes[5] ^= std::byte{1};
+    EXPECT_TRUE(seen.insert(identity(WriteModel(parts))).second) << "one bit of one tensor";
+    const uint64_t written = identity(bytes);
+    auto* const root = flatbuffers::GetMutableRoot<flatbuffers::Table>(bytes.data());
+    ASSERT_TRUE(root->SetField<uint64_t>(format::Model::VT_IDENTITY, 0));
+    EXPECT_EQ(format::Checksum(bytes.data(), bytes.size()), written);
+  }
+  EXPECT_EQ(seen.size(), 6u);
+  EXPECT_EQ(seen.count(0), 0u) << "0 is a file without identity";
 }
 
 }  // namespace
