@@ -17,5 +17,5 @@ def noisy(x, deviation):
 
 def velocities(windows, deviation, generator):
     """[B, 3] m/s: what each window is carried at; clips start at rest, so their first windows are not."""
-    inside = torch.tensor([[float(w.first > 0)] for w in windows])
+    inside = torch.tensor([[float(not w.fresh)] for w in windows])
     return deviation * inside * torch.tensor(CARRIED) * torch.randn(len(windows), 3, generator=generator)

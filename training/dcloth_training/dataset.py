@@ -96,6 +96,9 @@ def split(clips, validation):
 WARM_UP = 12    # ticks in which a state from elsewhere cannot know how the cloth was moving
 
 
+STILL_SHARE = 0.15    # drapes among the windows of an epoch
+
+
 @dataclass
 class Window:
     """`frames` consecutive ticks of one clip."""
@@ -103,22 +106,57 @@ class Window:
     first: int
     warm_up: int     # leading ticks that do not count, since the cloth was already moving
 
+    @property
+    def fresh(self):
+        """Begins where a garment begins: at rest, with a state of zero."""
+        return self.first == 0
+
+    def raw(self, frames):
+        return self.clip.pose.x[self.first:self.first + frames].clone()
+
+    def linear(self, frames):
+        """R_j [frames, m, 3, 3]."""
+        return self.clip.pose.linear[self.first:self.first + frames]
+
+    def wanted(self, frames, vertices):
+        """Residual [frames, v, 3]."""
+        return self.clip.wanted(slice(self.first, self.first + frames), vertices)
+
     def x(self, standardise, frames, reset=True, velocity=None):
         """Features; after a reset the first tick has no root motion. velocity [3]: features.carried."""
-        x = self.clip.pose.x[self.first:self.first + frames].clone()
+        x = self.raw(frames)
         if x.shape[1] % 9:
             if velocity is not None:
                 x = torch.from_numpy(features.carried(x.numpy(), velocity, self.clip.rate))
                 x[0, -4:-1] += torch.as_tensor(velocity, dtype=x.dtype)
-            if self.first and reset:
+            if reset and not self.fresh:
                 x[0, -4:] = 0
         return standardise(x)
 
 
-def windows(clips, frames, generator):
+class Still(Window):
+    """Pose `first` of a file of drapes, held: the cloth hangs, whatever it did before."""
+    fresh = False
+
+    def raw(self, frames):
+        x = self.clip.pose.x[self.first].repeat(frames, 1)
+        if x.shape[1] % 9:
+            x[:, -4:] = 0
+        return x
+
+    def linear(self, frames):
+        return self.clip.pose.linear[self.first].expand(frames, -1, -1, -1)
+
+    def wanted(self, frames, vertices):
+        one = self.clip.wanted(slice(self.first, self.first + 1), vertices)
+        return np.broadcast_to(one, (frames, *one.shape[1:]))
+
+
+def windows(clips, frames, generator, drapes=()):
     """A random epoch of windows of `frames` ticks, about one for every `frames` of data.
 
     Half of the windows start with the clip, where the cloth rests as the network's zero state says.
+    drapes: (clip, pose number) of quasi-static drapes; STILL_SHARE of the windows hold one.
     """
     out = []
     for clip in clips:
@@ -130,5 +168,8 @@ def windows(clips, frames, generator):
             if torch.rand(1, generator=generator) < 0.5:
                 first = 0
             out.append(Window(clip, first, WARM_UP if first else 0))
+    stills = round(len(out) * STILL_SHARE / (1 - STILL_SHARE)) if len(drapes) else 0
+    for which in torch.randint(0, max(1, len(drapes)), (stills,), generator=generator).tolist():
+        out.append(Still(*drapes[which], WARM_UP))
     order = torch.randperm(len(out), generator=generator)
     return [out[i] for i in order]

@@ -6,13 +6,14 @@ vertex distance on a random subset of vertices, which costs as little as regress
 
 A window that begins in the middle of a clip starts at zero, at the state in which another window
 ended, or anywhere in (-1, 1), a third each, and does not count until WARM_UP ticks later: whatever
-a host does to a garment, half a second of good poses must be enough to forget it.
+a host does to a garment, half a second of good poses must be enough to forget it. Some windows hold a
+drape's pose: clips never stand still, and a network that never saw it does not come to rest either.
 """
 import numpy as np
 import torch
 from torch import nn
 
-from . import augment, dataset, losses, loop, unskin
+from . import augment, dataset, fit_static, losses, loop, unskin
 
 BATCH = 16
 VERTICES = 256
@@ -49,9 +50,8 @@ class Reduced(nn.Module):
 
 def gather(windows, vertices, frames):
     """(linear [B, T, m, 3, 3], residual [B, T, v, 3]) of a batch of windows."""
-    linear = torch.stack([w.clip.pose.linear[w.first:w.first + frames] for w in windows])
-    rows = vertices.numpy()
-    target = np.stack([w.clip.wanted(slice(w.first, w.first + frames), rows) for w in windows])
+    linear = torch.stack([w.linear(frames) for w in windows])
+    target = np.stack([w.wanted(frames, vertices.numpy()) for w in windows])
     return linear, torch.from_numpy(target)
 
 
@@ -64,7 +64,7 @@ def first_states(windows, ended, generator):
     """(state [1, B, k], reset [B] bool) to start windows from; ended [E, k]: where others ended."""
     count, size = len(windows), ended.shape[1]
     kind = torch.randint(0, 3, (count,), generator=generator)
-    kind[torch.tensor([w.first == 0 for w in windows])] = 0
+    kind[torch.tensor([w.fresh for w in windows])] = 0
     others = ended[torch.randint(0, len(ended), (count,), generator=generator)]
     anywhere = 2 * torch.rand(count, size, generator=generator) - 1
     state = torch.where((kind == 1)[:, None], others, (kind == 2)[:, None] * anywhere)
@@ -86,8 +86,8 @@ def clip_errors(reduced, static, standardise, clips, every=8):
     return total / ticks
 
 
-def train(skeleton, static, standardise, training, validation, options, folder, log=print):
-    """-> history; leaves the trained GRU and basis in `skeleton`."""
+def train(skeleton, static, standardise, training, validation, drapes, options, folder, log=print):
+    """-> history; leaves the trained GRU and basis in `skeleton`. drapes: clips of still poses."""
     count = len(static.template)
     components, deviations = unskin.principal(
         lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
@@ -95,9 +95,11 @@ def train(skeleton, static, standardise, training, validation, options, folder, 
     torch.manual_seed(options.seed)
     reduced = Reduced(skeleton.gru, components, deviations, options)
     weights, frames = static.weights().detach(), options.window
+    stills = [(clip, t) for clip in drapes for t in range(len(clip))
+              if t % fit_static.HELD_EVERY != fit_static.HELD_EVERY - 1]
 
     def batches(generator):
-        order = dataset.windows(training, frames, generator)
+        order = dataset.windows(training, frames, generator, stills)
         ended = torch.zeros(1, reduced.gru.hidden_size)
         for at in range(0, len(order), BATCH):
             some = order[at:at + BATCH]

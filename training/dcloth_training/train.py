@@ -152,10 +152,11 @@ def run(options):
     drapes = None
     net.static.requires_grad_(False)
     if options.stages != "static":
-        dataset.add_residuals(training + validation, net.static, net.standardise, character)
+        dataset.add_residuals(training + validation + static_clips, net.static, net.standardise, character)
         log("ground truth un-skinned")
         histories["skeleton"] = fit_skeleton.train(net.skeleton, net.static, net.standardise,
-                                                   training, validation, options, options.out, log)
+                                                   training, validation, static_clips, options,
+                                                   options.out, log)
         net.skeleton.requires_grad_(False)
     if options.stages == "mesh":
         fit_skeleton.subtract(net.skeleton, net.standardise, training + validation)

@@ -106,6 +106,20 @@ def test_windows_begin_with_a_reset(tiny):
     assert torch.allclose(aboard[:, -3], torch.tensor(3.0)) and torch.equal(aboard[:, :9], x[:, :9])
 
 
+def test_a_drape_is_a_pose_that_stands_still_after_any_history():
+    pose = type("P", (), {"x": torch.arange(39.0).reshape(3, 13), "linear": torch.rand(3, 2, 3, 3)})
+    clip = dataset.Clip("d", "", False, pose, 30.0, np.arange(18, dtype=np.float16).reshape(3, 2, 3))
+    generator = torch.Generator().manual_seed(1)
+    assert not dataset.windows([], 8, generator, [(clip, 0)])
+    still = dataset.Still(clip, 0, dataset.WARM_UP)
+    assert not still.fresh and still.warm_up == dataset.WARM_UP
+    x = still.x(lambda v: v, 5, reset=False, velocity=np.array([1.0, 0.0, 2.0]))
+    assert torch.equal(x[:, :9], pose.x[0, :9].expand(5, 9))
+    assert torch.allclose(x[:, -4:], torch.tensor([1.0, 0.0, 2.0, 0.0]))
+    assert torch.equal(still.linear(5)[4], pose.linear[0])
+    assert np.array_equal(still.wanted(5, np.array([1]))[3], [[3, 4, 5]])
+
+
 def test_windows_start_at_zero_where_another_ended_or_anywhere():
     generator = torch.Generator().manual_seed(3)
     windows = [dataset.Window(None, first, 0) for first in [0] * 50 + [7] * 600]

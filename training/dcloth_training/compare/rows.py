@@ -137,7 +137,7 @@ class Frozen(Row):
 
 @dataclass
 class SameBudget(Row):
-    """Stage 2 trained again on the full model's stage 1, with the families' budget."""
+    """Stage 2 trained again on the full model's stage 1: the families' budget and windows (no drapes)."""
     OF_FULL = True
 
     def folder(self, scene):
@@ -150,7 +150,7 @@ class SameBudget(Row):
                                  scene.options.skeleton_size)
         with loop.limited(scene.minutes):
             history = fit_skeleton.train(skeleton, scene.net.static, scene.standardise, training,
-                                         validation, scene.options, folder, scene.log)
+                                         validation, [], scene.options, folder, scene.log)
         checkpoint.save(os.path.join(folder, fit.MODEL),
                         {"state": skeleton.state_dict(), "history": history})
 
