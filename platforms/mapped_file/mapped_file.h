@@ -1,5 +1,5 @@
-// A whole file as read-only memory: the bytes of a .dcloth file as dcloth_model_open takes them, without a copy. Pages are
-// read when they are first touched and shared by every process that maps the file. POSIX (Linux, macOS, iOS, Android)
+// A whole file as read-only memory: the bytes of a .dcloth file as dcloth_model_open takes them, without a copy. Pages
+// are read when they are first touched and shared by every process that maps the file. POSIX (Linux, macOS, iOS, Android)
 // and Windows; a host that has its own file system or archive needs none of this.
 //
 // The file must stay as it is while mapped. Windows refuses to shorten it; elsewhere whoever shortens it makes the next
@@ -30,8 +30,8 @@ class MappedFile {
   // Maps `path` and lets go of what was mapped before; on failure that stays as it was.
   // Memory: address space of the file's size; the file itself is closed again.
   // Thread: any, one object on one thread at a time.
-  // Errors: the system's; is_a_directory or invalid_argument where `path` is no regular file. An empty file has no bytes
-  //         to map and is no error: data() is null.
+  // Errors: the system's; is_a_directory or invalid_argument where `path` is no regular file. An empty file has no
+  //         bytes to map and is no error: data() is null.
   // Cost: a few system calls, whatever the size; a page fault for each page at its first use.
   std::error_code Map(const std::filesystem::path& path);
 
