@@ -1,6 +1,6 @@
 // tanh and the logistic function on vectors, for the recurrent kernels. Included once per instruction set.
 //
-// tanh: tanh_rational.h. Maximum absolute error (measured against long double, asserted by the test): 3.0e-7 with fused
+// tanh: tanh_rational.h. Maximum absolute error (measured against double, asserted by the test): 3.0e-7 with fused
 // multiply-add, 4.2e-7 without. Odd, |tanh| <= 1, exactly +-1 from the clamp on. NaN gives NaN.
 // Logistic function: (1 + tanh(x / 2)) / 2; half of tanh's error plus one rounding, exactly 0 and 1 from twice the clamp
 // on.
@@ -23,8 +23,14 @@ namespace hn = hwy::HWY_NAMESPACE;
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V TanhOf(D d, V x) {
   const float clamp = HWY_NATIVE_FMA ? kTanhClampWithFma : kTanhClampWithoutFma;
+#if HWY_ARCH_ARM
+  // NEON's minimum and maximum, as Highway uses them, return the number where one operand is NaN.
+  x = hn::IfThenElse(hn::Lt(x, hn::Set(d, -clamp)), hn::Set(d, -clamp), x);
+  x = hn::IfThenElse(hn::Gt(x, hn::Set(d, clamp)), hn::Set(d, clamp), x);
+#else
   // x second: the x86 minimum and maximum return their second operand where one is NaN.
   x = hn::Min(hn::Set(d, clamp), hn::Max(hn::Set(d, -clamp), x));
+#endif
   const V x2 = hn::Mul(x, x);
   V p = hn::MulAdd(x2, hn::Set(d, kTanhNumerator[6]), hn::Set(d, kTanhNumerator[5]));
   p = hn::MulAdd(x2, p, hn::Set(d, kTanhNumerator[4]));

@@ -1,8 +1,13 @@
 #include "converter/file.h"
 
 #include <gtest/gtest.h>
+
+#if defined(_WIN32)
+#include <process.h>
+#else
 #include <sys/resource.h>
 #include <unistd.h>
+#endif
 
 #include <csignal>
 #include <fstream>
@@ -12,6 +17,12 @@
 
 namespace dcloth::converter {
 namespace {
+
+#if defined(_WIN32)
+int ProcessId() { return _getpid(); }
+#else
+int ProcessId() { return ::getpid(); }
+#endif
 
 namespace fs = std::filesystem;
 using dcloth::testing::ErrorText;
@@ -131,7 +142,7 @@ TEST_F(FileTest, TemporariesOfOthersSurvive) {
   // A crashed run of this very process id leaves such a file.
   Write(folder_ / "x", "1");
   for (int attempt = 0; attempt < 3; ++attempt) {
-    Put(folder_ / ("x." + std::to_string(::getpid()) + "." + std::to_string(attempt) + ".tmp"), "theirs");
+    Put(folder_ / ("x." + std::to_string(ProcessId()) + "." + std::to_string(attempt) + ".tmp"), "theirs");
   }
   Write(folder_ / "x", "2");
   EXPECT_EQ(Get(folder_ / "x"), "2");

@@ -9,6 +9,10 @@
 #include <new>
 #include <utility>
 
+#if defined(_WIN32)
+#include <malloc.h>
+#endif
+
 namespace dcloth {
 
 class AlignedBytes {
@@ -16,9 +20,7 @@ class AlignedBytes {
   static constexpr uint8_t kPoison = 0xA5;
 
   explicit AlignedBytes(size_t size = 0) : size_(size) {
-    void* data = nullptr;
-    if (posix_memalign(&data, 64, size) != 0) throw std::bad_alloc();
-    data_ = static_cast<uint8_t*>(data);
+    data_ = static_cast<uint8_t*>(Allocate(size));
     if (size != 0) std::memset(data_, kPoison, size);
   }
   AlignedBytes(const void* bytes, size_t size) : AlignedBytes(size) {
@@ -32,13 +34,29 @@ class AlignedBytes {
     std::swap(size_, other.size_);
     return *this;
   }
-  ~AlignedBytes() { std::free(data_); }
+  ~AlignedBytes() { Free(data_); }
 
   uint8_t* data() { return data_; }
   const uint8_t* data() const { return data_; }
   size_t size() const { return size_; }
 
  private:
+#if defined(_WIN32)
+  static void* Allocate(size_t size) {
+    void* const data = _aligned_malloc(size == 0 ? 1 : size, 64);
+    if (data == nullptr) throw std::bad_alloc();
+    return data;
+  }
+  static void Free(void* data) { _aligned_free(data); }
+#else
+  static void* Allocate(size_t size) {
+    void* data = nullptr;
+    if (posix_memalign(&data, 64, size) != 0) throw std::bad_alloc();
+    return data;
+  }
+  static void Free(void* data) { std::free(data); }
+#endif
+
   uint8_t* data_;
   size_t size_;
 };

@@ -22,6 +22,29 @@ extern "C" __attribute__((visibility("default"))) void __sanitizer_malloc_hook(c
   Count();
 }
 
+#elif defined(_WIN32)
+
+// The linker sends every call of the executable and its static libraries, operator new among them, here first
+// (--wrap in CMakeLists.txt). Blocks of _aligned_malloc, which the C library exports by pointer, pass unseen.
+extern "C" {
+void* __real_malloc(size_t size);
+void* __real_calloc(size_t count, size_t size);
+void* __real_realloc(void* block, size_t size);
+
+void* __wrap_malloc(size_t size) {
+  Count();
+  return __real_malloc(size);
+}
+void* __wrap_calloc(size_t count, size_t size) {
+  Count();
+  return __real_calloc(count, size);
+}
+void* __wrap_realloc(void* block, size_t size) {
+  Count();
+  return __real_realloc(block, size);
+}
+}
+
 #else
 
 // glibc's own names, so that the replaced functions have something to call. operator new goes through malloc.

@@ -42,9 +42,9 @@ DCLOTH_TEST_EVERY_TABLE(ActivationTest);
 TEST_P(ActivationTest, TanhIsWithinItsStatedErrorOddAndBounded) {
   const std::vector<float> x = Sweep();
   const std::vector<float> y = Tanh(x);
-  long double worst = 0;
+  double worst = 0;
   for (size_t i = 0; i < x.size(); i += 2) {
-    worst = std::max(worst, std::fabs(y[i] - std::tanh(static_cast<long double>(x[i]))));
+    worst = std::max(worst, std::fabs(y[i] - std::tanh(static_cast<double>(x[i]))));
     ASSERT_LE(y[i], 1.0f) << x[i];
     ASSERT_EQ(y[i + 1], -y[i]) << x[i];
     if (x[i] >= kTanhClampWithFma) {
@@ -52,15 +52,15 @@ TEST_P(ActivationTest, TanhIsWithinItsStatedErrorOddAndBounded) {
     }
   }
   EXPECT_LE(worst, kTanhMaxError) << table().name;
-  RecordProperty("worst_error", std::to_string(static_cast<double>(worst) * 1e7) + "e-7");
+  RecordProperty("worst_error", std::to_string(worst * 1e7) + "e-7");
 }
 
 TEST_P(ActivationTest, SigmoidIsWithinItsStatedErrorAndBounded) {
   const std::vector<float> x = Sweep();
   const std::vector<float> y = Sigmoid(x);
-  long double worst = 0;
+  double worst = 0;
   for (size_t i = 0; i < x.size(); ++i) {
-    worst = std::max(worst, std::fabs(y[i] - 1 / (1 + std::exp(-static_cast<long double>(x[i])))));
+    worst = std::max(worst, std::fabs(y[i] - 1 / (1 + std::exp(-static_cast<double>(x[i])))));
     ASSERT_TRUE(y[i] >= 0.0f && y[i] <= 1.0f) << x[i];
     if (x[i] >= 2 * kTanhClampWithFma) {
       ASSERT_EQ(y[i], 1.0f) << x[i];
@@ -70,7 +70,7 @@ TEST_P(ActivationTest, SigmoidIsWithinItsStatedErrorAndBounded) {
     }
   }
   EXPECT_LE(worst, kSigmoidMaxError) << table().name;
-  RecordProperty("worst_error", std::to_string(static_cast<double>(worst) * 1e7) + "e-7");
+  RecordProperty("worst_error", std::to_string(worst * 1e7) + "e-7");
 }
 
 TEST_P(ActivationTest, InfinitiesSaturateAndNanPropagates) {

@@ -1,19 +1,17 @@
 // Memory between two inaccessible pages, to catch reads and writes outside an array that sanitizers cannot see in
-// vector code of another translation unit. POSIX.
+// vector code of another translation unit.
 #ifndef DCLOTH_TESTS_UNIT_KERNELS_GUARDED_BUFFER_H_
 #define DCLOTH_TESTS_UNIT_KERNELS_GUARDED_BUFFER_H_
-
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <stdexcept>
 #include <type_traits>
 #include <vector>
+
+#include "tests/unit/kernels/pages.h"
 
 namespace dcloth::kernels {
 
@@ -28,11 +26,10 @@ template <typename T>
 class GuardedBuffer {
  public:
   explicit GuardedBuffer(size_t count, Place place = Place::kEnd) : count_(count) {
-    const size_t page = static_cast<size_t>(sysconf(_SC_PAGESIZE));
+    const size_t page = PageBytes();
     const size_t body = (count * sizeof(T) + 63 + page) / page * page;
     mapped_ = body + 2 * page;
-    base_ = static_cast<uint8_t*>(mmap(nullptr, mapped_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
-    if (base_ == MAP_FAILED) throw std::runtime_error("mmap failed");
+    base_ = static_cast<uint8_t*>(AllocatePages(mapped_));
     body_ = base_ + page;
     end_ = body_ + body;
     std::memset(body_, kCanary, body);
@@ -41,16 +38,15 @@ class GuardedBuffer {
     if (place == Place::kStart) start = body_;
     data_ = reinterpret_cast<T*>(start);
     Poison();
-    if (mprotect(base_, page, PROT_NONE) != 0 || mprotect(end_, page, PROT_NONE) != 0) {
-      throw std::runtime_error("mprotect failed");
-    }
+    ProtectPages(base_, page, Access::kNone);
+    ProtectPages(end_, page, Access::kNone);
   }
   GuardedBuffer(const std::vector<T>& values, Place place = Place::kEnd) : GuardedBuffer(values.size(), place) {
     std::copy(values.begin(), values.end(), data_);
   }
   GuardedBuffer(const GuardedBuffer&) = delete;
   GuardedBuffer& operator=(const GuardedBuffer&) = delete;
-  ~GuardedBuffer() { munmap(base_, mapped_); }
+  ~GuardedBuffer() { FreePages(base_, mapped_); }
 
   T* data() { return data_; }
   const T* data() const { return data_; }
@@ -67,9 +63,7 @@ class GuardedBuffer {
   }
 
   // From now on writing faults like leaving the array does.
-  void MakeReadOnly() {
-    if (mprotect(body_, static_cast<size_t>(end_ - body_), PROT_READ) != 0) throw std::runtime_error("mprotect failed");
-  }
+  void MakeReadOnly() { ProtectPages(body_, static_cast<size_t>(end_ - body_), Access::kRead); }
 
   // Whether the bytes between the array and the guard pages are as they were.
   bool SlackUntouched() const {
