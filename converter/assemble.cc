@@ -102,6 +102,29 @@ MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, co
   return parts;
 }
 
+BodyParts AssembleBody(const Bundle& bundle, const FoldedBundle& folded) {
+  constexpr float kClearance = 0.002f;  // eps of eq. 18
+  constexpr float kReach = 0.15f;       // no part of a grown body is thicker than twice that
+  const BodySurface& surface = folded.surface;
+  const auto b = static_cast<uint32_t>(surface.vertices.size()), influences = surface.skin.influences;
+  Matrix positions(b, 3);
+  for (uint32_t i = 0; i < b; ++i) positions.row(i) = bundle.body_positions.row(surface.vertices[i]);
+  std::vector<uint32_t> joints;
+  for (const uint32_t column : surface.skin.columns) joints.push_back(folded.joints.kept[column]);
+  const auto corners = static_cast<uint32_t>(surface.faces.size());
+  BodyParts parts;
+  parts.influences = static_cast<uint8_t>(influences);
+  parts.positions = PackFloats("body.positions", positions);
+  parts.joints = PackIndices("body.joints", StoredType::kU8, {b, influences}, joints);
+  parts.weights = PackFloats("body.weights", {b, influences}, surface.skin.weights);
+  parts.faces = PackIndices("body.faces", StoredType::kU16, {corners / 3, 3}, surface.faces);
+  parts.row_starts = PackIndices("body.row_starts", StoredType::kU32, {b + 1}, surface.row_starts);
+  parts.columns = PackIndices("body.columns", StoredType::kU16, {corners}, surface.columns);
+  parts.clearance = kClearance;
+  parts.reach = kReach;
+  return parts;
+}
+
 }  // namespace
 
 FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences) {
@@ -112,7 +135,8 @@ FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body
     folded.body_weights = NormaliseRows(bundle.mesh->nearest_joint_weights);
     folded.body = Prune(folded.body_weights, body_influences);
   }
-  folded.joints = ChooseJoints(bundle, folded.body);
+  folded.surface = MakeBodySurface(bundle, body_influences);
+  folded.joints = ChooseJoints(bundle, folded.body, folded.surface.skin);
   return folded;
 }
 
@@ -163,6 +187,7 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const Prec
     }
   }
   if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, plan);
+  if (!folded.surface.empty()) parts.body = AssembleBody(bundle, folded);
   return parts;
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "converter/body_surface.h"
 #include "converter/bundle.h"
 #include "converter/fold.h"
 #include "converter/precision.h"
@@ -20,6 +21,7 @@ struct FoldedBundle {
   PrunedWeights skin;    // columns index bundle.bones
   MatrixD body_weights;  // [n, J], empty without a mesh stage
   PrunedWeights body;    // columns index bundle.joint_names; empty without a mesh stage
+  BodySurface surface;   // empty where no skin collides
   JointSubset joints;
   std::optional<ReducedBasis> reduced;  // stored in place of the stacked basis
 };

@@ -126,6 +126,14 @@ void ReadBody(TensorReader* reader, Bundle* bundle) {
   const uint64_t b = Rows(bundle->body_positions);
   bundle->body_faces = reader->TakeFaces("body.faces", b);
   bundle->body_joint_weights = reader->TakeSkinWeights("body.joint_weights", b, bundle->joint_names.size(), "[b, J]");
+  if (!reader->Has("body.collides")) return;
+  bundle->body_collides = reader->TakeVector("body.collides", b, "[b]");
+  for (Eigen::Index i = 0; i < bundle->body_collides.size(); ++i) {
+    const float value = bundle->body_collides[i];
+    if (value == 0 || value == 1) continue;
+    reader->Refuse("body.collides", std::to_string(value) + " at vertex " + std::to_string(i),
+                   "1 where cloth collides with the skin, 0 elsewhere");
+  }
 }
 
 }  // namespace

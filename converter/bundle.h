@@ -68,6 +68,7 @@ struct Bundle {
   Matrix body_positions;              // [b, 3]
   Faces body_faces;
   Matrix body_joint_weights;  // [b, J]
+  Vector body_collides;       // [b] 0 or 1; empty where the bundle does not say
 
   Vector feature_mean, feature_deviation, feature_low, feature_high;  // [d]
   LinearWeights static_hidden;                                        // [h, d]

@@ -11,7 +11,7 @@ namespace {
 constexpr const char* kName = "displacement.basis.weights";
 constexpr double kLevels = 127;
 // Of the rows, one in so many is corrected at most: an int8 model stays below 0.30 of its fp32 twin.
-constexpr size_t kRowsPerCorrection = 16;
+constexpr size_t kRowsPerCorrection = 20;
 
 // W - stored of one row.
 VectorD Remainder(const Matrix& exact, const QuantizedMatrix& stored, uint32_t row) {

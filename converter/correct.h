@@ -21,7 +21,7 @@ namespace dcloth::converter {
 void TradeForCorrections(ReducedBasis* reduced);
 
 // Adds remainders, worst rows first and in pairs, until rounding loses no more than `squared_error` or one row in
-// sixteen has one.
+// twenty has one.
 void AddCorrections(double squared_error, ReducedBasis* reduced);
 
 // int8 rows of `basis`, then the remainders of the rows `corrected`. `exact` is what those rows stand for.

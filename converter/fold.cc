@@ -43,13 +43,15 @@ FoldedMeshLayer FoldMeshLayer(const MeshLayerWeights& layer) {
   return folded;
 }
 
-JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body) {
+JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body, const PrunedWeights& surface) {
   std::vector<bool> needed(bundle.joint_names.size(), false);
   needed[bundle.hips] = true;
   for (const uint32_t joint : bundle.feature_joints) needed[joint] = true;
   for (const uint32_t joint : bundle.bones) needed[joint] = true;
-  for (size_t i = 0; i < body.columns.size(); ++i) {
-    if (body.weights[i] != 0) needed[body.columns[i]] = true;
+  for (const PrunedWeights* points : {&body, &surface}) {
+    for (size_t i = 0; i < points->columns.size(); ++i) {
+      if (points->weights[i] != 0) needed[points->columns[i]] = true;
+    }
   }
   JointSubset subset;
   subset.kept.assign(needed.size(), JointSubset::kDropped);

@@ -32,8 +32,8 @@ struct JointSubset {
   std::vector<uint32_t> kept;    // per bundle joint its index in `joints`, or kDropped
   static constexpr uint32_t kDropped = UINT32_MAX;
 };
-// `body` may be empty (no mesh stage).
-JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body);
+// `body` may be empty (no mesh stage), and so may `surface` (no skin that collides).
+JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body, const PrunedWeights& surface = {});
 
 // B_j^-1 of each joint, three rows of four, [joints, 12].
 Matrix InverseBinds(const Bundle& bundle, std::span<const uint32_t> joints);

@@ -58,12 +58,13 @@ class Writer {
     const auto skeleton = parts_.skeleton ? Skeleton(*parts_.skeleton) : fb::Offset<format::SkeletonStage>();
     const auto mesh = parts_.mesh ? Mesh(*parts_.mesh) : fb::Offset<format::MeshStage>();
     const auto displacement = parts_.basis ? Displacement(*parts_.basis) : fb::Offset<format::Displacement>();
+    const auto body = parts_.body ? Body(*parts_.body) : fb::Offset<format::Body>();
     const auto producer = String(parts_.producer);
     const auto precision = String(parts_.precision);
     const auto model =
         format::CreateModel(builder_, format::kFormatMajor, kFormatMinor, producer, precision, parts_.tick_rate,
                             garment, character, features, static_stage, skeleton, mesh, displacement, weights,
-                            kNoIdentityYet);
+                            kNoIdentityYet, body);
     builder_.Finish(model, format::ModelIdentifier());
     AlignedBytes bytes(builder_.GetSize());
     std::memcpy(bytes.data(), builder_.GetBufferPointer(), bytes.size());
@@ -181,6 +182,17 @@ class Writer {
     return format::CreateDisplacement(builder_, parts_.skeleton_rows, parts_.mesh_rows, linear, head);
   }
 
+  fb::Offset<format::Body> Body(const BodyParts& body) {
+    const auto positions = Tensor(body.positions);
+    const auto joints = Tensor(body.joints);
+    const auto weights = Tensor(body.weights);
+    const auto faces = Tensor(body.faces);
+    const auto row_starts = Tensor(body.row_starts);
+    const auto columns = Tensor(body.columns);
+    return format::CreateBody(builder_, body.influences, positions, joints, weights, faces, row_starts, columns,
+                              body.clearance, body.reach);
+  }
+
   const ModelParts& parts_;
   fb::FlatBufferBuilder builder_;
   Layout layout_;
@@ -219,6 +231,10 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
   if (parts.head) add_linear(*parts.head);
   if (parts.basis) add_linear(*parts.basis);
   add(parts.template_positions, parts.influence_bones, parts.influence_weights, parts.faces);
+  if (parts.body) {
+    const BodyParts& body = *parts.body;
+    add(body.positions, body.joints, body.weights, body.faces, body.row_starts, body.columns);
+  }
   return tensors;
 }
 

@@ -32,6 +32,12 @@ struct SkeletonStageParts {
   PackedLinear input, hidden;
 };
 
+struct BodyParts {
+  uint8_t influences = 0;
+  PackedTensor positions, joints, weights, faces, row_starts, columns;
+  float clearance = 0, reach = 0;
+};
+
 struct ModelParts {
   std::string producer, precision, garment;
   float tick_rate = 0;
@@ -50,6 +56,7 @@ struct ModelParts {
   std::optional<SkeletonStageParts> skeleton;
   std::optional<MeshStageParts> mesh;
   std::optional<PackedLinear> basis, head;
+  std::optional<BodyParts> body;
 };
 
 // The file's bytes. Tensors lie in the order in which a tick reads them, each on 64 bytes, gaps zero. The same parts

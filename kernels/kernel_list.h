@@ -7,6 +7,7 @@
 #include "kernels/gru/gru.h"
 #include "kernels/gsgru/gsgru.h"
 #include "kernels/matvec/matvec.h"
+#include "kernels/nearest/nearest.h"
 #include "kernels/normals/normals.h"
 #include "kernels/skinning/skinning.h"
 
@@ -20,7 +21,8 @@
   X(GruGates, gru_gates)        \
   X(Gsgru, gsgru)               \
   X(Skinning, skinning)         \
-  X(Normals, normals)
+  X(Normals, normals)           \
+  X(Nearest, nearest)
 
 // Declares every kernel inside the current namespace.
 #define DCLOTH_DECLARE_KERNEL(Function, member) void Function(const Function##Job& job);

@@ -158,7 +158,8 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
       "is the\n"
       "same back to back. Rows: plain skinning (nearest-point weights, no network), the last precision stopped after "
       "each\n"
-      "earlier stage (\"int8/static\"), each precision with all stages. fp32 is the difference to the float32 engine.");
+      "earlier stage (\"int8/static\"), each precision with all stages, the last one kept outside the body "
+      "(\"int8/outside\")\nwhere the bundle's skin collides. fp32 is the difference to the float32 engine.");
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("SEQ", options->sequences, "sequences (.safetensors)")->required();
   command

@@ -28,12 +28,18 @@ std::vector<PoseTrack> PosesFor(const OpenModel& model, std::span<const Sequence
 // Tick and skin from a reset, one call a tick. Returns milliseconds per tick.
 class Runner {
  public:
-  Runner(const Bundle& bundle, const OpenModel& model, uint32_t stages, std::span<const Sequence> sequences)
-      : bundle_(bundle), sequences_(sequences), model_(model), stages_(stages), poses_(PosesFor(model, sequences)) {}
+  Runner(const Bundle& bundle, const OpenModel& model, uint32_t stages, std::span<const Sequence> sequences,
+         uint32_t output_flags = 0)
+      : bundle_(bundle),
+        sequences_(sequences),
+        model_(model),
+        stages_(stages),
+        output_flags_(output_flags),
+        poses_(PosesFor(model, sequences)) {}
 
   std::vector<float> Play(size_t index, std::vector<double>* warm_ms) {
     const size_t ticks = TickCount(bundle_, sequences_[index]), step = FramesPerTick(bundle_, sequences_[index]);
-    Player player(model_, stages_, converter::PathText(sequences_[index].path));
+    Player player(model_, stages_, converter::PathText(sequences_[index].path), output_flags_);
     std::vector<float> positions;
     positions.reserve(ticks * player.positions().size());
     player.Reset();
@@ -52,7 +58,7 @@ class Runner {
                 std::array<std::vector<double>, DCLOTH_STEP_COUNT>* stages_ms) {
     const size_t ticks = std::min(limit, TickCount(bundle_, sequences_[index]));
     const size_t step = FramesPerTick(bundle_, sequences_[index]);
-    Player player(model_, stages_, converter::PathText(sequences_[index].path));
+    Player player(model_, stages_, converter::PathText(sequences_[index].path), output_flags_);
     StepTimer timer;
     player.Reset();
     for (size_t t = 0; t < ticks; ++t) {
@@ -71,7 +77,7 @@ class Runner {
   const Bundle& bundle_;
   std::span<const Sequence> sequences_;
   const OpenModel& model_;
-  uint32_t stages_;
+  uint32_t stages_, output_flags_;
   std::vector<PoseTrack> poses_;
 };
 
@@ -138,6 +144,7 @@ struct Job {
   std::string name;
   uint32_t stages;
   const OpenModel* model;
+  uint32_t output_flags = 0;
 };
 
 }  // namespace
@@ -190,6 +197,10 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
   for (size_t i = 0; i < models.size(); ++i) {
     jobs.push_back({converter::PrecisionName(options.precisions[i]), models[i].info().stages, &models[i]});
   }
+  if (dcloth_model_body_vertex_count(last.model()) != 0) {
+    const std::string name = std::string(converter::PrecisionName(options.precisions.back())) + "/outside";
+    jobs.push_back({name, last.info().stages, &last, DCLOTH_OUTPUT_OUTSIDE_BODY});
+  }
 
   const size_t total = (jobs.size() + 2) * sequences.size();
   size_t done = 0;
@@ -221,7 +232,7 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
     variant.stages = StagesName(job.stages);
     variant.model_bytes = job.model->bytes().size();
     variant.instance_bytes = job.model->instance_bytes();
-    Runner runner(bundle, *job.model, job.stages, sequences);
+    Runner runner(bundle, *job.model, job.stages, sequences, job.output_flags);
     std::vector<double> warm_ms;
     measure(std::move(variant), [&](size_t s) { return runner.Play(s, &warm_ms); });
     variants.back().times = MeasureCold(&runner, sequences.size(), options.cold_ticks, std::move(warm_ms));

@@ -30,7 +30,7 @@ struct TickTimes {
 };
 
 struct Variant {
-  std::string name;                              // "int8", "int8/skeleton", "skinning"
+  std::string name;                              // "int8", "int8/skeleton", "int8/outside", "skinning"
   std::string stages;                            // "static", "skeleton", "mesh"; "none" for plain skinning
   uint64_t model_bytes = 0, instance_bytes = 0;  // 0 for plain skinning
   std::optional<TickTimes> times;                // none for plain skinning: it is here for its error
@@ -56,7 +56,8 @@ using PlayedVisitor = std::function<void(const Played&)>;
 size_t FramesPerTick(const converter::Bundle& bundle, const converter::Sequence& sequence);
 size_t TickCount(const converter::Bundle& bundle, const converter::Sequence& sequence);
 
-// Variants: plain skinning; the last precision stopped after each earlier stage; each precision with all stages.
+// Variants: plain skinning; the last precision stopped after each earlier stage; each precision with all stages; the
+// last one kept outside the body, where the model holds one.
 std::vector<Variant> Evaluate(const converter::Bundle& bundle, std::span<const converter::Sequence> sequences,
                               const EvaluationOptions& options, const PlayedVisitor& visit);
 

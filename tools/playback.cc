@@ -28,9 +28,10 @@ double TickRate(const converter::OpenModel& model) {
   return std::round(1e4 / static_cast<double>(model.info().tick_seconds)) / 1e4;
 }
 
-Player::Player(const converter::OpenModel& model, uint32_t stages, std::string source)
+Player::Player(const converter::OpenModel& model, uint32_t stages, std::string source, uint32_t output_flags)
     : model_(model),
       stages_(stages),
+      output_flags_(output_flags),
       source_(std::move(source)),
       positions_(size_t{model.info().vertex_count} * 3),
       normals_(positions_.size()) {
@@ -77,6 +78,7 @@ dcloth_output Player::Output() {
   output.position_stride_bytes = 3 * sizeof(float);
   output.normals = normals_.data();
   output.normal_stride_bytes = 3 * sizeof(float);
+  output.flags = output_flags_;
   return output;
 }
 

@@ -22,7 +22,8 @@ double TickRate(const converter::OpenModel& model);  // Hz, rounded to the float
 // Drives the one cloth of `model`, which must outlive this. Stages are at most what the model holds; throws otherwise.
 class Player {
  public:
-  Player(const converter::OpenModel& model, uint32_t stages, std::string source);
+  // `output_flags` are DCLOTH_OUTPUT_*.
+  Player(const converter::OpenModel& model, uint32_t stages, std::string source, uint32_t output_flags = 0);
 
   void Reset();
   void Tick(std::span<const float> pose, dcloth_timer* timer = nullptr);
@@ -42,7 +43,7 @@ class Player {
   dcloth_output Output();
 
   const converter::OpenModel& model_;
-  uint32_t stages_;
+  uint32_t stages_, output_flags_;
   std::string source_;  // names the sequence in errors
   std::vector<float> positions_, normals_;
 };

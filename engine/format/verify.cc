@@ -100,6 +100,7 @@ constexpr Child kChildren[] = {
     {"mesh_stage", Model::VT_MESH_STAGE, false, VerifyChild<MeshStage>},
     {"displacement", Model::VT_DISPLACEMENT, false, VerifyChild<Displacement>},
     {"weights", Model::VT_WEIGHTS, true, VerifyWeights},
+    {"body", Model::VT_BODY, false, VerifyChild<Body>},
 };
 
 // Of a place in the file. A broken vtable may put a field outside: then that of the root table.

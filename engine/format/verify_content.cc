@@ -2,6 +2,7 @@
 #include "engine/format/verify_content.h"
 
 #include "engine/format/scan.h"
+#include "engine/format/verify_body.h"
 #include "kernels/skinning/skinning.h"
 
 namespace dcloth::format {
@@ -262,7 +263,8 @@ bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
          VerifyFeatures(*model.features(), check, view) && VerifyStaticStage(*model.static_stage(), check, view) &&
          (model.skeleton_stage() == nullptr || VerifySkeletonStage(*model.skeleton_stage(), check, view)) &&
          (model.mesh_stage() == nullptr || VerifyMeshStage(*model.mesh_stage(), check, view)) &&
-         VerifyDisplacement(model, check, view);
+         VerifyDisplacement(model, check, view) &&
+         (model.body() == nullptr || VerifyBody(*model.body(), check, view));
 }
 
 }  // namespace dcloth::format

@@ -86,6 +86,21 @@ struct DisplacementView {
   uint32_t mesh_rows;      // 0 without a mesh stage or with a head
 };
 
+// The colliding surface; all null and zero where the model has none.
+struct BodyView {
+  const float* positions;      // [vertex_count, 3]
+  const uint8_t* joints;       // [vertex_count, influences]
+  const float* weights;        // [vertex_count, influences]
+  const uint16_t* faces;       // [face_count, 3]
+  const uint32_t* row_starts;  // [vertex_count + 1], into columns; 1 to kMaxBodyRing apart
+  const uint16_t* columns;     // [3 face_count], faces around each vertex
+  uint32_t vertex_count;       // b
+  uint32_t face_count;
+  uint32_t influences;
+  float clearance;  // metres
+  float reach;      // metres
+};
+
 struct ModelView {
   const char* name;
   const char* precision;
@@ -98,6 +113,7 @@ struct ModelView {
   SkeletonStageView skeleton_stage;
   MeshStageView mesh_stage;
   DisplacementView displacement;
+  BodyView body;
   uint32_t joint_count;
   uint32_t hips;
   uint32_t vertex_count;  // n

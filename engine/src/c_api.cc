@@ -129,6 +129,10 @@ const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index) {
   return model == nullptr ? nullptr : dcloth::format::JointName(ViewOf(model), index);
 }
 
+uint32_t dcloth_model_body_vertex_count(const dcloth_model* model) {
+  return model == nullptr ? 0 : ViewOf(model).body.vertex_count;
+}
+
 size_t dcloth_cloth_storage_size(const dcloth_model* model) {
   return model == nullptr ? 0 : dcloth::engine::PlaceCloth(ViewOf(model), nullptr, nullptr);
 }

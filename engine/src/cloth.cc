@@ -53,6 +53,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.quantized = arena.Take<int16_t>(WidestQuantized(model));
   placed.skeleton = PlaceSkeletonScratch(model.skeleton_stage, &arena);
   placed.mesh = PlaceMeshMemory(model, &arena);
+  placed.body = PlaceBodyMemory(model, &arena);
   placed.coefficients = arena.Take<float>(CoefficientFloats(model));
   for (float*& increments : placed.increments) increments = arena.Take<float>(IncrementFloats(model.static_stage));
   for (float*& displacement : placed.displacement) {
@@ -107,6 +108,10 @@ void SkinFrame(Cloth* cloth, const BoundPose& bound, double behind, const dcloth
   const Surface surface = SurfaceOf(output);
   SkinRelative(kernels, model, space, bound, ticks, cloth->matrices, surface);
   watch->Lap(DCLOTH_STEP_SKINNING);
+  if ((output.flags & DCLOTH_OUTPUT_OUTSIDE_BODY) != 0) {
+    KeepOutside(kernels, model, space, bound, cloth->body, surface);
+    watch->Lap(DCLOTH_STEP_PENETRATION);
+  }
   RunNormals(kernels, model, surface);
   RunTangents(model, space.mirrored, output, surface);
   watch->Lap(DCLOTH_STEP_NORMALS);

@@ -8,6 +8,7 @@
 
 #include "engine/src/frame_clock.h"
 #include "engine/src/mesh_stage.h"
+#include "engine/src/penetration.h"
 #include "engine/src/pose.h"
 #include "engine/src/skeleton_stage.h"
 #include "engine/src/stopwatch.h"
@@ -56,6 +57,7 @@ struct Cloth {
   int16_t* quantized;   // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
+  BodyMemory body;      // scratch of a frame
   float* coefficients;              // see coefficients.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
   float* displacement[kTickSlots];  // delta of a tick; null without a basis

@@ -56,6 +56,7 @@ void Store(const Attribute& attribute, size_t vertex, const float* values) {
 
 bool OutputIsUsable(const dcloth_output& output, uint32_t vertex_count) {
   if (output.struct_size < sizeof(dcloth_output) || output.vertex_count != vertex_count) return false;
+  if ((output.flags & ~uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY}) != 0) return false;
   if (output.positions == nullptr || !IsUsable(Positions(output))) return false;
   if (output.normals != nullptr && !IsUsable(Normals(output))) return false;
   if (output.tangents != nullptr) {

@@ -243,7 +243,7 @@ TEST(OddFile, UnknownFieldsOfALaterWriterAreIgnored) {
   const auto unknown_text = builder.CreateString("a field of format 1.7");
   builder.ForceVectorAlignment(m.weights.size(), 1, 64);
   const auto weights = builder.CreateVector(m.weights);
-  constexpr flatbuffers::voffset_t kNext = format::Model::VT_WEIGHTS + 2;
+  constexpr flatbuffers::voffset_t kNext = format::Model::VT_BODY + 2;
   const flatbuffers::uoffset_t start = builder.StartTable();
   builder.AddElement<uint64_t>(kNext + 2, 0x123456789ABCDEF0u, 0);
   builder.AddOffset(kNext, unknown_text);

@@ -77,6 +77,7 @@ std::string BrokenByRun(const dcloth_model* model, size_t storage_limit, bool* f
   output.positions = positions.data();
   output.normals = normals.data();
   output.position_stride_bytes = output.normal_stride_bytes = 12;
+  output.flags = DCLOTH_OUTPUT_OUTSIDE_BODY;
   if (dcloth_cloth_skin(cloth, &pose, 0.5f, &output, nullptr) != DCLOTH_OK)
     return "a sound frame was refused";
   *finite = AllFinite(positions) && AllFinite(normals);

@@ -19,6 +19,10 @@ class TensorWalk {
     if (m->skeleton_stage) AddLinear(m->skeleton_stage->input, m->skeleton_stage->hidden);
     if (m->mesh_stage) AddMesh(m->mesh_stage.get());
     if (m->displacement) AddLinear(m->displacement->basis);
+    if (m->body) {
+      Add(m->body->positions, m->body->joints, m->body->weights, m->body->faces, m->body->row_starts,
+          m->body->columns);
+    }
   }
 
   const std::vector<format::TensorT*>& tensors() const { return tensors_; }

@@ -17,8 +17,8 @@ struct Variant {
 
 inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
-// Every precision with every set of stages, and two that differ in features, influences and layers, and one with a
-// reduced basis: 12 models of 3 to 20 KB.
+// Every precision with every set of stages, and two that differ in features, influences and layers, one with a reduced
+// basis and one with a body: 13 models of 3 to 20 KB.
 inline std::vector<Variant> Variants() {
   ModelSpec small;
   small.rings = 3;
@@ -59,6 +59,9 @@ inline std::vector<Variant> Variants() {
   small.precision = format::DType_I8;
   small.rank = 4;
   variants.push_back({"I8_reduced", small});
+  small.rank = 0;
+  small.body = true;
+  variants.push_back({"I8_body", small});
   return variants;
 }
 

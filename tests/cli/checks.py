@@ -1,6 +1,6 @@
 """Checks that several test files share."""
 PERCENTILES = {"p50", "p95", "p99", "max"}
-STEPS = {"pose", "static", "skeleton", "mesh", "displacement", "skinning", "normals"}
+STEPS = {"pose", "static", "skeleton", "mesh", "displacement", "skinning", "normals", "penetration"}
 
 
 def refused(result, *words, code=2):

@@ -18,8 +18,8 @@ def said(dcloth, files):
 
 def test_variants(said, files):
     rows = {v["name"]: v for v in said["variants"]}
-    assert list(rows) == ["skinning", "int8/static", "int8/skeleton", "fp32", "fp16", "int8"]
-    assert [v["stages"] for v in rows.values()] == ["none", "static", "skeleton", "mesh", "mesh", "mesh"]
+    assert list(rows) == ["skinning", "int8/static", "int8/skeleton", "fp32", "fp16", "int8", "int8/outside"]
+    assert [v["stages"] for v in rows.values()] == ["none", "static", "skeleton", "mesh", "mesh", "mesh", "mesh"]
     for name, row in rows.items():
         mesh_error(row["truth"])
         mesh_error(row["fp32"])
@@ -75,7 +75,8 @@ def test_error_matches_what_run_writes(dcloth, files, said, tmp_path):
 
 def test_chosen_precisions_in_their_order(dcloth, files):
     said = json.loads(dcloth("evaluate", files.bundle, files.bare, "--precision", "int8", "--precision", "fp16", "--json").stdout)
-    assert [v["name"] for v in said["variants"]] == ["skinning", "fp16/static", "fp16/skeleton", "int8", "fp16"]
+    assert [v["name"] for v in said["variants"]] == ["skinning", "fp16/static", "fp16/skeleton", "int8", "fp16",
+                                                    "fp16/outside"]
     assert all(v["truth"] is None for v in said["variants"])
     assert said["variants"][3]["fp32"]["position_mm"]["mean"] > 0
 
@@ -90,6 +91,6 @@ def test_a_faster_sequence_is_read_at_the_tick_rate(dcloth, files, tmp_path):
 def test_table(dcloth, files):
     result = dcloth("evaluate", files.bundle, files.walk)
     lines = result.stdout.rstrip("\n").split("\n")
-    assert len(lines) == 8 and len({len(line) for line in lines}) == 1, "columns are not aligned"
+    assert len(lines) == 9 and len({len(line) for line in lines}) == 1, "columns are not aligned"
     for word in ("variant", "E_d mm", "E_n deg", "skinning", "int8/skeleton", "fp16"):
         assert word in result.stdout

@@ -73,7 +73,7 @@ def test_tracks_decode_to_what_was_simulated_and_run(report, files, dcloth, tmp_
     faces = np.frombuffer(blobs[data["faces"]], np.uint16).reshape(-1, 3).astype(int)
     parents = parents_of(faces, data["vertex_count"])
     sequence = data["sequences"][0]
-    assert [t["name"] for t in sequence["tracks"]] == ["truth", "skinning", "static", "skeleton", "fp32", "fp16", "int8"]
+    assert [t["name"] for t in sequence["tracks"]] == ["truth", "skinning", "static", "skeleton", "fp32", "fp16", "int8", "outside"]
     origins = np.frombuffer(blobs[sequence["origins"]], np.int32).reshape(-1, 3)
     tracks, metres = [], {}
     for track in sequence["tracks"]:

@@ -2,10 +2,12 @@
 
 const VARIANT_COLORS = {
   truth: '#8a8f98', skinning: '#c2863a', static: '#b05a9c', skeleton: '#3f8fd2', fp32: '#5b6ee1', fp16: '#2aa198', int8: '#e4573d',
+  outside: '#7a9a2f',
 };
 const VARIANT_LABELS = {
   truth: 'Simulation', skinning: 'Plain skinning', static: 'Static stage', skeleton: '+ Skeleton stage',
-  fp32: 'Full, fp32', fp16: 'Full, fp16', int8: 'Full, int8', cloth: 'dcloth',
+  fp32: 'Full, fp32', fp16: 'Full, fp16', int8: 'Full, int8', outside: 'Kept outside the body',
+  cloth: 'dcloth',
 };
 
 // "int8/skeleton" is drawn like its stage, "int8" like its precision.

@@ -56,6 +56,8 @@ def write(path, net, fitted, character, training, garment="skirt", half=True):
                       "mesh.input_mean": net.mesh.input_mean.numpy(),
                       "mesh.input_deviation": net.mesh.input_deviation.numpy()})
     tensors.update({name: np.asarray(value, np.float32) for name, value in plain.items()})
+    if character.collider is not None:
+        tensors["body.collides"] = np.asarray(character.collider, np.float32)
     tensors["template.faces"] = character.faces.astype(np.int32)
     tensors["body.faces"] = character.body_faces.astype(np.int32)
     names = rig.joint_names

@@ -189,6 +189,15 @@ enum {
   DCLOTH_FORMAT_FLOAT16 = 1
 };
 
+/* What is done to a frame's vertices before they go out. */
+enum {
+  /* Move vertices that lie under the character's skin, or less than the model's clearance (2 mm) above it, along the
+   * normal of the closest point of the posed skin until they are outside by the clearance; all others stay. Each frame
+   * on its own, the network's state knows nothing of it. Only the skin that collided in training counts. Does nothing
+   * where the model holds none (dcloth_model_body_vertex_count). */
+  DCLOTH_OUTPUT_OUTSIDE_BODY = 1
+};
+
 /* Where vertices go. Attribute by attribute: the first vertex's place, the distance to the next one's (at
  * least the attribute's own bytes, a multiple of its number's), the numbers' format. Attributes may
  * interleave in one buffer; nothing between them is read or written. Null attributes are not wanted and
@@ -209,7 +218,7 @@ typedef struct dcloth_output {
   uint32_t position_format;      /* DCLOTH_FORMAT_* */
   uint32_t normal_format;
   uint32_t tangent_format;
-  uint32_t reserved;             /* 0 */
+  uint32_t flags;                /* DCLOTH_OUTPUT_* or 0 */
   float* bounds;                 /* [6] least x, y, z, then greatest, before rounding to half; or null */
   void* scratch;                 /* floats; null where dcloth_output_scratch_size is 0 */
   uint64_t scratch_size;
@@ -224,6 +233,7 @@ enum {
   DCLOTH_STEP_DISPLACEMENT,  /* basis sum */
   DCLOTH_STEP_SKINNING,
   DCLOTH_STEP_NORMALS,
+  DCLOTH_STEP_PENETRATION,   /* runs before normals */
   DCLOTH_STEP_COUNT
 };
 typedef struct dcloth_timer {
@@ -262,6 +272,10 @@ DCLOTH_API dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth
 
 /* Name of joint `index`, or null past the end. Memory: in the model bytes. Thread: any. Errors: none. Cost: none. */
 DCLOTH_API const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index);
+
+/* Vertices of the skin that DCLOTH_OUTPUT_OUTSIDE_BODY keeps cloth out of; 0 where the model holds none, as of format
+ * 1.1 and before. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
+DCLOTH_API uint32_t dcloth_model_body_vertex_count(const dcloth_model* model);
 
 /* Exact bytes that one cloth needs. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
 DCLOTH_API size_t dcloth_cloth_storage_size(const dcloth_model* model);

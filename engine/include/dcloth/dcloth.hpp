@@ -93,6 +93,7 @@ class Model {
   }
 
   const char* JointName(uint32_t index) const { return dcloth_model_joint_name(model_, index); }
+  uint32_t BodyVertexCount() const { return dcloth_model_body_vertex_count(model_); }
   size_t ClothStorageSize() const { return dcloth_cloth_storage_size(model_); }
   const dcloth_model* get() const { return model_; }
 

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "tests/unit/engine/tensor_writer.h"
+#include "tests/unit/engine/test_body.h"
 
 namespace dcloth::testing {
 namespace {
@@ -212,6 +213,7 @@ TestModel BuildModel(const ModelSpec& spec) {
     if (spec.mesh) tables.mesh_stage = MeshStage(spec, &writer, &numbers);
     AddDisplacement(spec, &writer, &numbers, &tables);
   }
+  if (spec.body) AddBody(&model, 3, 5);
   return model;
 }
 

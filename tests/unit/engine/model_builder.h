@@ -38,6 +38,7 @@ struct ModelSpec {
   bool root_motion = true;
   bool skeleton = true;
   bool mesh = true;
+  bool body = false;  // the egg of test_body.h, small
   uint32_t seed = 1;
 };
 

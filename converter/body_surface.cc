@@ -1,0 +1,143 @@
+#include "converter/body_surface.h"
+
+#include <algorithm>
+#include <string>
+
+#include "converter/error.h"
+#include "converter/fold.h"
+#include "engine/format/limits.h"
+#include "kernels/nearest/nearest.h"
+
+namespace dcloth::converter {
+namespace {
+
+constexpr double kCarried = 0.999;  // of a vertex' weight, for "alone"
+
+std::vector<bool> Colliding(const Bundle& bundle) {
+  std::vector<bool> collides(static_cast<size_t>(bundle.body_positions.rows()));
+  for (size_t i = 0; i < collides.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    if (bundle.body_collides.size() != 0) {
+      collides[i] = bundle.body_collides[row] != 0;
+      continue;
+    }
+    double carried = 0;
+    for (const uint32_t bone : bundle.bones) carried += static_cast<double>(bundle.body_joint_weights(row, bone));
+    collides[i] = carried >= kCarried;
+  }
+  return collides;
+}
+
+bool IsNearTemplate(const Bundle& bundle, int32_t vertex) {
+  const Eigen::RowVector3f p = bundle.body_positions.row(vertex);
+  constexpr auto kSquared = static_cast<float>(kBodyReach * kBodyReach);
+  return ((bundle.template_positions.rowwise() - p).rowwise().squaredNorm().array() < kSquared).any();
+}
+
+// Corners in the bundle's vertices.
+std::vector<uint32_t> CollidingFaces(const Bundle& bundle) {
+  const std::vector<bool> collides = Colliding(bundle);
+  std::vector<int> near(collides.size(), -1);  // not known yet
+  std::vector<uint32_t> corners;
+  for (Eigen::Index f = 0; f < bundle.body_faces.rows(); ++f) {
+    bool all = true, any = false;
+    for (int c = 0; c < 3; ++c) all = all && collides[static_cast<size_t>(bundle.body_faces(f, c))];
+    for (int c = 0; c < 3 && all && !any; ++c) {
+      int& known = near[static_cast<size_t>(bundle.body_faces(f, c))];
+      if (known < 0) known = IsNearTemplate(bundle, bundle.body_faces(f, c)) ? 1 : 0;
+      any = known == 1;
+    }
+    if (!all || !any) continue;
+    for (int c = 0; c < 3; ++c) corners.push_back(static_cast<uint32_t>(bundle.body_faces(f, c)));
+  }
+  return corners;
+}
+
+using Vertex = std::vector<uint32_t>::iterator;
+
+// Halves along the longest side until kernels::kNearestGroup are left: whole groups on the left of each cut.
+void OrderByPlace(const Matrix& positions, Vertex begin, Vertex end) {
+  constexpr auto kGroup = static_cast<std::ptrdiff_t>(kernels::kNearestGroup);
+  const std::ptrdiff_t count = end - begin;
+  if (count <= kGroup) {
+    std::sort(begin, end);  // what nth_element leaves is the library's choice
+    return;
+  }
+  Eigen::RowVector3f low = positions.row(*begin), high = low;
+  for (Vertex v = begin; v != end; ++v) {
+    low = low.cwiseMin(positions.row(*v));
+    high = high.cwiseMax(positions.row(*v));
+  }
+  Eigen::Index axis = 0;
+  (high - low).maxCoeff(&axis);
+  const std::ptrdiff_t groups = (count + kGroup - 1) / kGroup;
+  const Vertex middle = begin + groups / 2 * kGroup;
+  std::nth_element(begin, middle, end, [&](uint32_t a, uint32_t b) {
+    const float x = positions(a, axis), y = positions(b, axis);
+    return x != y ? x < y : a < b;
+  });
+  OrderByPlace(positions, begin, middle);
+  OrderByPlace(positions, middle, end);
+}
+
+void AddRings(BodySurface* surface) {
+  const size_t b = surface->vertices.size();
+  surface->row_starts.assign(b + 1, 0);
+  for (const uint32_t corner : surface->faces) ++surface->row_starts[corner + 1];
+  for (size_t i = 0; i < b; ++i) surface->row_starts[i + 1] += surface->row_starts[i];
+  std::vector<uint32_t> next(surface->row_starts.begin(), surface->row_starts.end() - 1);
+  surface->columns.resize(surface->faces.size());
+  for (size_t c = 0; c < surface->faces.size(); ++c) {
+    surface->columns[next[surface->faces[c]]++] = static_cast<uint32_t>(c / 3);
+  }
+}
+
+// Empty where the format holds the surface.
+std::string Excess(const BodySurface& surface) {
+  const size_t b = surface.vertices.size(), f = surface.faces.size() / 3;
+  if (b > format::kMaxBodyVertices || f > format::kMaxBodyFaces) {
+    return std::to_string(b) + " colliding vertices and " + std::to_string(f) + " faces";
+  }
+  for (size_t i = 0; i < b; ++i) {
+    const uint32_t around = surface.row_starts[i + 1] - surface.row_starts[i];
+    if (around <= format::kMaxBodyRing) continue;
+    return std::to_string(around) + " faces around vertex " + std::to_string(surface.vertices[i]);
+  }
+  return "";
+}
+
+}  // namespace
+
+BodySurface MakeBodySurface(const Bundle& bundle, uint32_t influences) {
+  BodySurface surface;
+  surface.faces = CollidingFaces(bundle);
+  if (surface.faces.empty()) return {};
+  surface.vertices = surface.faces;
+  std::sort(surface.vertices.begin(), surface.vertices.end());
+  surface.vertices.erase(std::unique(surface.vertices.begin(), surface.vertices.end()), surface.vertices.end());
+  OrderByPlace(bundle.body_positions, surface.vertices.begin(), surface.vertices.end());
+  std::vector<uint32_t> place(static_cast<size_t>(bundle.body_positions.rows()));
+  for (size_t i = 0; i < surface.vertices.size(); ++i) place[surface.vertices[i]] = static_cast<uint32_t>(i);
+  for (uint32_t& corner : surface.faces) corner = place[corner];
+  AddRings(&surface);
+  if (const std::string excess = Excess(surface); !excess.empty()) {
+    if (bundle.body_collides.size() == 0) return {};
+    throw Error({bundle.path, "body.collides", excess,
+                 "at most 8192 vertices, 16384 faces and 32 faces around a vertex",
+                 "mark fewer vertices, or give the body a coarser mesh"});
+  }
+  MatrixD weights(static_cast<Eigen::Index>(surface.vertices.size()), bundle.body_joint_weights.cols());
+  const bool bones_alone = bundle.body_collides.size() == 0;
+  for (Eigen::Index i = 0; i < weights.rows(); ++i) {
+    weights.row(i) = bundle.body_joint_weights.row(surface.vertices[static_cast<size_t>(i)]).cast<double>();
+    for (Eigen::Index j = 0; bones_alone && j < weights.cols(); ++j) {
+      const auto joint = static_cast<uint32_t>(j);
+      if (std::find(bundle.bones.begin(), bundle.bones.end(), joint) == bundle.bones.end()) weights(i, j) = 0;
+    }
+    weights.row(i) /= weights.row(i).sum();
+  }
+  surface.skin = Prune(weights, influences);
+  return surface;
+}
+
+}  // namespace dcloth::converter

@@ -1,0 +1,69 @@
+#include "engine/format/verify_body.h"
+
+#include "engine/format/scan.h"
+#include "kernels/skinning/skinning.h"
+
+namespace dcloth::format {
+namespace {
+
+// False for NaN too. `allowed` says in words what low and high are.
+bool Within(const Path& path, const Body& body, float value, float low, float high, const char* allowed,
+            Checker* check) {
+  if (value >= low && value <= high) return true;
+  char found[48];
+  Text(found, sizeof(found)).AddNumber(static_cast<double>(value)).Add(" m");
+  return check->Fail(path, &body, found, allowed);
+}
+
+// The faces around each vertex. Whether they are those of `faces` is not looked at: others make a poor search only.
+bool VerifyRings(const Body& body, const Path& parent, Checker* check, BodyView* view) {
+  const Path path = {&parent, "row_starts"};
+  const uint32_t b = view->vertex_count, corners = 3 * view->face_count;
+  if (!check->Words(path, body.row_starts(), {b + 1}, &view->row_starts)) return false;
+  const uint32_t* starts = view->row_starts;
+  if (starts[0] != 0) return check->FailElement(path, starts, 0, sizeof(uint32_t), "a first row that starts late", "0");
+  const size_t bad = FindNotRising(starts, b);
+  if (bad != b) {
+    return check->FailElement(path, starts, bad + 1, sizeof(uint32_t), "a start not above the one before",
+                              "rising starts: every vertex has a face");
+  }
+  for (uint32_t i = 0; i < b; ++i) {
+    if (starts[i + 1] - starts[i] <= kMaxBodyRing) continue;
+    return check->FailElement(path, starts, i + 1, sizeof(uint32_t), "more than 32 faces around a vertex",
+                              "1 to 32 faces", "cut the body's triangle fans into smaller ones");
+  }
+  const Path last = {&path, nullptr, b};
+  return check->Count(last, starts + b, starts[b], corners, corners) &&
+         check->Indices({&parent, "columns"}, body.columns(), {corners}, view->face_count, &view->columns);
+}
+
+}  // namespace
+
+bool VerifyBody(const Body& body, Checker* check, ModelView* model) {
+  const Path path = {nullptr, "body"};
+  BodyView* view = &model->body;
+  view->influences = body.influences();
+  view->clearance = body.clearance();
+  view->reach = body.reach();
+  if (!check->Count({&path, "influences"}, &body, view->influences, 1, kernels::kMaxInfluences) ||
+      !Within({&path, "clearance"}, body, view->clearance, kMinClearance, kMaxClearance,
+              "0.0001 to 0.1 m", check) ||
+      !Within({&path, "reach"}, body, view->reach, view->clearance, kMaxReach, "body.clearance to 10 m", check)) {
+    return false;
+  }
+  const Path positions = {&path, "positions"}, faces = {&path, "faces"};
+  uint32_t b = 0, f = 0;
+  if (!check->Dimension(positions, body.positions(), 0, kMinBodyVertices, kMaxBodyVertices, &b) ||
+      !check->Dimension(faces, body.faces(), 0, 1, kMaxBodyFaces, &f)) {
+    return false;
+  }
+  const Shape influences = {b, view->influences};
+  view->face_count = f;
+  view->vertex_count = b;
+  return check->Floats(positions, body.positions(), {b, 3}, &view->positions) &&
+         check->Indices({&path, "joints"}, body.joints(), influences, model->joint_count, &view->joints) &&
+         check->WeightRows({&path, "weights"}, body.weights(), influences, &view->weights) &&
+         check->Indices(faces, body.faces(), {f, 3}, b, &view->faces) && VerifyRings(body, path, check, view);
+}
+
+}  // namespace dcloth::format

@@ -1,0 +1,117 @@
+#include "engine/src/body_search.h"
+
+#include <cmath>
+
+namespace dcloth::engine {
+namespace {
+
+constexpr uint32_t kMaxSteps = 8;
+constexpr double kSame = 1e-9;       // of squared distances to one point over two faces, which round apart
+constexpr double kTouching = 1e-14;  // of a face's area: a squared distance below it gives no direction
+
+struct Vec {
+  double x, y, z;
+};
+Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
+double Dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Vec Cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+
+// By the Voronoi region of the triangle that p lies in (Ericson, Real-Time Collision Detection, 5.1.5).
+Vec ClosestOnTriangle(Vec p, Vec a, Vec b, Vec c) {
+  const Vec ab = b - a, ac = c - a;
+  const double d1 = Dot(ab, p - a), d2 = Dot(ac, p - a);
+  if (d1 <= 0 && d2 <= 0) return a;
+  const double d3 = Dot(ab, p - b), d4 = Dot(ac, p - b);
+  if (d3 >= 0 && d4 <= d3) return b;
+  const double vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return a + (d1 / (d1 - d3)) * ab;
+  const double d5 = Dot(ab, p - c), d6 = Dot(ac, p - c);
+  if (d6 >= 0 && d5 <= d6) return c;
+  const double vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return a + (d2 / (d2 - d6)) * ac;
+  const double va = d3 * d6 - d5 * d4;
+  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return b + ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (c - b);
+  const double sum = va + vb + vc;
+  return a + (vb / sum) * ab + (vc / sum) * ac;
+}
+
+class Walk {
+ public:
+  Walk(const PosedBody& posed, Vec point) : posed_(posed), point_(point) {}
+
+  // True where a face around `vertex` is nearer than all before.
+  bool LookAround(uint32_t vertex) {
+    const format::BodyView& body = *posed_.body;
+    bool nearer = false;
+    for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) nearer |= LookAt(body.columns[i]);
+    return nearer;
+  }
+
+  ClosestPoint Result() const {
+    ClosestPoint result = {};
+    result.found = found_;
+    if (!found_) return result;
+    const double distance = std::sqrt(squared_), side = square_on_ < 0 ? -1 : 1;
+    const bool touching = squared_ <= kTouching * extent_;
+    const Vec away = point_ - closest_;
+    const Vec direction = touching ? normal_ : (side / distance) * away;
+    const Vec point = closest_;
+    result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, true};
+    return result;
+  }
+
+  uint32_t face() const { return face_; }
+  bool found() const { return found_; }
+
+ private:
+  Vec Corner(uint32_t face, size_t corner) const {
+    const float* p = posed_.positions + size_t{3} * posed_.body->faces[size_t{3} * face + corner];
+    return {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
+  }
+
+  bool LookAt(uint32_t face) {
+    const Vec a = Corner(face, 0), b = Corner(face, 1), c = Corner(face, 2);
+    const Vec area = Cross(b - a, c - a);
+    const double square = Dot(area, area);
+    if (!(square > 0)) return false;
+    const Vec closest = ClosestOnTriangle(point_, a, b, c), away = point_ - closest;
+    const double squared = Dot(away, away);
+    const Vec normal = (posed_.outward / std::sqrt(square)) * area;
+    const double square_on = Dot(normal, away);
+    const bool nearer = !found_ ? squared == squared : squared < squared_ * (1 - kSame);
+    const bool shared = found_ && squared <= squared_ * (1 + kSame) && std::fabs(square_on) > std::fabs(square_on_);
+    if (!nearer && !shared) return false;
+    found_ = true;
+    squared_ = squared;
+    square_on_ = square_on;
+    closest_ = closest;
+    normal_ = normal;
+    extent_ = std::sqrt(square);
+    face_ = face;
+    return nearer;
+  }
+
+  const PosedBody& posed_;
+  Vec point_, closest_ = {}, normal_ = {};
+  double squared_ = 0, square_on_ = 0, extent_ = 0;
+  uint32_t face_ = 0;
+  bool found_ = false;
+};
+
+}  // namespace
+
+ClosestPoint SearchBody(const PosedBody& posed, uint32_t start, const double point[3]) {
+  Walk walk(posed, {point[0], point[1], point[2]});
+  walk.LookAround(start);
+  for (uint32_t step = 0; step < kMaxSteps && walk.found(); ++step) {
+    const uint16_t* corners = posed.body->faces + size_t{3} * walk.face();
+    bool nearer = false;
+    for (size_t c = 0; c < 3; ++c) nearer |= corners[c] != start && walk.LookAround(corners[c]);
+    if (!nearer) break;
+  }
+  return walk.Result();
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,31 @@
+// The closest point of the posed body to a point of the garment, by a walk over the body's faces from a vertex near it.
+#ifndef DCLOTH_ENGINE_SRC_BODY_SEARCH_H_
+#define DCLOTH_ENGINE_SRC_BODY_SEARCH_H_
+
+#include <cstdint>
+
+#include "engine/format/view.h"
+
+namespace dcloth::engine {
+
+struct PosedBody {
+  const format::BodyView* body;
+  const float* positions;  // [b, 3]
+  double outward;          // 1, or -1 where the space mirrors faces
+};
+
+struct ClosestPoint {
+  double point[3];
+  double direction[3];  // unit, outward: of the point from the surface, or of the face where they touch
+  double distance;      // below 0 under the surface
+  uint32_t face;
+  bool found;           // false where all faces looked at have no area
+};
+
+// Looks at the faces around `start`, then around the corners of the best one as long as that is nearer, at most eight
+// times. On an edge or corner that faces share, the one seen most squarely decides which side is outside.
+ClosestPoint SearchBody(const PosedBody& posed, uint32_t start, const double point[3]);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_BODY_SEARCH_H_

@@ -1,0 +1,33 @@
+// Keeps the drawn garment out of the body (NETWORK.md, "Penetration"; D-Cloth eq. 18).
+#ifndef DCLOTH_ENGINE_SRC_PENETRATION_H_
+#define DCLOTH_ENGINE_SRC_PENETRATION_H_
+
+#include "engine/src/arena.h"
+#include "engine/src/output.h"
+#include "engine/src/pose.h"
+#include "kernels/kernels.h"
+
+namespace dcloth::engine {
+
+// Scratch of a frame; all null where the model has no body.
+struct BodyMemory {
+  float* matrices;    // [joint_count, 12]
+  float* positions;   // [b, 3] posed
+  float* normals;     // [b, 3]
+  float* offsets;     // [b] of planes that lie over all faces around a vertex by the clearance
+  float* sites;       // see kernels::NearestJob
+  float* bounds;
+  uint16_t* nearest;  // [n]
+  uint16_t* suspect;  // [n]
+};
+
+BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
+
+// Moves each vertex of `surface` that is less than the clearance outside the posed body's closest point until it is
+// just that. Run it after skinning, while positions are relative to the hips. Does nothing where the model has no body.
+void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
+                 const BoundPose& bound, const BodyMemory& memory, const Surface& surface);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_PENETRATION_H_

@@ -1,0 +1,177 @@
+#include "converter/body_surface.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <set>
+
+#include "converter/assemble.h"
+#include "converter/rollout.h"
+#include "kernels/nearest/nearest.h"
+#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/error_text.h"
+
+namespace dcloth::converter {
+namespace {
+
+using dcloth::testing::BuildBundle;
+using dcloth::testing::BundleSpec;
+using dcloth::testing::ErrorText;
+using dcloth::testing::Mentions;
+
+Bundle Parse(const dcloth::testing::RawFile& raw) { return BundleFrom(SafeFile::Parse(raw.Bytes(), "b")); }
+
+// A wall of `columns` x `rows` vertices, 0.05 m apart, along x through the template. Its left half hangs on the first
+// bone, its right half on the first joint, which is no bone and needed by no one else.
+Bundle WithWall(int columns, int rows) {
+  BundleSpec spec;
+  spec.feature_joints = 1;
+  Bundle bundle = Parse(BuildBundle(spec));
+  const Eigen::Index b = Eigen::Index{columns} * rows, joints = bundle.body_joint_weights.cols();
+  bundle.body_positions.resize(b, 3);
+  bundle.body_joint_weights = Matrix::Zero(b, joints);
+  std::vector<int32_t> corners;
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      const int i = r * columns + c;
+      bundle.body_positions.row(i) << 0.05f * static_cast<float>(c - columns / 2), 0.05f * static_cast<float>(r), 0.0f;
+      bundle.body_joint_weights(i, c < columns / 2 ? bundle.bones[0] : 0) = 1;
+      if (c + 1 < columns && r + 1 < rows) {
+        corners.insert(corners.end(), {i, i + 1, i + columns + 1, i, i + columns + 1, i + columns});
+      }
+    }
+  }
+  bundle.body_faces = Eigen::Map<const Faces>(corners.data(), static_cast<Eigen::Index>(corners.size() / 3), 3);
+  bundle.template_positions.rowwise() -= bundle.template_positions.row(0).eval();
+  return bundle;
+}
+
+using Corners = std::array<uint32_t, 3>;
+
+std::multiset<Corners> FacesOf(const BodySurface& surface) {
+  std::multiset<Corners> faces;
+  for (size_t f = 0; f < surface.faces.size(); f += 3) {
+    faces.insert({surface.vertices[surface.faces[f]], surface.vertices[surface.faces[f + 1]],
+                  surface.vertices[surface.faces[f + 2]]});
+  }
+  return faces;
+}
+
+std::multiset<Corners> FacesWhere(const Bundle& bundle, const std::vector<bool>& collides) {
+  std::multiset<Corners> faces;
+  for (Eigen::Index f = 0; f < bundle.body_faces.rows(); ++f) {
+    Corners face;
+    for (int c = 0; c < 3; ++c) face[static_cast<size_t>(c)] = static_cast<uint32_t>(bundle.body_faces(f, c));
+    double nearest = 1e9;
+    for (const uint32_t corner : face) {
+      for (Eigen::Index i = 0; i < bundle.template_positions.rows(); ++i) {
+        const auto apart = (bundle.body_positions.row(corner) - bundle.template_positions.row(i)).cast<double>();
+        nearest = std::min(nearest, apart.norm());
+      }
+    }
+    const bool all = std::all_of(face.begin(), face.end(), [&](uint32_t corner) { return collides[corner]; });
+    if (all && nearest < kBodyReach) faces.insert(face);
+  }
+  return faces;
+}
+
+TEST(BodySurfaceTest, HoldsTheFacesThatCollideNearTheGarment) {
+  Bundle bundle = WithWall(60, 40);
+  std::vector<bool> collides(2400);
+  bundle.body_collides = Vector::Zero(2400);
+  for (size_t i = 0; i < collides.size(); ++i) {
+    collides[i] = i % 11 != 0;
+    bundle.body_collides[static_cast<Eigen::Index>(i)] = collides[i] ? 1.0f : 0.0f;
+  }
+  const BodySurface surface = MakeBodySurface(bundle, 4);
+  const std::multiset<Corners> expected = FacesWhere(bundle, collides);
+  ASSERT_GT(expected.size(), 100u);
+  ASSERT_LT(expected.size(), 2000u) << "far faces are left out";
+  EXPECT_EQ(FacesOf(surface), expected);
+}
+
+TEST(BodySurfaceTest, WithoutAMarkTheBonesAloneCollideAndNeedNoFurtherJoint) {
+  const Bundle bundle = WithWall(40, 20);
+  std::vector<bool> collides(800);
+  for (size_t i = 0; i < collides.size(); ++i) collides[i] = i % 40 < 20;
+  const BodySurface surface = MakeBodySurface(bundle, 4);
+  ASSERT_FALSE(surface.empty());
+  EXPECT_EQ(FacesOf(surface), FacesWhere(bundle, collides));
+  EXPECT_EQ(ChooseJoints(bundle, {}, surface.skin).joints, ChooseJoints(bundle, {}).joints);
+  Bundle marked = bundle;
+  marked.body_collides = Vector::Ones(800);
+  const BodySurface whole = MakeBodySurface(marked, 4);
+  EXPECT_GT(whole.vertices.size(), surface.vertices.size());
+  EXPECT_EQ(whole.skin.vertex_count(), whole.vertices.size());
+}
+
+TEST(BodySurfaceTest, RingsListEachFaceAtItsCornersAndGroupsLieTogether) {
+  const Bundle bundle = WithWall(40, 20);
+  const BodySurface surface = MakeBodySurface(bundle, 4);
+  const size_t b = surface.vertices.size();
+  ASSERT_EQ(surface.row_starts.size(), b + 1);
+  ASSERT_EQ(surface.row_starts.back(), surface.faces.size());
+  for (size_t i = 0; i < b; ++i) {
+    std::multiset<uint32_t> found(surface.columns.begin() + surface.row_starts[i],
+                                  surface.columns.begin() + surface.row_starts[i + 1]);
+    std::multiset<uint32_t> expected;
+    for (size_t c = 0; c < surface.faces.size(); ++c) {
+      if (surface.faces[c] == i) expected.insert(static_cast<uint32_t>(c / 3));
+    }
+    ASSERT_EQ(found, expected) << i;
+    ASSERT_FALSE(expected.empty()) << i;
+  }
+  std::set<uint32_t> once(surface.vertices.begin(), surface.vertices.end());
+  EXPECT_EQ(once.size(), b);
+  for (size_t g = 0; g < b; g += kernels::kNearestGroup) {
+    for (size_t i = g; i < std::min(b, g + kernels::kNearestGroup); ++i) {
+      const auto first = bundle.body_positions.row(surface.vertices[g]);
+      EXPECT_LT((bundle.body_positions.row(surface.vertices[i]) - first).norm(), 0.5f) << "16 vertices of a lattice of 0.05 m";
+    }
+  }
+}
+
+TEST(BodySurfaceTest, ABodyBeyondTheFormatIsRefusedOnlyWhereItIsMarked) {
+  Bundle bundle = WithWall(130, 70);
+  bundle.template_positions = bundle.body_positions;
+  for (Eigen::Index i = 0; i < bundle.body_joint_weights.rows(); ++i) {
+    bundle.body_joint_weights.row(i).setZero();
+    bundle.body_joint_weights(i, bundle.bones[0]) = 1;
+  }
+  EXPECT_TRUE(MakeBodySurface(bundle, 4).empty());
+  bundle.body_collides = Vector::Ones(9100);
+  EXPECT_TRUE(Mentions(ErrorText([&] { MakeBodySurface(bundle, 4); }), "body.collides", "9100 colliding vertices",
+                       "at most 8192 vertices", "coarser mesh"));
+}
+
+TEST(BodySurfaceTest, TheMarkIsZeroOrOne) {
+  dcloth::testing::RawFile raw = BuildBundle({});
+  raw.Replace("body.collides", {12}, std::vector<float>(12, 1.0f));
+  EXPECT_EQ(Parse(raw).body_collides, Vector::Ones(12));
+  raw.SetFloat("body.collides", 7, 0.5f);
+  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "body.collides", "0.5", "at vertex 7", "0 elsewhere"));
+  raw.Replace("body.collides", {11}, std::vector<float>(11, 1.0f));
+  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "body.collides", "11", "12"));
+}
+
+// From the bundle to the engine, in every precision.
+TEST(BodySurfaceTest, TheEngineOpensIt) {
+  Bundle bundle = Parse(BuildBundle({}));
+  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+    const FoldedBundle bare = FoldBundle(bundle, 4, 4);
+    EXPECT_TRUE(bare.surface.empty());
+    const OpenModel without(WriteModel(Assemble(bundle, bare, {precision, {}})));
+    EXPECT_EQ(dcloth_model_body_vertex_count(without.model()), 0u);
+    Bundle marked = bundle;
+    marked.body_collides = Vector::Ones(12);
+    const FoldedBundle folded = FoldBundle(marked, 4, 4);
+    ASSERT_FALSE(folded.surface.empty());
+    const OpenModel model(WriteModel(Assemble(marked, folded, {precision, {}})));
+    EXPECT_EQ(dcloth_model_body_vertex_count(model.model()), folded.surface.vertices.size());
+    EXPECT_EQ(model.info().format_minor, 2u);
+  }
+}
+
+}  // namespace
+}  // namespace dcloth::converter

@@ -1,0 +1,166 @@
+#include "tests/unit/kernels/kernel_test.h"
+
+namespace dcloth::kernels {
+namespace {
+
+// Sites in lumps of 16 that overlap, with planes through or near them, as the job wants them.
+struct Sites {
+  Sites(size_t wanted, Random* random) : count(wanted), groups((wanted + kNearestGroup - 1) / kNearestGroup) {
+    for (size_t s = 0; s < count; ++s) {
+      if (s % kNearestGroup == 0) {
+        for (float& c : lump) c = random->Uniform(-1.0f, 1.0f);
+      }
+      double length = 0;
+      for (size_t c = 0; c < 3; ++c) {
+        position.push_back(lump[c] + random->Uniform(-0.2f, 0.2f));
+        normal.push_back(lump[c] + random->Uniform(-0.3f, 0.3f));
+        length += double{normal.back()} * normal.back();
+      }
+      double height = random->Uniform(-0.05f, 0.05f);
+      for (size_t c = 0; c < 3; ++c) {
+        normal[3 * s + c] = static_cast<float>(normal[3 * s + c] / std::sqrt(length));
+        height += double{normal[3 * s + c]} * position[3 * s + c];
+      }
+      offset.push_back(static_cast<float>(height));
+    }
+    const size_t stride = NearestBoundStride(groups);
+    packed.resize(groups * kNearestSiteFloats * kNearestGroup);
+    bounds.resize(kNearestBounds * stride);
+    for (size_t g = 0; g < stride; ++g) {
+      bounds[g] = 1e18f;
+      if (g >= groups) continue;
+      for (size_t k = 0; k < kNearestGroup; ++k) {
+        const size_t s = std::min(g * kNearestGroup + k, count - 1);
+        float* to = &packed[g * kNearestSiteFloats * kNearestGroup + k];
+        for (size_t c = 0; c < 3; ++c) to[c * kNearestGroup] = position[3 * s + c];
+        for (size_t c = 0; c < 3; ++c) to[(3 + c) * kNearestGroup] = normal[3 * s + c];
+        to[6 * kNearestGroup] = offset[s];
+      }
+      Bound(g, &bounds[g], stride);
+    }
+  }
+
+  // The first site is as good a centre, and its normal as good an axis, as any.
+  void Bound(size_t g, float* to, size_t stride) {
+    const size_t first = g * kNearestGroup;
+    double radius = 0, spread = 0, rise = -1e9;
+    for (size_t s = first; s < std::min(first + kNearestGroup, count); ++s) {
+      double apart = 0, turned = 0, over = offset[s];
+      for (size_t c = 0; c < 3; ++c) {
+        apart += std::pow(double{position[3 * s + c]} - position[3 * first + c], 2);
+        turned += std::pow(double{normal[3 * s + c]} - normal[3 * first + c], 2);
+        over -= double{normal[3 * s + c]} * position[3 * first + c];
+      }
+      radius = std::max(radius, std::sqrt(apart));
+      spread = std::max(spread, std::sqrt(turned));
+      rise = std::max(rise, over);
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      to[(kCentre + c) * stride] = position[3 * first + c];
+      to[(kAxis + c) * stride] = normal[3 * first + c];
+    }
+    to[kRadius * stride] = static_cast<float>(radius * 1.00001);
+    to[kSpread * stride] = static_cast<float>(spread * 1.00001);
+    to[kRise * stride] = static_cast<float>(rise + 1e-5);
+  }
+
+  size_t count, groups;
+  float lump[3] = {};
+  std::vector<float> position, normal, offset, packed, bounds;
+};
+
+class NearestTest : public KernelTest {
+ protected:
+  void Check(size_t points, size_t site_count, size_t stride_floats, float reach, float slack) {
+    SCOPED_TRACE(testing::Message() << table().name << " points " << points << " sites " << site_count << " stride "
+                                    << stride_floats << " reach " << reach << " slack " << slack);
+    Random random(static_cast<uint32_t>(points * 131 + site_count * 7 + stride_floats));
+    const Sites sites(site_count, &random);
+    const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
+    GuardedBuffer<float> at((points - 1) * stride_floats + 3);
+    for (size_t i = 0; i < points; ++i) {
+      for (size_t c = 0; c < 3; ++c) at[i * stride_floats + c] = random.Uniform(-1.3f, 1.3f);
+    }
+    GuardedBuffer<uint16_t> nearest(points), suspect(points);
+    table().nearest({at.data(), 4 * stride_floats, points, packed.data(), bounds.data(), sites.groups, reach, slack,
+                     nearest.data(), suspect.data()});
+    ASSERT_TRUE(nearest.SlackUntouched() && suspect.SlackUntouched());
+    for (size_t i = 0; i < points; ++i) CheckPoint(sites, &at[i * stride_floats], reach, slack, nearest[i], suspect[i]);
+  }
+
+  // A squared distance has a rounded difference, product and two sums: at most gamma(5) off; a height three products
+  // and two sums. Two distances compared may both be off.
+  void CheckPoint(const Sites& sites, const float* v, double reach, double slack, uint16_t nearest, uint16_t suspect) {
+    const double most = 1 + 2 * Gamma(8);
+    std::vector<double> squared(sites.count), above(sites.count), doubt(sites.count);
+    double least = 1e30, sure = 1e30;
+    for (size_t s = 0; s < sites.count; ++s) {
+      above[s] = -sites.offset[s];
+      for (size_t c = 0; c < 3; ++c) {
+        const double product = double{sites.normal[3 * s + c]} * v[c];
+        squared[s] += std::pow(double{v[c]} - sites.position[3 * s + c], 2);
+        above[s] += product;
+        doubt[s] += Gamma(4) * std::fabs(product);
+      }
+      least = std::min(least, squared[s]);
+      if (above[s] < -doubt[s]) sure = std::min(sure, squared[s]);
+    }
+    const double bound = least + slack * slack;
+    ASSERT_EQ(nearest == kNoSite, suspect == kNoSite);
+    if (suspect == kNoSite) {
+      const bool in_reach = least * most < reach * reach;
+      ASSERT_FALSE(in_reach && sure * most < bound) << "a suspect was missed";
+      ++(in_reach ? clear_ : none_);
+      return;
+    }
+    ASSERT_LT(nearest, sites.count);
+    ASSERT_LE(squared[nearest], least * most);
+    ASSERT_LE(least, reach * reach * most);
+    ASSERT_LT(suspect, sites.count);
+    ASSERT_LE(above[suspect], doubt[suspect]);
+    ASSERT_LE(squared[suspect], bound * most);
+    ASSERT_LE(squared[suspect], sure * most);
+    ++suspects_;
+    if (suspect != nearest) ++others_;
+  }
+
+  size_t none_ = 0, clear_ = 0, suspects_ = 0, others_ = 0;
+};
+DCLOTH_TEST_EVERY_TABLE(NearestTest);
+
+TEST_P(NearestTest, EveryPointCount) {
+  for (size_t points : InterestingSizes()) Check(points, 150, 3, 0.6f, 0.1f);
+  EXPECT_GT(none_, 0u);
+  EXPECT_GT(clear_, 0u);
+  EXPECT_GT(suspects_, 0u);
+  EXPECT_GT(others_, 0u);
+}
+
+TEST_P(NearestTest, EverySiteCountAndStride) {
+  for (size_t sites : InterestingSizes()) Check(19, sites, 3 + sites % 5, 0.5f, 0.05f);
+  Check(40, kMaxNearestGroups * kNearestGroup, 3, 2.0f, 0.02f);
+}
+
+TEST_P(NearestTest, ReachAndSlackFromNothingToEverything) {
+  for (float reach : {0.0f, 0.01f, 0.3f, 1e9f}) {
+    for (float slack : {0.0f, 0.2f, 1e9f}) Check(53, 200, 4, reach, slack);
+  }
+}
+
+TEST_P(NearestTest, PointsThatAreNoNumbersHaveNoSite) {
+  Random random(5);
+  const Sites sites(64, &random);
+  std::vector<float> at(3 * 40, 0.0f);
+  at[3 * 7 + 1] = NAN;
+  at[3 * 30] = INFINITY;
+  std::vector<uint16_t> nearest(40, 1), suspect(40, 1);
+  table().nearest({at.data(), 12, 40, sites.packed.data(), sites.bounds.data(), sites.groups, 9.0f, 0.1f,
+                   nearest.data(), suspect.data()});
+  for (size_t i : {size_t{7}, size_t{30}}) {
+    EXPECT_EQ(nearest[i], kNoSite) << i;
+    EXPECT_EQ(suspect[i], kNoSite) << i;
+  }
+}
+
+}  // namespace
+}  // namespace dcloth::kernels
