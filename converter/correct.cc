@@ -10,8 +10,6 @@ namespace {
 
 constexpr const char* kName = "displacement.basis.weights";
 constexpr double kLevels = 127;
-// Of the rows, one in so many is corrected at most: an int8 model stays below 0.30 of its fp32 twin.
-constexpr size_t kRowsPerCorrection = 20;
 
 // W - stored of one row.
 VectorD Remainder(const Matrix& exact, const QuantizedMatrix& stored, uint32_t row) {
@@ -66,10 +64,10 @@ void TradeForCorrections(ReducedBasis* reduced) {
   KeepDirections(kept, reduced);
 }
 
-void AddCorrections(double squared_error, ReducedBasis* reduced) {
+void AddCorrections(double squared_error, size_t most, ReducedBasis* reduced) {
   const Losses losses = LossesOf(reduced->basis);
   double left = std::accumulate(losses.squared.begin(), losses.squared.end(), 0.0);
-  const size_t most = losses.order.size() / kRowsPerCorrection;
+  most = std::min(most, losses.order.size());
   size_t corrected = 0;
   for (; corrected + 2 <= most && left > squared_error; corrected += 2)
     left -= losses.squared[losses.order[corrected]] + losses.squared[losses.order[corrected + 1]];

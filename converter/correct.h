@@ -20,9 +20,9 @@ namespace dcloth::converter {
 // long as rounding loses more than the directions carry.
 void TradeForCorrections(ReducedBasis* reduced);
 
-// Adds remainders, worst rows first and in pairs, until rounding loses no more than `squared_error` or one row in
-// twenty has one.
-void AddCorrections(double squared_error, ReducedBasis* reduced);
+// Adds remainders, worst rows first and in pairs, until rounding loses no more than `squared_error` or `most` rows have
+// one.
+void AddCorrections(double squared_error, size_t most, ReducedBasis* reduced);
 
 // int8 rows of `basis`, then the remainders of the rows `corrected`. `exact` is what those rows stand for.
 struct CorrectedMatrix {

@@ -95,7 +95,7 @@ TEST(CorrectTest, AddsNoMoreThanTheBoundNeeds) {
   size_t last = 0;
   for (const double share : {1.01, 0.5, 0.1, 1e-2}) {
     ReducedBasis reduced = whole;
-    AddCorrections(share * plain, &reduced);
+    AddCorrections(share * plain, 12, &reduced);
     EXPECT_LE(Lost(whole.basis, reduced), 1.01 * share * plain);
     EXPECT_GE(reduced.corrected.size(), last);
     last = reduced.corrected.size();
@@ -106,6 +106,14 @@ TEST(CorrectTest, AddsNoMoreThanTheBoundNeeds) {
       EXPECT_GT(Lost(whole.basis, reduced), 0.99 * share * plain) << "a pair fewer would do";
     }
     EXPECT_EQ(reduced.basis.rows(), 12);
+  }
+}
+
+TEST(CorrectTest, AddsNoMoreRowsThanAllowed) {
+  for (const size_t most : {0u, 1u, 2u, 5u}) {
+    ReducedBasis reduced = Steep();
+    AddCorrections(0, most, &reduced);
+    EXPECT_EQ(reduced.corrected.size(), most / 2 * 2);
   }
 }
 
