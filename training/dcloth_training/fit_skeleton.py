@@ -8,6 +8,10 @@ A window that begins in the middle of a clip starts at zero, at the state in whi
 ended, or anywhere in (-1, 1), a third each, and does not count until WARM_UP ticks later: whatever
 a host does to a garment, half a second of good poses must be enough to forget it. Some windows hold a
 drape's pose: clips never stand still, and a network that never saw it does not come to rest either.
+
+Then it learns to settle: the same windows from a second state, any corner of [-1, 1]^k, and what the two
+still disagree on after WARM_UP ticks is added to the loss. The truth alone cannot teach that: a millimetre
+of drift drowns in the centimetre that is unpredictable anyway.
 """
 import numpy as np
 import torch
@@ -38,9 +42,20 @@ class Reduced(nn.Module):
         if self.training:
             x = augment.noisy(x, self.options.noise)
         states, last = self.gru(x, state)
+        return self.read(states), last
+
+    def read(self, states):
         if self.training and self.options.dropout:
             states = nn.functional.dropout(states, self.options.dropout)
-        return states @ self.readout * self.scale, last
+        return states @ self.readout * self.scale
+
+    def apart(self, x, first, second):
+        """Two states [1, B, k] on the same x: coefficients of the first, and by how much they differ
+        from those of the second, [B, T, R] each, and the first's last state."""
+        x = augment.noisy(x, self.options.noise)
+        states, last = self.gru(torch.cat([x, x]), torch.cat([first, second], 1))
+        one, two = states.chunk(2)
+        return self.read(one), (one - two) @ self.readout * self.scale, last[:, :len(x)]
 
     def basis(self):
         """S [k, n, 3] of the finished stage."""
@@ -98,7 +113,7 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
     stills = [(clip, t) for clip in drapes for t in range(len(clip))
               if t % fit_static.HELD_EVERY != fit_static.HELD_EVERY - 1]
 
-    def batches(generator):
+    def batches(generator, settle=False):
         order = dataset.windows(training, frames, generator, stills)
         ended = torch.zeros(1, reduced.gru.hidden_size)
         for at in range(0, len(order), BATCH):
@@ -109,11 +124,17 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
             state, reset = first_states(some, ended, generator)
             velocity = augment.velocities(some, options.carried, generator).numpy()
             x = torch.stack([w.x(standardise, frames, zero, v) for w, zero, v in zip(some, reset, velocity)])
-            coefficients, state = reduced(x, state)
+            keep = counted(some, frames)
+            if settle:
+                other = 2 * torch.rand(state.shape, generator=generator) - 1
+                coefficients, apart, state = reduced.apart(x, state, torch.sign(other))
+                left = (apart @ columns).reshape(target.shape)[:, dataset.WARM_UP:]
+            else:
+                coefficients, state = reduced(x, state)
             ended = state[0].detach()
             delta = (coefficients @ columns).reshape(target.shape)
-            keep = counted(some, frames)
-            yield losses.skinned_distance(linear[keep], weights[rows], (delta - target)[keep])
+            loss = losses.skinned_distance(linear[keep], weights[rows], (delta - target)[keep])
+            yield loss + losses.distance(left) if settle else loss
 
     def validate():
         return clip_errors(reduced, static, standardise, validation)
@@ -121,6 +142,12 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
     history = loop.fit("skeleton", reduced, options.skeleton_epochs, batches, validate, folder,
                        seed=options.seed, rate=options.skeleton_rate, decay=options.decay,
                        validate_every=options.validate_every, log=log)
+    if options.settle_epochs:
+        later = loop.fit("skeleton_settle", reduced, options.settle_epochs,
+                         lambda generator: batches(generator, settle=True), validate, folder,
+                         seed=options.seed, rate=options.skeleton_rate / 3, decay=options.decay,
+                         validate_every=options.validate_every, keep_last=True, log=log)
+        history = history + [{**h, "epoch": h["epoch"] + options.skeleton_epochs} for h in later]
     with torch.no_grad():
         skeleton.basis.copy_(reduced.basis())
     return history

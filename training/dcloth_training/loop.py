@@ -50,8 +50,10 @@ def seed_epoch(seed, stage, epoch):
 
 
 def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, decay=0.0,
-        patience=None, validate_every=1, log=print):
+        patience=None, validate_every=1, keep_last=False, log=print):
     """Train `module` and leave it at its best validated epoch -> history (list of dicts).
+
+    keep_last: leave it at the last epoch, where `batches` teach what validation does not measure.
 
     batches(generator): yields loss tensors, one a step. validate(): error in metres.
     Resumes from folder/<stage>.safetensors and saves there after every validated epoch. A history
@@ -114,6 +116,7 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         log(f"{stage}: epoch {epoch + 1}/{epochs} training {history[-1]['training_mm']:.2f} mm, "
             f"validation {error:.2f} mm (best {lowest:.2f} at {best_at}), "
             f"{history[-1]['seconds']:.1f} s")
-    module.load_state_dict(best)
+    if not keep_last:
+        module.load_state_dict(best)
     module.eval()
     return history

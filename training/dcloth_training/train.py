@@ -44,6 +44,7 @@ def arguments(argv=None):
     add("--skeleton-size", type=int, default=128, help="k_S")
     add("--skeleton-rank", type=int, default=64, help="principal components below S")
     add("--skeleton-epochs", type=int, default=220)
+    add("--settle-epochs", type=int, default=20, help="that also forget the state they began with")
     add("--skeleton-rate", type=float, default=3e-3)
     add("--window", type=int, default=64, help="ticks a training window")
     add("--carried", type=float, default=1.5, help="m/s: deviation of the velocity that windows are carried at")
