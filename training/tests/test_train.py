@@ -133,6 +133,21 @@ def test_windows_start_at_zero_where_another_ended_or_anywhere():
     assert all(abs(int(kind.sum()) - 200) < 50 for kind in (reset[50:], other, ~other & ~reset))
 
 
+def test_states_apart_are_measured_on_the_same_features():
+    torch.manual_seed(2)
+    options = type("O", (), {"noise": 0.3, "dropout": 0.0})
+    reduced = fit_skeleton.Reduced(torch.nn.GRU(7, 9, batch_first=True), np.eye(5, 12, dtype=np.float32),
+                                   np.ones(5), options)
+    x, state = torch.randn(4, 30, 7), torch.rand(1, 4, 9)
+    assert not reduced.apart(x, state, state)[1].any()
+    options.noise = 0.0
+    coefficients, apart, last = reduced.apart(x, state, -state)
+    expected, expected_last = reduced(x, state)
+    assert torch.allclose(coefficients, expected, atol=1e-6) and torch.allclose(last, expected_last, atol=1e-6)
+    assert torch.allclose(coefficients - apart, reduced(x, -state)[0], atol=1e-5)
+    assert apart[:, -1].abs().mean() < apart[:, 0].abs().mean()
+
+
 def test_noise_is_mostly_an_offset_of_the_window():
     torch.manual_seed(5)
     noise = augment.noisy(torch.zeros(400, 64, 3), 0.5)
