@@ -95,7 +95,8 @@ def clip_errors(reduced, static, standardise, clips, every=8):
     total, ticks = 0.0, 0
     for clip in clips:
         delta = reduced(standardise(clip.pose.x)[None])[0][0] @ columns
-        error = delta.reshape(len(clip), -1, 3) - torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
+        wanted = torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
+        error = delta.reshape(len(clip), -1, 3) - wanted
         total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
         ticks += len(clip)
     return total / ticks
@@ -123,7 +124,8 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
             state, reset = first_states(some, ended, generator)
             velocity = augment.velocities(some, options.carried, generator).numpy()
-            x = torch.stack([w.x(standardise, frames, zero, v) for w, zero, v in zip(some, reset, velocity)])
+            x = torch.stack([w.x(standardise, frames, zero, v)
+                             for w, zero, v in zip(some, reset, velocity)])
             keep = counted(some, frames)
             if settle:
                 other = 2 * torch.rand(state.shape, generator=generator) - 1

@@ -47,7 +47,7 @@ def arguments(argv=None):
     add("--settle-epochs", type=int, default=20, help="that also forget the state they began with")
     add("--skeleton-rate", type=float, default=3e-3)
     add("--window", type=int, default=64, help="ticks a training window")
-    add("--carried", type=float, default=1.5, help="m/s: deviation of the velocity that windows are carried at")
+    add("--carried", type=float, default=1.5, help="m/s: deviation of windows' velocity, see augment.py")
     add("--noise", type=float, default=0.1, help="deviation of standardised features, see augment.py")
     add("--dropout", type=float, default=0.1)
     add("--decay", type=float, default=0.01)
@@ -60,6 +60,7 @@ def arguments(argv=None):
     add("--mesh-clips", type=int, default=16, help="clips drawn for one such epoch")
     add("--mesh-rate", type=float, default=1e-3)
     add("--chunk", type=int, default=16, help="ticks of truncated back-propagation")
+    add("--head-data", help="folder of clips that stage 2 never sees, for stage 3")
     add("--head-clips", type=int, default=10 ** 6, help="clips drawn for the head, at most")
     add("--head-rank", type=int, default=32)
     add("--head-epochs", type=int, default=40)
@@ -159,14 +160,22 @@ def run(options):
                                                    training, validation, static_clips, options,
                                                    options.out, log)
         net.skeleton.requires_grad_(False)
+    seen = training
     if options.stages == "mesh":
-        fit_skeleton.subtract(net.skeleton, net.standardise, training + validation)
-        histories.update(fit_mesh.train(net.mesh, net.body_points, net.static, training,
+        if options.head_data:
+            seen = dataset.load(dataset.find(options.head_data, "dynamic", dataset.HELD_OUT), fitted.rig,
+                                character)
+            dataset.add_residuals(seen, net.static, net.standardise, character)
+            log(f"stage 3: {len(seen)} clips with mirror images that stage 2 never saw")
+        fit_skeleton.subtract(net.skeleton, net.standardise, seen + validation)
+        histories.update(fit_mesh.train(net.mesh, net.body_points, net.static, seen,
                                         validation, options, options.out, log))
     provenance = {
-        "command": {k: v for k, v in vars(options).items() if k not in ("data", "out", "export")},
+        "command": {k: v for k, v in vars(options).items()
+                    if k not in ("data", "out", "export", "head_data")},
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
+        "stage_3_clips": sorted({c.name for c in seen}),
         "validation_clips": sorted({c.name for c in validation}),
         "held_out_clips": list(dataset.HELD_OUT),
         "frames": {"training": sum(map(len, training)) // 2,
