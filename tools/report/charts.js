@@ -1,7 +1,7 @@
 // Plots as SVG in the page's own colours: speed against error, time per stage, error over time.
 
 const STAGE_COLORS = {
-  pose: '#8a8f98', static: '#b05a9c', skeleton: '#3f8fd2', mesh: '#5b6ee1', displacement: '#e4573d', skinning: '#c2863a', normals: '#2aa198',
+  pose: '#8a8f98', static: '#b05a9c', skeleton: '#3f8fd2', mesh: '#5b6ee1', displacement: '#e4573d', skinning: '#c2863a', penetration: '#7a9a2e', normals: '#2aa198',
 };
 
 function ticksLinear(low, high, wanted) {
