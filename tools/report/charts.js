@@ -98,21 +98,23 @@ function speedErrorChart() {
 function stageChart() {
   const rows = report.variants.filter((v) => v.stages_ms);
   if (rows.length === 0) return null;
-  const height = 34 * rows.length + 84;
+  const height = 34 * rows.length + 100;
   const svg = element('svg', {viewBox: `0 0 560 ${height}`, role: 'img', 'aria-label': 'Time per stage'});
   const sum = (v) => Object.values(v.stages_ms).reduce((total, s) => total + s.p50, 0);
-  const box = {left: 104, right: 540, top: 44, bottom: height - 44};
+  const box = {left: 104, right: 540, top: 60, bottom: height - 44};
   const x = makeScale(rows.map(sum), box.left, box.right, true);
   for (const v of x.ticks) {
     svg.append(element('line', {x1: x.at(v), x2: x.at(v), y1: box.top, y2: box.bottom, class: 'grid'}),
                element('text', {x: x.at(v), y: box.bottom + 18, class: 'tick', 'text-anchor': 'middle'}, `${v}`));
   }
   svg.append(element('text', {x: box.right, y: box.bottom + 36, class: 'axis', 'text-anchor': 'end'}, 'ms, median, cold cache'));
-  let key = 0;
+  let key = 0, line = 6;
   Object.entries(STAGE_COLORS).forEach(([name, color]) => {
-    svg.append(element('rect', {x: key, y: 6, width: 10, height: 10, rx: 2, fill: color}),
-               element('text', {x: key + 14, y: 15, class: 'note'}, name));
-    key += 30 + name.length * 6.6;
+    const width = 30 + name.length * 6.6;
+    if (key + width > 560) key = 0, line += 18;
+    svg.append(element('rect', {x: key, y: line, width: 10, height: 10, rx: 2, fill: color}),
+               element('text', {x: key + 14, y: line + 9, class: 'note'}, name));
+    key += width;
   });
   rows.forEach((v, i) => {
     const y = box.top + 6 + i * 34;
