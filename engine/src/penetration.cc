@@ -21,7 +21,6 @@ constexpr float kPlaneMargin = 0.01f;  // of the clearance, for the rounding of 
 
 size_t Groups(const BodyView& body) { return (body.vertex_count + kNearestGroup - 1) / kNearestGroup; }
 
-
 void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
               const BoundPose& bound, const BodyMemory& memory) {
   const BodyView& body = model.body;

@@ -116,7 +116,14 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         log(f"{stage}: epoch {epoch + 1}/{epochs} training {history[-1]['training_mm']:.2f} mm, "
             f"validation {error:.2f} mm (best {lowest:.2f} at {best_at}), "
             f"{history[-1]['seconds']:.1f} s")
-    if not keep_last:
+    if keep_last:
+        history[-1]["kept"] = True
+    else:
         module.load_state_dict(best)
     module.eval()
     return history
+
+
+def kept(history):
+    """The entry of a fit's history whose weights it left: the best one, or the last where that was asked for."""
+    return next((h for h in history if h.get("kept")), min(history, key=lambda h: h["validation_mm"]))

@@ -14,7 +14,7 @@ import time
 import numpy as np
 import torch
 
-from . import (augment, checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry,
+from . import (augment, checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry, loop,
                network, plots, rig)
 from .stages.mesh_stage import MeshStage
 from .stages.skeleton_stage import SkeletonStage
@@ -138,6 +138,17 @@ def prepare(options, log):
     return character, fitted, static, training, validation
 
 
+def unseen_clips(options, rig, character, training):
+    """Clips of --head-data, which neither stage 2 learned from nor anybody chooses epochs by."""
+    apart = dataset.HELD_OUT + tuple(options.validation.split(","))
+    clips = dataset.load(dataset.find(options.head_data, "dynamic", apart), rig, character)
+    known = sorted({c.name for c in clips} & {c.name for c in training})
+    if known or not clips:
+        raise ValueError(f"{options.head_data}: found {', '.join(known[:3]) or 'no clips'}; allowed are clips that "
+                         f"stage 2 does not learn from; simulate others (--clips variations)")
+    return clips
+
+
 def run(options):
     """Train all stages -> (network, fitted, character, provenance)."""
     os.makedirs(options.out, exist_ok=True)
@@ -163,8 +174,7 @@ def run(options):
     seen = training
     if options.stages == "mesh":
         if options.head_data:
-            seen = dataset.load(dataset.find(options.head_data, "dynamic", dataset.HELD_OUT), fitted.rig,
-                                character)
+            seen = unseen_clips(options, fitted.rig, character, training)
             dataset.add_residuals(seen, net.static, net.standardise, character)
             log(f"stage 3: {len(seen)} clips with mirror images that stage 2 never saw")
         fit_skeleton.subtract(net.skeleton, net.standardise, seen + validation)
@@ -181,7 +191,7 @@ def run(options):
         "frames": {"training": sum(map(len, training)) // 2,
                    "validation": sum(map(len, validation)) // 2,
                    "static": sum(map(len, static_clips)) // 2},
-        "validation_mm": {k: round(min(h["validation_mm"] for h in v), 3)
+        "validation_mm": {k: round(loop.kept(v)["validation_mm"], 3)
                           for k, v in histories.items()},
         "licence": "MIT"}
     checkpoint.save(os.path.join(options.out, "network.safetensors"),

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from conftest import train_tiny as run
-from dcloth_training import augment, checkpoint, dataset, fit_skeleton, loop
+from dcloth_training import augment, checkpoint, dataset, fit_skeleton, loop, rig, train
 
 def test_every_stage_lowers_the_validation_error(trained):
     (_, _, _, provenance), out = trained
@@ -161,3 +161,20 @@ def test_windows_at_a_clips_start_are_not_carried():
     found = augment.velocities([dataset.Window(None, first, 0) for first in [0, 5] * 500], 2.0, generator)
     assert not found[::2].any()
     assert torch.allclose(found[1::2].std(0), 2 * torch.tensor(augment.CARRIED), rtol=0.15)
+
+
+def test_stage_3_may_not_learn_on_what_stage_2_saw(tiny, tmp_path):
+    character = rig.read_character(str(tiny / "character.safetensors"))
+    fitted = rig.fit(character)
+    training = dataset.load(dataset.find(str(tiny), "dynamic", dataset.HELD_OUT), fitted.rig, character)
+    options = type("O", (), {"head_data": str(tiny), "validation": training[0].name})
+    with pytest.raises(ValueError, match="does not learn from"):
+        train.unseen_clips(options, fitted.rig, character, training)
+    found = train.unseen_clips(options, fitted.rig, character, [])
+    assert {c.name for c in found} == {c.name for c in training} - {training[0].name}
+
+
+def test_kept_is_the_best_epoch_or_the_last_where_asked():
+    history = [{"epoch": e, "validation_mm": v} for e, v in ((0, 3.0), (1, 1.0), (2, 2.0))]
+    assert loop.kept(history)["epoch"] == 1
+    assert loop.kept(history[:2] + [{**history[2], "kept": True}])["epoch"] == 2

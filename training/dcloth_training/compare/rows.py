@@ -4,6 +4,7 @@ A row's train() may be stopped and called again. Its load() gives a Model once t
 None before. Rows that share a base of skinning stand together, so that clips are un-skinned once.
 """
 import argparse
+import copy
 import json
 import os
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ def fits_of(histories, names):
     for name in names:
         if name in histories:
             history = histories[name]
-            best = min(history, key=lambda h: h["validation_mm"])
+            best = loop.kept(history)
             out[name] = {"epochs": history[-1]["epoch"], "best_epoch": best["epoch"],
                          "validation_mm": round(best["validation_mm"], 3),
                          "minutes": history[-1].get("minutes")}
@@ -148,9 +149,11 @@ class SameBudget(Row):
         torch.manual_seed(scene.options.seed)
         skeleton = SkeletonStage(len(scene.net.static.template), len(scene.standardise.mean),
                                  scene.options.skeleton_size)
+        plain = copy.copy(scene.options)
+        plain.settle_epochs = 0      # families have no such phase
         with loop.limited(scene.minutes):
             history = fit_skeleton.train(skeleton, scene.net.static, scene.standardise, training,
-                                         validation, [], scene.options, folder, scene.log)
+                                         validation, [], plain, folder, scene.log)
         checkpoint.save(os.path.join(folder, fit.MODEL),
                         {"state": skeleton.state_dict(), "history": history})
 

@@ -68,18 +68,12 @@ CYCLES = {"mocap/walk", "mocap/run", "mocap/zombie_walk", "game/game_walking_a",
 # clips would make that choice blind to overfitting.
 NOT_VARIED = {"mocap/walk", "mocap/stealthy_walk", "procedural/hula_twist"}
 RANDOM = [f"procedural/random_{seed}" for seed in range(64)]
-TAKES = 1
-# In rounds over all clips: a prefix of the list already has every clip.
+# Take k of a clip is of kind (k - 1) % 3: near, another take by the same person; wide, by another person, three
+# times as far from the recording; mixed, each leg from somewhere else: what hips and legs do is no longer tied.
+STRENGTHS = (1.0, 3.0, 2.0)
+MIXED_KIND = 2
 VARIED = [clip for clip in RECORDED + STANCES + PROCEDURAL[::3] if clip not in NOT_VARIED]
-VARIATIONS = [f"{clip}~{take}" for take in range(1, TAKES + 1) for clip in VARIED]
-# Takes beyond TAKES are by other people: three times as far from the recording.
-WIDE_TAKES, WIDE_STRENGTH = 1, 3.0
-WIDE = [f"{clip}~{take}" for take in range(TAKES + 1, TAKES + WIDE_TAKES + 1) for clip in VARIED]
-# And takes beyond those have each leg from somewhere else: what hips and legs do is no longer tied.
-MIXED_TAKES, MIXED_STRENGTH = 1, 2.0
-MIXED = [f"{clip}~{take}" for take in range(TAKES + WIDE_TAKES + 1,
-                                            TAKES + WIDE_TAKES + MIXED_TAKES + 1)
-         for clip in VARIED]
+VARIATIONS, WIDE, MIXED = ([f"{clip}~{kind + 1}" for clip in VARIED] for kind in range(3))
 # (patterns, reason): every recorded clip that is neither trained on nor held out.
 LEFT_OUT = (
     ("*/roll */crawl */getup_* */game_crawling */game_push_ups */game_sit_ups */game_lie_* "
@@ -151,14 +145,12 @@ def _variation(name, motion_folder):
     if base not in training() or base in NOT_VARIED or not number.isdigit():
         raise ValueError(f"clip '{name}': only training clips that do not validate are varied, as "
                          f"<clip>~<number>, e.g. '{VARIATIONS[0]}'")
-    generator, number = np.random.default_rng(seed(name)), int(number)
+    generator, kind = np.random.default_rng(seed(name)), (int(number) - 1) % 3
     pool = [clip for clip in (RECORDED + STANCES if motion_folder else PROCEDURAL)
             if clip not in NOT_VARIED]
-    strength = (1.0 if number <= TAKES else WIDE_STRENGTH if number <= TAKES + WIDE_TAKES
-                else MIXED_STRENGTH)
-    motion = _takes(base, pool, strength, generator, motion_folder)
-    if number > TAKES + WIDE_TAKES:
-        legs = [_takes(None, pool, strength, generator, motion_folder) for _ in range(2)]
+    motion = _takes(base, pool, STRENGTHS[kind], generator, motion_folder)
+    if kind == MIXED_KIND:
+        legs = [_takes(None, pool, STRENGTHS[kind], generator, motion_folder) for _ in range(2)]
         motion = variations.with_legs_of(motion, *legs)
     return motion
 
@@ -170,7 +162,7 @@ def load(name, motion_folder=None):
     elif name.startswith("procedural/random_"):
         motion, frames = procedural.clip(name.partition("/")[2]), LONG_FRAMES
         generator = np.random.default_rng([0x6F, seed(name)])   # scripts neither lean nor turn their thighs
-        motion = timing.to_origin(variations.offset_joints(motion, generator, WIDE_STRENGTH))
+        motion = timing.to_origin(variations.offset_joints(motion, generator, max(STRENGTHS)))
     else:
         motion, frames = _take(name, motion_folder), MAX_FRAMES
     return timing.ease_in(motion, EASE_FRAMES)[:frames]
