@@ -18,7 +18,7 @@ typedef struct cloth_solver_settings {
   float density;             /* kg/m^2 */
   float stretch_compliance;  /* m/N, every mesh edge */
   float bend_stiffness;      /* N/m, between the two vertices opposite an edge: holds the angle of the rest shape */
-  float brace_stiffness;     /* N/m, between vertices four edges apart: the same over the width of a pleat; 0: none */
+  float brace_stiffness;     /* N/m, between vertices twelve edges apart: the same over the width of a dent; 0: none */
   float drag_normal;         /* 1/s, velocity against the air along the cloth's normal */
   float drag_tangent;        /* 1/s, along the cloth */
   float air_follows;         /* 0: still air, 1: air turns and travels with the hips */
@@ -39,6 +39,8 @@ typedef struct cloth_solver_problem {
   const uint32_t* body_part;  /* [body_vertices] bit p: the vertex belongs to part p; parts may overlap. A cloth vertex
                                  touches each part by itself, so crossing legs do not swallow what is between them */
   const float* hips;          /* [frames, 3, 4] rotation | position of the joint that carries the air and the origin */
+  float yoke;                 /* m along the cloth from the nearest pin: within it a vertex stays below that pin, as the
+                                 hips stand, so that a stiff skirt does not flip up at its waistband for good; 0: none */
   cloth_solver_settings settings;
 } cloth_solver_problem;
 

@@ -8,7 +8,8 @@ namespace {
 
 constexpr float kGravity = 9.81f;
 constexpr int kEvery = 4;            // steps between updates of normals and smoothed velocities
-constexpr int kBraceRings = 4, kBraceDirections = 6;
+constexpr int kBraceRings = 12, kBraceDirections = 6;
+constexpr int kStretchPasses = 2;    // braces pull at edges too: after one pass cloth over a lifted thigh is a tenth longer
 constexpr float kMaxSpeed = 30.0f;   // m/s: what a contact may give a vertex at most
 
 std::vector<Vec> Vecs(const float* from, int32_t count) {
@@ -63,6 +64,7 @@ void Solver::Frame(int32_t frame) {
   Vec turn{};
   for (int c = 0; c < 3; ++c) turn += 0.5f * Cross(Column(hips - 12, c), Column(hips, c));
   air_spin_ = (settings_.air_follows * per_second) * turn;
+  up_from_ = Column(hips - 12, 1), up_to_ = Column(hips, 1);
 
   std::vector<Vec> from(p.body_vertices), to(p.body_vertices);
   for (int32_t b = 0; b < p.body_vertices; ++b) {
@@ -81,6 +83,7 @@ void Solver::Frame(int32_t frame) {
 }
 
 void Solver::Step(float t) {
+  up_ = Unit(Mix(up_from_, up_to_, t));
   if (step_++ % kEvery == 0) {
     Normals(mesh_, x_, normals_);
     SmoothVelocities();
@@ -90,7 +93,7 @@ void Solver::Step(float t) {
   for (size_t k = 0; k < pins_.size(); ++k) x_[pins_[k]] = Mix(pin_from_[k], pin_to_[k], t);
   if (settings_.brace_stiffness > 0) Solve(brace_, 1 / settings_.brace_stiffness);
   Solve(bend_, 1 / settings_.bend_stiffness);
-  Solve(stretch_, settings_.stretch_compliance);
+  for (int pass = 0; pass < kStretchPasses; ++pass) Solve(stretch_, settings_.stretch_compliance);
   HoldTethers();
   PushOut();
   UpdateVelocities();
@@ -129,6 +132,10 @@ void Solver::HoldTethers() {
     const Vec d = x_[i] - pin;
     const float most = settings_.tether * tethers_[i].length, squared = Dot(d, d);
     if (squared > most * most) x_[i] = pin + (most / std::sqrt(squared)) * d;
+    if (tethers_[i].length < problem_.yoke) {
+      const float rise = Dot(x_[i] - pin, up_);
+      if (rise > 0) x_[i] -= rise * up_;
+    }
   }
 }
 

@@ -45,6 +45,7 @@ class Solver {
   std::vector<Vec> slide_normal_;
   Vec origin_;                  // of the simulation in the world: the hips, so that floats stay small and precise
   Vec air_velocity_, air_spin_;
+  Vec up_, up_from_, up_to_;    // the hips'
   int step_ = 0;
 };
 

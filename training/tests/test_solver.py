@@ -1,9 +1,12 @@
 """The cloth solver: physics it must keep to, and input it must refuse."""
+import dataclasses
+
 import numpy as np
 import pytest
 
-from dcloth_training.motion import skeleton
-from dcloth_training.simulate import cloth_job, garment, mannequin, settings, solver
+from dcloth_training.motion import rotations, skeleton
+from dcloth_training.simulate import (clips, cloth_job, garment, mannequin, run as ground_truth, settings, solver,
+                                      statics)
 
 try:
     solver.library()
@@ -121,6 +124,36 @@ def test_skirt_hangs_symmetric_and_still():
     lopsided = np.linalg.norm(drape - drape[skirt.mirror] * [-1, 1, 1], axis=1).mean()
     moving = np.linalg.norm(result.cloth[1] - result.cloth[0], axis=1).mean()
     assert lopsided < 0.002 and moving < 1e-4
+
+
+def test_a_skirt_kicked_up_comes_down_again():
+    motion, skirt, body = skeleton.rest_motion(100), garment.skirt(), mannequin.mannequin()
+    up = np.clip(np.minimum(np.arange(100) / 8, (68 - np.arange(100)) / 8), 0, 1)
+    motion.local[:, skeleton.INDEX["RightUpLeg"]] = rotations.about_axis("X", -1.95 * up)   # past level
+    motion.local[:, skeleton.INDEX["LeftUpLeg"]] = rotations.about_axis("X", 0.95 * up)
+    hem = {}
+    for yoke in (skirt.yoke, 0.0):
+        cloth = cloth_job.simulate(motion, body, dataclasses.replace(skirt, yoke=yoke), [0, -1]).cloth
+        hem[yoke] = cloth[:, -garment.COLUMNS:, 1].mean(1)
+    assert hem[skirt.yoke][1] == pytest.approx(hem[skirt.yoke][0], abs=0.01)
+    assert hem[0.0][1] > hem[0.0][0] + 0.1        # folded at the waistband, for good
+
+
+def test_a_pose_has_one_drape_whatever_came_before():
+    skirt, body = garment.skirt(), mannequin.mannequin()
+    kicks, crouches = (clips.load(f"procedural/{name}") for name in ("kicks", "crouch_walk"))
+    poses = statics.without_root(skeleton.Motion(*(np.concatenate([
+        getattr(kicks, part)[20:140:30], getattr(crouches, part)[20:140:30]]) for part in ("root", "local"))))
+
+    def drapes(order):
+        tour, rests = statics.tour(poses[order])
+        joined, frames = ground_truth.with_lead(tour)
+        return cloth_job.simulate(joined, body, skirt, frames[rests]).cloth[np.argsort(order)]
+
+    first, second = drapes(np.arange(8)), drapes(np.array([5, 0, 7, 2, 6, 3, 1, 4]))
+    apart = np.linalg.norm(first - second, axis=-1).mean(1)
+    differ = np.linalg.norm(first - first.mean(0), axis=-1).mean()
+    assert differ > 0.01 and apart.max() < 0.002   # without braces over dents: 0.02 to 0.03
 
 
 def test_broken_input_ends_the_run_and_says_when():

@@ -61,7 +61,7 @@ def simulate(motion, body, garment, record, chosen=None):
     rest = garment.vertices @ start[:3, :3].T + start[:3, 3]
     cloth = solver.run(rest, garment.faces, np.flatnonzero(garment.pinned),
                        pin_paths(garment, matrices), faces, posed, body_parts(weights, faces),
-                       matrices[:, 0], chosen or settings.GROUND_TRUTH)
+                       matrices[:, 0], chosen or settings.GROUND_TRUTH, garment.yoke)
     if len(cloth) < len(motion):
         raise SimulationError(f"the cloth came apart at frame {len(cloth)} of {len(motion)}")
     return Result(cloth[record], matrices[record], time.monotonic() - began)

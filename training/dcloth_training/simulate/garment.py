@@ -15,7 +15,8 @@ from .mannequin import NOT_COLLIDING
 RINGS = 71
 PLEATS = 14
 COLUMNS = PLEATS * 8
-PINNED_RINGS = 3
+PINNED_RINGS = 6              # a waistband of 4 cm
+YOKE = 0.25                   # m that never rise above the waistband: softer or shorter, a flip stays
 LENGTH = 0.58                 # metres down the side, waist to hem: ends at the knee
 WAIST_ABOVE_HIPS = 0.115      # metres
 WAIST_HALF_WIDTH = 0.158      # x, metres: the mannequin's waist plus collision shell
@@ -33,7 +34,7 @@ class Garment:
 
     pin_joints [n]: the joint each pinned vertex follows, -1 where free; the hips unless given.
     not_colliding: joints whose part of the body this garment is not collided with
-    (mannequin.mannequin takes it).
+    (mannequin.mannequin takes it). yoke: see cloth_solver.h.
     """
     vertices: np.ndarray
     faces: np.ndarray
@@ -41,6 +42,7 @@ class Garment:
     pinned: np.ndarray
     pin_joints: np.ndarray = None
     not_colliding: tuple = NOT_COLLIDING
+    yoke: float = 0.0
 
     def __post_init__(self):
         if self.pin_joints is None:
@@ -86,4 +88,4 @@ def skirt(radius_scale=1.0):
             faces += [(mirror[p], mirror[r], mirror[q]) for p, q, r in pair]
     pinned = np.zeros((RINGS, COLUMNS), dtype=bool)
     pinned[:PINNED_RINGS] = True
-    return Garment(grid.reshape(-1, 3), np.array(faces, dtype=np.int32), mirror, pinned.reshape(-1))
+    return Garment(grid.reshape(-1, 3), np.array(faces, dtype=np.int32), mirror, pinned.reshape(-1), yoke=YOKE)

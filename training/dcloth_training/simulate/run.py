@@ -107,7 +107,7 @@ def prepare(name, options):
 def static_tours(options):
     """[(file number, poses)] of the quasi-static drapes; always the same poses."""
     motions = []
-    for name in clips.training():
+    for name in clips.training() + clips.VARIATIONS + clips.WIDE + clips.MIXED:
         if name.startswith("procedural/") or options.motion:
             motions.append(clips.load(name, options.motion))
     poses = statics.order(statics.select(motions, options.poses))
@@ -149,7 +149,7 @@ def main():
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--garment", choices=GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
-    parser.add_argument("--poses", type=int, default=400, help="quasi-static drapes")
+    parser.add_argument("--poses", type=int, default=1200, help="quasi-static drapes")
     options = parser.parse_args()
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)

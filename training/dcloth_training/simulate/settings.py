@@ -10,8 +10,8 @@ GROUND_TRUTH = {
     "frame_seconds": 1.0 / FPS,
     "density": 0.25,               # kg/m^2, a light wool
     "stretch_compliance": 1e-6,    # m/N: stiff; what stretch is left comes from one pass a step
-    "bend_stiffness": 100.0,       # N/m; 300 and 30 both raised the floor
-    "brace_stiffness": 100.0,      # without it the pleats fall in one by one, in any order
+    "bend_stiffness": 100.0,
+    "brace_stiffness": 3.0,        # without it a pose has many drapes: dents stay where a leg once was (README.md)
     "drag_normal": 10.0,           # 1/s; at 5 to 8 the floor is two to three times as high
     "drag_tangent": 10.0,
     "air_follows": 1.0,            # in still air a run's floor is twice as high

@@ -25,7 +25,7 @@ class _Problem(ctypes.Structure):
         "vertices", "faces", "pinned", "body_vertices", "body_faces", "body_parts", "frames")] + [
         ("rest", _FLOAT), ("face", _INT), ("pin", _INT), ("pin_path", _FLOAT),
         ("body_face", _INT), ("body_path", _FLOAT), ("body_part", ctypes.POINTER(ctypes.c_uint32)),
-        ("hips", _FLOAT), ("settings", Settings)]
+        ("hips", _FLOAT), ("yoke", ctypes.c_float), ("settings", Settings)]
 
 
 @functools.lru_cache(maxsize=None)
@@ -44,12 +44,13 @@ def library():
                             "scripts/build.sh build, or set DCLOTH_CLOTH_SOLVER to its path")
 
 
-def run(rest, faces, pins, pin_path, body_faces, body_path, body_part, hips, settings):
+def run(rest, faces, pins, pin_path, body_faces, body_path, body_part, hips, settings,
+        yoke=0.0):
     """Simulate every frame.
 
     rest [n, 3] m where the simulation starts, faces [c, 3], pins [p], pin_path [T, p, 3],
     body_faces [g, 3], body_path [T, b, 3], body_part [b] bit masks, hips [T, 4, 4] world matrices,
-    settings: a dict with every field of Settings. Returns cloth [k, n, 3] float32: k = T, or fewer
+    settings: a dict with every field of Settings, yoke: m, see cloth_solver.h. Returns cloth [k, n, 3] float32: k = T, or fewer
     when the simulation came apart at frame k.
     """
     rest, pin_path, body_path, hips = (np.ascontiguousarray(a, np.float32) for a in (
@@ -69,5 +70,6 @@ def run(rest, faces, pins, pin_path, body_faces, body_path, body_part, hips, set
         len(rest), len(faces), len(pins), body_path.shape[1], len(body_faces),
         int(body_part.max(initial=0)).bit_length(), frames, pointer(rest), pointer(faces, _INT),
         pointer(pins, _INT), pointer(pin_path), pointer(body_faces, _INT), pointer(body_path),
-        pointer(body_part, ctypes.POINTER(ctypes.c_uint32)), pointer(hips), Settings(**settings))
+        pointer(body_part, ctypes.POINTER(ctypes.c_uint32)), pointer(hips), yoke,
+        Settings(**settings))
     return out[:library().cloth_solver_run(ctypes.byref(problem), pointer(out))]

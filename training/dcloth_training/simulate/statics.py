@@ -1,8 +1,9 @@
 """Quasi-static drapes for the static stage: which poses, and how the garment gets there.
 
-Poses are picked from the training clips by farthest-point selection over the rotations that a
-skirt feels (hips and legs, heading taken out), so that few drapes cover many motions. They are
-visited along a short path, each approached slowly and held until the cloth rests.
+Half of the poses are picked from the training clips and their takes by farthest-point selection over
+the rotations that a skirt feels (hips and legs, heading taken out), so that few drapes cover many
+motions; the others as often as they occur. They are visited along a short path, each approached
+slowly and held until the cloth rests.
 """
 import numpy as np
 
@@ -14,6 +15,7 @@ POSES_A_FILE = 20
 MOVE_FRAMES = 8
 HOLD_FRAMES = 20
 SETTINGS = {}
+SEED = 1
 
 
 def without_root(motion):
@@ -32,16 +34,18 @@ def _features(motion):
 
 
 def select(motions, count):
-    """Farthest-point selection of `count` poses over all frames -> Motion of `count` frames."""
+    """`count` poses of all frames, half of them by farthest-point selection -> Motion of `count` frames."""
     pool = [without_root(m) for m in motions]
     pool = Motion(np.concatenate([m.root for m in pool]), np.concatenate([m.local for m in pool]))
     features = _features(pool)
     chosen = [int(np.argmin(np.linalg.norm(features - features.mean(0), axis=1)))]
     nearest = np.linalg.norm(features - features[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(features)):
+    while len(chosen) < min(-(-count // 2), len(features)):
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, np.linalg.norm(features - features[chosen[-1]], axis=1))
-    return pool[chosen]
+    left = np.setdiff1d(np.arange(len(features)), chosen)
+    others = np.random.default_rng(SEED).permutation(left)[:count - len(chosen)]
+    return pool[np.r_[chosen, others]]
 
 
 def order(poses):
