@@ -9,6 +9,7 @@
 #include "engine/format/view.h"
 #include "engine/src/cloth.h"
 #include "engine/src/float_environment.h"
+#include "engine/src/idle.h"
 #include "engine/src/isa.h"
 #include "engine/src/joint_binding.h"
 #include "engine/src/output.h"
@@ -71,7 +72,8 @@ bool StagesAreUsable(uint32_t stages, uint32_t held) {
 }
 
 bool FrameIsUsable(const dcloth_frame* frame, uint32_t held) {
-  constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED;
+  constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HALF_RATE_MESH |
+                              DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
   return frame != nullptr && frame->struct_size >= sizeof(dcloth_frame) && StagesAreUsable(frame->stages, held) &&
          frame->seconds >= 0.0f && frame->seconds <= kLongestSeconds && (frame->flags & ~kFlags) == 0;
 }
@@ -249,6 +251,8 @@ dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info
   info->in_work = dcloth::engine::TickInWork(described) ? 1 : 0;
   info->lag_seconds = static_cast<float>(described.clock.lag() / static_cast<double>(described.model->tick_rate));
   info->tick_share = described.work_done;
+  info->frozen = dcloth::engine::IsFrozen(described) ? 1 : 0;
+  info->tick_waits = described.clock.tick_waits() ? 1 : 0;
   return DCLOTH_OK;
 }
 

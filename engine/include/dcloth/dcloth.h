@@ -164,7 +164,20 @@ enum {
    * runs whole, and so do ticks that are due in one frame with another, and those of frames as long as a
    * tick. The flag may change from frame to frame. */
   DCLOTH_FRAME_PIPELINED = 1,
-  DCLOTH_FRAME_JUMPED = 2
+  DCLOTH_FRAME_JUMPED = 2,
+  /* The mesh stage runs in every second tick, which saves nearly half of its time; the stages before it run in each.
+   * Its part of the displacement is drawn one tick later than the rest, on a straight way from one run to the next.
+   * For ticks that start now; without DCLOTH_STAGES_MESH it does nothing. */
+  DCLOTH_FRAME_HALF_RATE_MESH = 4,
+  /* No tick starts in this frame. One that falls due waits for the next frame without the flag, runs there with that
+   * frame's pose, and the grid starts anew with it: so hosts choose in which frame a cloth pays. Meanwhile the newest
+   * displacement is drawn, before the first tick the garment without any. */
+  DCLOTH_FRAME_HOLD = 8,
+  /* Freeze while idle. After half a second (15 ticks) in which no joint moved by more than 0.5 mm or turned by more
+   * than a thousandth, and no vertex by more than 0.05 mm along an axis from tick to tick, ticks stop and frames cost
+   * drawing only. The first frame with time whose pose has moved that far, that jumped, or that asks for other stages
+   * has its tick at once. A frame without the flag wakes too. */
+  DCLOTH_FRAME_FREEZE_IDLE = 16
 };
 typedef struct dcloth_frame {
   uint32_t struct_size;  /* set to sizeof(dcloth_frame) */
@@ -179,6 +192,8 @@ typedef struct dcloth_cloth_info {
   uint32_t in_work;      /* 1 while a tick is begun and not complete */
   float lag_seconds;     /* by how much the displacement drawn is older than the pose */
   float tick_share;      /* network work of the last update in ticks, by estimated cost: 1 is a whole tick */
+  uint32_t frozen;       /* 1 while DCLOTH_FRAME_FREEZE_IDLE lets ticks rest */
+  uint32_t tick_waits;   /* 1 where the next frame with time has a tick, however short it is: the first, or held */
 } dcloth_cloth_info;
 
 /* Numbers in a vertex buffer. Half floats are IEEE 754 binary16; their steps are 0.5 mm at 0.5 to 1 m from
@@ -310,7 +325,7 @@ DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
  * Saved bytes hold all that the frames to come depend on, a tick in work included: a cloth that takes them goes on
  * to the bit as the one that was saved would have, on the same instruction set. Joint binding and space are the
  * host's and not among them. They are little-endian and laid out the same on every platform and instruction set;
- * their version is 1, and a release that cannot read one refuses it with VERSION.
+ * their version is 2, and a release that cannot read one refuses it with VERSION.
  *
  * Pause: do not update, or save, give the memory back, create and restore later. The first update's `seconds` is the
  *   frame time as if nothing had happened in between; where the character was moved, add DCLOTH_FRAME_JUMPED.
@@ -319,7 +334,7 @@ DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
  *   refused cloth is as it was before; reset it instead.
  * Other model: a state belongs to the model file it was saved with, told by the identity that the converter writes
  *   into the file (before format 1.2 by name and sizes). DCLOTH_RESTORE_OTHER_MODEL takes the state of another file
- *   with the same sizes, between ticks: the same network in another precision or rank.
+ *   with the same sizes, between ticks, its mesh stage at full rate: the same network in another precision or rank.
  * Hot swap: open the new file and create its cloth in other memory; bind joints and space as before. Then either
  *   save the old cloth after an update without DCLOTH_FRAME_PIPELINED, restore with DCLOTH_RESTORE_OTHER_MODEL and
  *   go on (the frame that follows is off by what the precisions differ); or, for another network, where that is
