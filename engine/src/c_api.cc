@@ -12,6 +12,7 @@
 #include "engine/src/idle.h"
 #include "engine/src/isa.h"
 #include "engine/src/joint_binding.h"
+#include "engine/src/lent_memory.h"
 #include "engine/src/output.h"
 #include "engine/src/state.h"
 #include "engine/src/tick_work.h"
@@ -19,6 +20,7 @@
 
 namespace {
 
+using dcloth::engine::CheckStorage;
 using dcloth::engine::Cloth;
 using dcloth::engine::FloatEnvironment;
 using dcloth::format::Diagnostic;
@@ -35,21 +37,6 @@ Cloth* ClothOf(dcloth_cloth* cloth) { return reinterpret_cast<Cloth*>(cloth); }
 #define DCLOTH_TEXT(x) DCLOTH_TEXT_OF(x)
 constexpr char kVersion[] =
     DCLOTH_TEXT(DCLOTH_VERSION_MAJOR) "." DCLOTH_TEXT(DCLOTH_VERSION_MINOR) "." DCLOTH_TEXT(DCLOTH_VERSION_PATCH);
-
-bool CheckStorage(const void* storage, size_t size, size_t needed, Diagnostic* diagnostic) {
-  if (storage == nullptr) {
-    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "null storage", "memory of the host", "");
-  }
-  if (reinterpret_cast<uintptr_t>(storage) % DCLOTH_ALIGNMENT != 0) {
-    return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, kNoOffset, nullptr, "storage off a 64-byte boundary",
-                            "addresses divisible by 64", "allocate with an alignment of DCLOTH_ALIGNMENT");
-  }
-  if (size >= needed) return true;
-  char allowed[48];
-  dcloth::format::Text(allowed, sizeof(allowed)).Add("at least ").Add(uint64_t{needed});
-  return diagnostic->FailCount(DCLOTH_ERROR_MEMORY, kNoOffset, nullptr, size, " bytes of storage", allowed,
-                               "lend what the storage_size function asks for");
-}
 
 constexpr float kLongestSeconds = 3.4028235e38f;  // the largest float: all that is not infinite
 

@@ -20,10 +20,9 @@ size_t MixedCoefficientsAt(const format::ModelView& model);
 // What the basis multiplies.
 const float* BasisCoefficients(const format::ModelView& model, const float* coefficients);
 
-// At half rate: Q of this tick from what the mesh stage made (`q`) and made last (`before`), which follows. A stage that
-// runs every second tick is drawn one tick late on a straight way, so that its wrinkles do not stop and go: half of the
-// way in the tick that ran, all of it in the tick of rest. Rejected: to hold Q at once (stop and go at half the tick
-// rate).
+// At half rate: Q of this tick from what the mesh stage made (`q`) and made last (`before`), which follows. The way
+// from run to run is straight and one tick late, so that wrinkles do not stop and go: half of it in the tick that ran,
+// the rest in the tick of rest. Rejected: to show each run at once and hold it, stop and go at half the tick rate.
 void TurnMeshCoefficients(const format::ModelView& model, MeshTurn turn, float* q, float* before);
 
 // Makes them, once P and, with the mesh stage, Q are there: c = P head + Q, or zeros where P and Q are padded. P and Q

@@ -37,6 +37,11 @@ DueTicks FrameClock::Advance(double step) {
   return ticks;
 }
 
+uint32_t FrameClock::TicksDue(double step) const {
+  FrameClock later = *this;
+  return later.Advance(step).count;
+}
+
 void FrameClock::Hold(double step) {
   if (!started_) return;
   Pass(step);

@@ -36,6 +36,9 @@ class FrameClock {
   // in ticks, at least 0 and finite.
   DueTicks Advance(double step);
 
+  // How many ticks Advance(step) would make due now.
+  uint32_t TicksDue(double step) const;
+
   // A frame in which no tick may start: the one that falls due waits for the next Advance with time, and the grid
   // then starts anew with it.
   void Hold(double step);
