@@ -15,6 +15,7 @@ constexpr double kLongestFrame = 0.1;     // longer ones are hitches, which say 
 constexpr double kFollowSeconds = 0.1;    // of a new frame in the mean
 constexpr double kFollowSlower = 0.25;    // frames that cost more than planned are believed soon
 constexpr double kFollowFaster = 0.02;    // those that cost less, late
+constexpr double kMostStep = 2;           // a frame that took longer was interrupted
 constexpr double kLeastLoad = 0.5, kMostLoad = 4;
 
 uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {
@@ -27,7 +28,8 @@ uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {
 
 void FollowLoad(double spent, Scene* scene) {
   if (!(spent > 0) || !(scene->planned_microseconds > 0)) return;
-  const double load = scene->load * spent / scene->planned_microseconds;
+  double load = scene->load * spent / scene->planned_microseconds;
+  if (load > kMostStep * scene->load) load = kMostStep * scene->load;
   scene->load += (load > scene->load ? kFollowSlower : kFollowFaster) * (load - scene->load);
   if (scene->load < kLeastLoad) scene->load = kLeastLoad;
   if (scene->load > kMostLoad) scene->load = kMostLoad;
