@@ -159,7 +159,7 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
   RememberPose(cloth, (frame.flags & DCLOTH_FRAME_JUMPED) != 0);
   cloth->work_done = 0;
   if (spent != 0) {
-    const uint64_t tick_cost = TickCost(model, cloth->plan);
+    const uint64_t tick_cost = TickCost(model, {cloth->plan.stages});
     cloth->work_done = static_cast<float>(static_cast<double>(spent) / static_cast<double>(tick_cost));
   }
   const double behind = frozen ? 0 : cloth->clock.Behind(TickInWork(*cloth));

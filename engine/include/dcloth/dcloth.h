@@ -191,7 +191,8 @@ typedef struct dcloth_cloth_info {
   uint32_t struct_size;  /* set to sizeof(dcloth_cloth_info) before the call */
   uint32_t in_work;      /* 1 while a tick is begun and not complete */
   float lag_seconds;     /* by how much the displacement drawn is older than the pose */
-  float tick_share;      /* network work of the last update in ticks, by estimated cost: 1 is a whole tick */
+  float tick_share;      /* network work of the last update in ticks, by estimated cost: 1 is a whole tick of all
+                            its stages */
   uint32_t frozen;       /* 1 while DCLOTH_FRAME_FREEZE_IDLE lets ticks rest */
   uint32_t tick_waits;   /* 1 where the next frame with time has a tick, however short it is: the first, or held */
 } dcloth_cloth_info;
