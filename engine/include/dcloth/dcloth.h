@@ -167,7 +167,7 @@ enum {
   DCLOTH_FRAME_JUMPED = 2,
   /* The mesh stage runs in every second tick, which saves nearly half of its time; the stages before it run in each.
    * Its part of the displacement is drawn one tick later than the rest, on a straight way from one run to the next.
-   * For ticks that start now; without DCLOTH_STAGES_MESH it does nothing. */
+   * The first tick, after a reset too, runs it. For ticks that start now; without DCLOTH_STAGES_MESH it does nothing. */
   DCLOTH_FRAME_HALF_RATE_MESH = 4,
   /* No tick starts in this frame. One that falls due waits for the next frame without the flag, runs there with that
    * frame's pose, and the grid starts anew with it: so hosts choose in which frame a cloth pays. Meanwhile the newest
