@@ -15,6 +15,7 @@ namespace DCloth
         private const int MatrixFloats = 16, BoundsFloats = 6;
         private readonly Cloth cloth;
         private readonly AlignedMemory memory;
+        private AlignedMemory ownVertices;
         private readonly float* textureCoordinates;
         private bool jumped;
 
@@ -38,11 +39,12 @@ namespace DCloth
                 Bones = JointSelection.Bind(cloth, boneNames, prefix);
                 VertexBytes = uv == null ? PlainVertexBytes : TangentVertexBytes;
                 long floats = (long)MatrixFloats * Bones.Length + BoundsFloats + (uv == null ? 0 : uv.Length);
-                memory = new AlignedMemory(floats * sizeof(float) + (long)model.VertexCount * VertexBytes);
+                memory = new AlignedMemory(floats * sizeof(float));
+                ownVertices = new AlignedMemory((long)model.VertexCount * VertexBytes);
                 JointMatrices = (float*)memory.Start;
                 Bounds = JointMatrices + (long)MatrixFloats * Bones.Length;
                 textureCoordinates = uv == null ? null : Bounds + BoundsFloats;
-                Vertices = (byte*)(Bounds + BoundsFloats + (uv == null ? 0 : uv.Length));
+                Vertices = ownVertices.Start;
                 for (int i = 0; uv != null && i < uv.Length; ++i) textureCoordinates[i] = uv[i];
                 VertexCount = model.VertexCount;
                 Stages = model.Stages;
@@ -52,6 +54,7 @@ namespace DCloth
             {
                 cloth.Dispose();
                 memory?.Dispose();
+                ownVertices?.Dispose();
                 throw;
             }
         }
@@ -100,6 +103,23 @@ namespace DCloth
             jumped = false;
         }
 
+        /// <summary>From now on vertices go to `vertices`, memory of the host that stays where it is until Dispose or
+        /// the next call; the player's own is given back. Errors: ArgumentException where `bytes` are fewer than
+        /// VertexCount * VertexBytes, or the address is no multiple of 4.</summary>
+        public void LendVertices(void* vertices, long bytes)
+        {
+            if (JointMatrices == null) throw new ObjectDisposedException(nameof(ClothPlayer));
+            long needed = (long)VertexCount * VertexBytes;
+            if (vertices == null || bytes < needed || (ulong)vertices % sizeof(float) != 0)
+            {
+                throw new ArgumentException(bytes + " bytes lent for vertices; needed: " + needed +
+                                            " at a multiple of 4");
+            }
+            Vertices = (byte*)vertices;
+            ownVertices?.Dispose();
+            ownVertices = null;
+        }
+
         /// <summary>One frame, `seconds` after the last one. Without `draw` motion goes on and vertices stay. A refused
         /// frame (Pose: NaN in a matrix; Argument: time below zero or NaN) changes nothing, and a jump stays
         /// announced.</summary>
@@ -128,6 +148,7 @@ namespace DCloth
         {
             cloth.Dispose();
             memory.Dispose();
+            ownVertices?.Dispose();
             JointMatrices = null;
             Vertices = null;
             Bounds = null;
