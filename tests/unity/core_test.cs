@@ -78,7 +78,7 @@ internal static unsafe class CoreTest
         Check(AlignedMemory.LiveBytes > before + file.Length, "its bytes are still there");
         player.Dispose();
         Check(AlignedMemory.LiveBytes == before, "all is given back");
-        foreach (Action use in new Action[] { () => player.Advance(0), () => new Cloth(model), player.Reset })
+        foreach (Action use in new Action[] { () => player.Advance(0), () => new ClothInstance(model), player.Reset })
         {
             try
             {

@@ -56,7 +56,7 @@ namespace DCloth
 
         public long FileBytes => bytes.Size;
 
-        /// <summary>What each Cloth takes.</summary>
+        /// <summary>What each ClothInstance takes.</summary>
         public long ClothBytes { get; private set; }
 
         internal dcloth_model* Handle

@@ -13,7 +13,7 @@ namespace DCloth
         public const int PlainVertexBytes = 24, TangentVertexBytes = 40;
 
         private const int MatrixFloats = 16, BoundsFloats = 6;
-        private readonly Cloth cloth;
+        private readonly ClothInstance cloth;
         private readonly AlignedMemory memory;
         private AlignedMemory ownVertices;
         private readonly float* textureCoordinates;
@@ -26,7 +26,7 @@ namespace DCloth
         public ClothPlayer(ClothModel model, dcloth_space space, IReadOnlyList<string> boneNames,
                            string prefix = "", float[] uv = null)
         {
-            cloth = new Cloth(model);
+            cloth = new ClothInstance(model);
             try
             {
                 if (uv != null && uv.Length != 2 * model.VertexCount)
@@ -59,7 +59,7 @@ namespace DCloth
             }
         }
 
-        public Cloth Cloth => cloth;
+        public ClothInstance Cloth => cloth;
 
         /// <summary>For each matrix of the pose, the bone of `boneNames` it belongs to.</summary>
         public int[] Bones { get; }

@@ -17,7 +17,7 @@ namespace DCloth
         public Type Type { get; }
     }
 
-    /// <summary>Time per step (DCLOTH_STEP_*), for Cloth.Update and its halves. Costs two calls into C# a
+    /// <summary>Time per step (DCLOTH_STEP_*), for ClothInstance.Update and its halves. Costs two calls into C# a
     /// step.</summary>
     public sealed unsafe class ClothTimer : IDisposable
     {

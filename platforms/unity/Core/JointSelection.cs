@@ -9,7 +9,7 @@ namespace DCloth
     {
         /// <summary>Binds `cloth` to the bones it needs and returns their indices: matrix i of a pose is that of bone
         /// result[i]. Of equal names the first counts. Errors: Joints, with the names that are missing.</summary>
-        public static int[] Bind(Cloth cloth, IReadOnlyList<string> boneNames, string prefix = "")
+        public static int[] Bind(ClothInstance cloth, IReadOnlyList<string> boneNames, string prefix = "")
         {
             if (boneNames == null) throw new ArgumentNullException(nameof(boneNames));
             var wanted = new HashSet<string>(cloth.Model.JointNames);

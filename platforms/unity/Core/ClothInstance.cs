@@ -3,16 +3,16 @@ using System.Collections.Generic;
 
 namespace DCloth
 {
-    /// <summary>One garment on one character, in memory of its own. Set-up throws ClothException; frames return a
-    /// status and make no garbage.
+    /// <summary>One garment on one character, in memory of its own. (UnityEngine has a Cloth already.) Set-up throws
+    /// ClothException; frames return a status and make no garbage.
     /// Thread: one at a time; different cloths at once are fine.</summary>
-    public sealed unsafe class Cloth : IDisposable
+    public sealed unsafe class ClothInstance : IDisposable
     {
         private readonly ClothModel model;
         private readonly AlignedMemory storage;
         private dcloth_cloth* cloth;
 
-        public Cloth(ClothModel model)
+        public ClothInstance(ClothModel model)
         {
             this.model = model ?? throw new ArgumentNullException(nameof(model));
             dcloth_model* handle = model.Handle;
@@ -34,7 +34,7 @@ namespace DCloth
         {
             get
             {
-                if (cloth == null) throw new ObjectDisposedException(nameof(Cloth));
+                if (cloth == null) throw new ObjectDisposedException(nameof(ClothInstance));
                 return cloth;
             }
         }
