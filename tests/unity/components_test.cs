@@ -221,6 +221,31 @@ internal static unsafe class ComponentsTest
         End(there, garment);
     }
 
+    public static void ScaledBonesAreToldOfAndUndone()
+    {
+        DClothAsset garment = Imported(modelPath);
+        Transform root = new GameObject("Root").transform;
+        SkinnedMeshRenderer plain = Character(garment, root), scaled = Character(garment, root);
+        foreach (Transform bone in scaled.bones) bone.localScale = 128 * Vector3.one; // exact to divide by
+        DClothRenderer a = Renderer(garment, plain);
+        Check(Debug.Warnings.Count == 0, "bones as they are");
+        DClothRenderer b = Renderer(garment, scaled);
+        Check(Debug.Warnings.Count == 1 && Debug.Warnings[0].Contains("by 128;"), "told of scaled bones");
+        b.enabled = false;
+        Set(b, "boneScale", 128f);
+        b.enabled = true;
+        Check(Debug.Warnings.Count == 1, "and no more");
+        for (int frame = 0; frame < 30; ++frame)
+        {
+            Turn(plain, 0.1f * frame);
+            Turn(scaled, 0.1f * frame);
+            Loop.Frame(1 / 60f);
+        }
+        Check(Drawn(a).Streams[0].SequenceEqual(Drawn(b).Streams[0]), "the same vertices");
+        UnityEngine.Object.DestroyImmediate(a.gameObject);
+        End(b, garment);
+    }
+
     public static void TextureCoordinatesBringTangents()
     {
         DClothAsset garment = Imported(modelPath);

@@ -28,8 +28,8 @@ namespace DCloth.Editor
             catch (TypeLoadException e) // DllNotFoundException, EntryPointNotFoundException
             {
                 asset.SetFile(file, fileName, false);
-                context.LogImportWarning(fileName + " was imported unchecked: no native library for the editor, or another " +
-                                         "version's; see the package's README, then import again: " + e.Message);
+                context.LogImportWarning(fileName + " was imported unchecked: no native library for the editor, or " +
+                                         "another version's; see the package's README, import again: " + e.Message);
             }
             context.AddObjectToAsset("garment", asset);
             context.SetMainObject(asset);

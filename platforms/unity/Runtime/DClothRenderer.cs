@@ -19,6 +19,8 @@ namespace DCloth
         private SkinnedMeshRenderer character;
         [SerializeField, Tooltip("Taken off the bones' names before they are compared with the model's joints.")]
         private string bonePrefix = "";
+        [SerializeField, Tooltip("What the file's units have scaled the bones by: 100 in many of Blender's.")]
+        private float boneScale = 1;
         [SerializeField] private Material material;
         [SerializeField] private ShadowCastingMode shadows = ShadowCastingMode.TwoSided;
         [SerializeField, Tooltip("Optional, for its uv: a mesh with the model's vertices in the model's order.")]
@@ -88,7 +90,7 @@ namespace DCloth
             }
             catch (TypeLoadException e) // DllNotFoundException, EntryPointNotFoundException
             {
-                Fail("no native library for this platform, or another version's; see the package's README: " + e.Message);
+                Fail("no native library here, or another version's; see the package's README: " + e.Message);
             }
         }
 
@@ -119,6 +121,8 @@ namespace DCloth
 
         private void Begin()
         {
+            if (!(boneScale > 0))
+                throw new InvalidOperationException("Bone Scale is " + boneScale + "; allowed: above 0");
             ClothModel model = garment.Model;
             Vector2[] uv = textureSource == null ? null : textureSource.uv;
             Transform[] all = character.bones;
@@ -135,6 +139,7 @@ namespace DCloth
             renderer.sharedMaterial = material;
             renderer.shadowCastingMode = shadows;
             lastStatus = ClothStatus.Ok;
+            CheckScale();
         }
 
         private void End()
@@ -152,13 +157,31 @@ namespace DCloth
         private void ReadBones()
         {
             var matrices = (Matrix4x4*)player.JointMatrices;
-            if (carrier == null)
+            for (int i = 0; i < bones.Length; ++i) matrices[i] = bones[i].localToWorldMatrix;
+            if (carrier != null)
             {
-                for (int i = 0; i < bones.Length; ++i) matrices[i] = bones[i].localToWorldMatrix;
+                Matrix4x4 toCarrier = carrier.worldToLocalMatrix;
+                for (int i = 0; i < bones.Length; ++i) matrices[i] = toCarrier * matrices[i];
+            }
+            if (boneScale == 1) return;
+            for (float* m = player.JointMatrices, end = m + 16 * bones.Length; m < end; m += 16)
+            {
+                for (int i = 0; i < 12; ++i) m[i] /= boneScale; // the axes; the place, in the last column, stays
+            }
+        }
+
+        // A scale that training did not know goes into the network's input and the skinning. A giant is meant to be
+        // one; a file's units are not.
+        private void CheckScale()
+        {
+            for (int i = 0; i < bones.Length; ++i)
+            {
+                float found = bones[i].localToWorldMatrix.GetColumn(0).magnitude;
+                if (found > 0.8f * boneScale && found < 1.25f * boneScale) continue;
+                Debug.LogWarning("dcloth: " + name + ": bone '" + bones[i].name + "' is scaled by " + found +
+                                 "; if the file's units are the reason, set Bone Scale to that", this);
                 return;
             }
-            Matrix4x4 toCarrier = carrier.worldToLocalMatrix;
-            for (int i = 0; i < bones.Length; ++i) matrices[i] = toCarrier * bones[i].localToWorldMatrix;
         }
 
         private void Place()

@@ -49,6 +49,8 @@ namespace UnityEngine
     public struct Vector4
     {
         public float x, y, z, w;
+
+        public float magnitude => (float)Math.Sqrt(x * x + y * y + z * z + w * w);
     }
 
     public static class Mathf
@@ -103,6 +105,12 @@ namespace UnityEngine
 
         internal Vector3 Column(int c) => c == 0 ? new Vector3(m00, m10, m20) : c == 1 ? new Vector3(m01, m11, m21)
             : c == 2 ? new Vector3(m02, m12, m22) : new Vector3(m03, m13, m23);
+
+        public Vector4 GetColumn(int index)
+        {
+            Vector3 column = Column(index);
+            return new Vector4 { x = column.x, y = column.y, z = column.z, w = index == 3 ? m33 : 0 };
+        }
 
         public Vector3 MultiplyVector(Vector3 v) => v.x * Column(0) + v.y * Column(1) + v.z * Column(2);
 
