@@ -51,7 +51,8 @@ def entries(plugins):
     for path in sorted(PACKAGE.rglob("*")):
         if path.is_file():
             yield path.relative_to(PACKAGE).as_posix(), path.read_bytes()
-    folder = "folderAsset: yes\nDefaultImporter:\n  externalObjects: {}\n  userData:\n  assetBundleName:\n  assetBundleVariant:\n"
+    folder = ("folderAsset: yes\nDefaultImporter:\n  externalObjects: {}\n  userData:\n  assetBundleName:\n"
+              "  assetBundleVariant:\n")
     yield "Plugins.meta", meta("Plugins", folder)
     for platform, library in plugins.items():
         name = f"Plugins/{platform}/{PLATFORMS[platform][0]}"

@@ -1,4 +1,5 @@
-/* Runs a C# program inside this one, which has dcloth linked in: what "__Internal" means. Arguments: PROGRAM.exe and its own. */
+/* Runs a C# program inside this one, which has dcloth linked in: what "__Internal" means.
+ * Arguments: PROGRAM.exe and its own. */
 #include <mono/jit/jit.h>
 #include <mono/metadata/assembly.h>
 #include <mono/metadata/mono-config.h>
