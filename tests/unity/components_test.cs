@@ -221,6 +221,23 @@ internal static unsafe class ComponentsTest
         End(there, garment);
     }
 
+    public static void BonesBelowTheRootBoneCount()
+    {
+        DClothAsset garment = Imported(modelPath);
+        Transform root = new GameObject("Root").transform;
+        SkinnedMeshRenderer whole = Character(garment, root);
+        SkinnedMeshRenderer part = Character(garment, new GameObject("Other").transform);
+        part.rootBone = root;
+        part.bones = part.bones.Take(3).ToArray();
+        DClothRenderer cloth = Renderer(garment, part);
+        Check(cloth.enabled && Debug.Errors.Count == 0, "found: " + Debug.Errors.FirstOrDefault());
+        var bones = (Transform[])typeof(DClothRenderer)
+                        .GetField("bones", BindingFlags.Instance | BindingFlags.NonPublic).GetValue(cloth);
+        Check(bones.Intersect(part.bones).Count() == 2, "the mesh's own first"); // one of the three is a tail
+        Check(bones.Intersect(whole.bones).Count() == garment.JointNames.Length - 2, "the others below its root bone");
+        End(cloth, garment);
+    }
+
     public static void ScaledBonesAreToldOfAndUndone()
     {
         DClothAsset garment = Imported(modelPath);

@@ -1,4 +1,5 @@
 using System;
+using System.Collections.Generic;
 using UnityEngine;
 using UnityEngine.Rendering;
 using UnityEngine.SceneManagement;
@@ -15,7 +16,7 @@ namespace DCloth
     public sealed unsafe class DClothRenderer : MonoBehaviour
     {
         [SerializeField] private DClothAsset garment;
-        [SerializeField, Tooltip("Whose bones carry the garment; its mesh does not matter.")]
+        [SerializeField, Tooltip("Its bones, and those below its root bone, carry the garment; its mesh does not.")]
         private SkinnedMeshRenderer character;
         [SerializeField, Tooltip("Taken off the bones' names before they are compared with the model's joints.")]
         private string bonePrefix = "";
@@ -125,9 +126,11 @@ namespace DCloth
                 throw new InvalidOperationException("Bone Scale is " + boneScale + "; allowed: above 0");
             ClothModel model = garment.Model;
             Vector2[] uv = textureSource == null ? null : textureSource.uv;
-            Transform[] all = character.bones;
-            var names = new string[all.Length];
-            for (int i = 0; i < all.Length; ++i) names[i] = all[i] == null ? "" : all[i].name;
+            // A mesh's own bones first, then those below its root bone that carry none of its vertices.
+            var all = new List<Transform>(character.bones);
+            if (character.rootBone != null) all.AddRange(character.rootBone.GetComponentsInChildren<Transform>(true));
+            var names = new string[all.Count];
+            for (int i = 0; i < names.Length; ++i) names[i] = all[i] == null ? "" : all[i].name;
             player = new ClothPlayer(model, ClothSpace.Unity, names, bonePrefix, Flat(uv));
             bones = new Transform[player.Bones.Length];
             for (int i = 0; i < bones.Length; ++i) bones[i] = all[player.Bones[i]];

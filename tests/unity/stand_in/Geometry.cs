@@ -1,5 +1,7 @@
 // Vectors, matrices and transforms as Unity defines them: left-handed, columns of a matrix contiguous; see Objects.cs.
 using System;
+using System.Collections.Generic;
+using System.Linq;
 using System.Runtime.InteropServices;
 
 namespace UnityEngine
@@ -125,6 +127,7 @@ namespace UnityEngine
 
     public sealed class Transform : Component
     {
+        private readonly List<Transform> children = new List<Transform>();
         private Transform parent;
 
         public Vector3 localPosition { get; set; }
@@ -170,7 +173,14 @@ namespace UnityEngine
         public void SetParent(Transform newParent, bool worldPositionStays)
         {
             if (worldPositionStays) throw new NotSupportedException();
+            parent?.children.Remove(this);
+            newParent?.children.Add(this);
             parent = newParent;
+        }
+
+        internal IEnumerable<Transform> WithChildren()
+        {
+            return new[] { this }.Concat(children.SelectMany(c => c.WithChildren()));
         }
 
         public void SetPositionAndRotation(Vector3 newPosition, Quaternion newRotation)

@@ -24,6 +24,7 @@ namespace UnityEngine
     public sealed class SkinnedMeshRenderer : Renderer
     {
         public Transform[] bones { get; set; } = new Transform[0];
+        public Transform rootBone { get; set; }
     }
 
     public sealed class MeshFilter : Component

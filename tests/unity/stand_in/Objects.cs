@@ -2,6 +2,7 @@
 // components without an editor. What is Unity's own business (rendering, serialization, import) is only recorded.
 using System;
 using System.Collections.Generic;
+using System.Linq;
 using System.Reflection;
 
 namespace UnityEngine
@@ -75,6 +76,11 @@ namespace UnityEngine
         public T GetComponent<T>() where T : Component
         {
             return gameObject.GetComponent<T>();
+        }
+
+        public T[] GetComponentsInChildren<T>(bool includeInactive) where T : Component
+        {
+            return transform.WithChildren().Select(t => t.GetComponent<T>()).Where(c => c != null).ToArray();
         }
     }
 
