@@ -6,7 +6,9 @@ using System.Reflection;
 using DCloth;
 using DCloth.Editor;
 using DCloth.Samples;
+using DCloth.Samples.Editor;
 using Unity.Collections;
+using UnityEditor;
 using UnityEditor.AssetImporters;
 using UnityEngine;
 using UnityEngine.Rendering;
@@ -281,6 +283,31 @@ internal static unsafe class ComponentsTest
         End(cloth, garment);
     }
 
+    public static void TheMenuMakesTheSamplesScene()
+    {
+        DClothAsset garment = Imported(skirtPath);
+        garment.name = "skirt";
+        var other = new TextAsset { name = "walk_turn_2" };
+        var sequence = new TextAsset { name = "walk_turn", bytes = File.ReadAllBytes(sequencePath) };
+        AssetDatabase.Project.AddRange(new UnityEngine.Object[] { garment, other });
+        Camera.main = new GameObject("Main Camera").AddComponent<Camera>();
+        SkirtSceneMenu.Create();
+        Check(Selection.activeGameObject == null, "nothing is made");
+        Check(Debug.Errors.Single().Contains("walk_turn.bytes"), "what is missing is named");
+        Debug.Errors.Clear();
+        AssetDatabase.Project.Add(sequence);
+        SkirtSceneMenu.Create();
+        for (int frame = 0; frame < 10; ++frame) Loop.Frame(1 / 30f);
+        DClothRenderer cloth = GameObject.Scripts.OfType<DClothRenderer>().Single();
+        Bounds bounds = Drawn(cloth).bounds;
+        float depth = Camera.main.transform.position.z - bounds.max.z;
+        Check(depth > 3 && Camera.main.transform.localToWorldMatrix.GetColumn(2).z < 0, "in front of the camera");
+        Check(Selection.activeGameObject.GetComponent<SkirtSample>() != null, "and selected");
+        Check(Debug.Errors.Count == 0 && Debug.Warnings.Count == 0, "no complaint");
+        AssetDatabase.Project.Clear();
+        End(cloth, garment);
+    }
+
     public static void TheSamplePlaysTheSkirt()
     {
         var poses = new PoseSequence(File.ReadAllBytes(sequencePath));
@@ -290,10 +317,9 @@ internal static unsafe class ComponentsTest
         var holder = new GameObject("Sample");
         holder.SetActive(false);
         var sample = holder.AddComponent<SkirtSample>();
-        Set(sample, "garment", garment);
-        Set(sample, "sequence", new TextAsset { bytes = File.ReadAllBytes(sequencePath) });
-        Set(sample, "material", new Material());
+        sample.Configure(garment, new TextAsset { bytes = File.ReadAllBytes(sequencePath) }, new Material());
         holder.SetActive(true);
+        Loop.Frame(1 / 30f);
         DClothRenderer cloth = GameObject.Scripts.OfType<DClothRenderer>().Single();
         var bones = cloth.GetComponent<SkinnedMeshRenderer>().bones.ToDictionary(b => b.name);
         Check(bones["LeftUpLeg"].position.x < 0 && bones["RightUpLeg"].position.x > 0, "left is at x below zero");

@@ -1,7 +1,58 @@
-// The import pipeline, which only records; see Objects.cs.
+// The editor's assets, menus and import pipeline, which only record; see Objects.cs.
 using System;
 using System.Collections.Generic;
+using System.Linq;
 using Object = UnityEngine.Object;
+
+namespace UnityEditor
+{
+    [AttributeUsage(AttributeTargets.Method)]
+    public sealed class MenuItem : Attribute
+    {
+        public MenuItem(string itemName, bool isValidateFunction, int priority)
+        {
+        }
+    }
+
+    /// <summary>The assets that a test has put into its project; GUIDs are their names.</summary>
+    public static class AssetDatabase
+    {
+        public static readonly List<Object> Project = new List<Object>();
+
+        public static string[] FindAssets(string filter)
+        {
+            string[] parts = filter.Split(new[] { " t:" }, StringSplitOptions.None);
+            return Project.Where(a => a.name.Contains(parts[0]) && a.GetType().Name == parts[1]).Select(a => a.name)
+                .ToArray();
+        }
+
+        public static string GUIDToAssetPath(string guid)
+        {
+            return "Assets/" + guid;
+        }
+
+        public static T LoadAssetAtPath<T>(string assetPath) where T : Object
+        {
+            return Project.OfType<T>().FirstOrDefault(a => "Assets/" + a.name == assetPath);
+        }
+    }
+
+    public static class Selection
+    {
+        public static UnityEngine.GameObject activeGameObject { get; set; }
+    }
+
+    public static class Undo
+    {
+        public static void RegisterCreatedObjectUndo(Object objectToUndo, string name)
+        {
+        }
+
+        public static void RecordObject(Object objectToUndo, string name)
+        {
+        }
+    }
+}
 
 namespace UnityEditor.AssetImporters
 {

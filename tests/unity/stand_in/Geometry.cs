@@ -81,6 +81,14 @@ namespace UnityEngine
         public static Quaternion identity =>
             new Quaternion { right = new Vector3(1, 0, 0), up = new Vector3(0, 1, 0), forward = new Vector3(0, 0, 1) };
 
+        /// <summary>About +Y alone.</summary>
+        public static Quaternion Euler(float x, float y, float z)
+        {
+            if (x != 0 || z != 0) throw new NotSupportedException();
+            double yaw = y * Math.PI / 180;
+            return LookRotation(new Vector3((float)Math.Sin(yaw), 0, (float)Math.Cos(yaw)), new Vector3(0, 1, 0));
+        }
+
         public static Quaternion LookRotation(Vector3 forward, Vector3 upwards)
         {
             Vector3 z = Vector3.Normalize(forward), x = Vector3.Normalize(Vector3.Cross(upwards, z));

@@ -11,6 +11,11 @@ namespace UnityEngine
     {
     }
 
+    public sealed class Camera : Behaviour
+    {
+        public static Camera main { get; set; }
+    }
+
     public class Renderer : Component
     {
         public Material sharedMaterial { get; set; }

@@ -111,17 +111,18 @@ namespace UnityEngine
             if (run == running) return;
             running = run;
             Messages.Send(this, run ? "OnEnable" : "OnDisable");
-            if (run && running && Update == null)
-            {
-                Messages.Send(this, "Start");
-                Update = Messages.Bind(this, "Update");
-                LateUpdate = Messages.Bind(this, "LateUpdate");
-            }
         }
 
         internal void Frame(bool late)
         {
-            if (running) (late ? LateUpdate : Update)();
+            if (!running) return;
+            if (Update == null) // the first frame
+            {
+                Update = Messages.Bind(this, "Update");
+                LateUpdate = Messages.Bind(this, "LateUpdate");
+                Messages.Send(this, "Start");
+            }
+            (late ? LateUpdate : Update)();
         }
     }
 
@@ -222,7 +223,7 @@ namespace UnityEngine
     {
         public static readonly List<string> Errors = new List<string>(), Warnings = new List<string>();
 
-        public static void LogError(object message, Object context)
+        public static void LogError(object message, Object context = null)
         {
             Errors.Add(message.ToString());
         }

@@ -17,6 +17,14 @@ namespace DCloth.Samples
         private DClothRenderer cloth;
         private float seconds;
 
+        /// <summary>Before the scene plays.</summary>
+        public void Configure(DClothAsset newGarment, TextAsset newSequence, Material newMaterial)
+        {
+            garment = newGarment;
+            sequence = newSequence;
+            material = newMaterial;
+        }
+
         private void Start()
         {
             poses = new PoseSequence(sequence.bytes);
