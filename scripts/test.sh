@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-scripts/install_dependencies.sh build test
+scripts/install_dependencies.sh build test unity
 scripts/build.sh build -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON \
   -DPython3_EXECUTABLE=/usr/bin/python3
 scripts/build.sh build-sanitize -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DDCLOTH_BUILD_TESTS=ON \

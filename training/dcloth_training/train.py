@@ -29,6 +29,7 @@ def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("--data", required=True)
+    add("--more-data", help="folder of more clips of the garment, such as those with the hips held in place")
     add("--out", required=True)
     add("--export", help="bundle to write at the end")
     add("--validation", default=",".join(dataset.VALIDATION), help="clips, comma separated")
@@ -126,8 +127,9 @@ def prepare(options, log):
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
     static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
-    dynamic = dataset.load(dataset.find(options.data, "dynamic", dataset.HELD_OUT), fitted.rig,
-                           character)
+    folders = [options.data] + ([options.more_data] if options.more_data else [])
+    dynamic = [c for folder in folders for c in dataset.load(
+        dataset.find(folder, "dynamic", dataset.HELD_OUT), fitted.rig, character)]
     training, validation = dataset.split(dynamic, options.validation.split(","))
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
         if not clips:
@@ -182,7 +184,7 @@ def run(options):
                                         validation, options, options.out, log))
     provenance = {
         "command": {k: v for k, v in vars(options).items()
-                    if k not in ("data", "out", "export", "head_data")},
+                    if k not in ("data", "more_data", "out", "export", "head_data")},
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
         "stage_3_clips": sorted({c.name for c in seen}),

@@ -178,3 +178,12 @@ def test_kept_is_the_best_epoch_or_the_last_where_asked():
     history = [{"epoch": e, "validation_mm": v} for e, v in ((0, 3.0), (1, 1.0), (2, 2.0))]
     assert loop.kept(history)["epoch"] == 1
     assert loop.kept(history[:2] + [{**history[2], "kept": True}])["epoch"] == 2
+
+
+def test_more_data_adds_clips_but_neither_held_out_ones_nor_drapes(tiny, tmp_path):
+    alone, both = (train.prepare(train.arguments(
+        ["--data", str(tiny), "--out", str(tmp_path), "--validation", "a/held", *more]), lambda line: None)
+        for more in ([], ["--more-data", str(tiny)]))
+    for before, after, times in zip(alone[2:], both[2:], (1, 2, 2)):
+        assert len(after) == times * len(before) > 0
+        assert {c.name for c in after} == {c.name for c in before} and not {c.name for c in after} & set(dataset.HELD_OUT)

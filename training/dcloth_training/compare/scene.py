@@ -8,7 +8,7 @@ import torch
 from .. import bundle, dataset, export, network, reference, rig, safetensors_io, train
 from ..stages.static_stage import StaticStage
 
-NOT_OPTIONS = ("data", "out", "export", "threads", "freeze")
+NOT_OPTIONS = ("data", "more_data", "out", "export", "threads", "freeze")
 
 
 def load_full(path, data):

@@ -1,0 +1,140 @@
+using System;
+using System.Collections.Generic;
+
+namespace DCloth
+{
+    /// <summary>One garment on one character, in memory of its own. (UnityEngine has a Cloth already.) Set-up throws
+    /// ClothException; frames return a status and make no garbage.
+    /// Thread: one at a time; different cloths at once are fine.</summary>
+    public sealed unsafe class ClothInstance : IDisposable
+    {
+        private readonly ClothModel model;
+        private readonly AlignedMemory storage;
+        private dcloth_cloth* cloth;
+
+        public ClothInstance(ClothModel model)
+        {
+            this.model = model ?? throw new ArgumentNullException(nameof(model));
+            dcloth_model* handle = model.Handle;
+            storage = new AlignedMemory(model.ClothBytes);
+            dcloth_error error = ClothException.NewError();
+            dcloth_cloth* created = null;
+            int status = Native.dcloth_cloth_create(handle, storage.Start, (UIntPtr)(ulong)storage.Size, &created,
+                                                    &error);
+            if (status != Native.DCLOTH_OK) storage.Dispose();
+            ClothException.ThrowUnlessOk(status, &error, model.Name);
+            cloth = created;
+            model.Retain();
+        }
+
+        public ClothModel Model => model;
+
+        /// <summary>For calls of Native that have no method here. Keep this object alive meanwhile.</summary>
+        public dcloth_cloth* Handle
+        {
+            get
+            {
+                if (cloth == null) throw new ObjectDisposedException(nameof(ClothInstance));
+                return cloth;
+            }
+        }
+
+        public void SetSpace(dcloth_space space)
+        {
+            dcloth_error error = ClothException.NewError();
+            int status = Native.dcloth_cloth_set_space(Handle, &space, &error);
+            GC.KeepAlive(this);
+            ClothException.ThrowUnlessOk(status, &error, model.Name);
+        }
+
+        /// <summary>Poses hold one matrix per name from now on. Errors: Joints, with the names that are
+        /// missing.</summary>
+        public void BindJoints(IReadOnlyList<string> names)
+        {
+            if (names == null) throw new ArgumentNullException(nameof(names));
+            dcloth_error error = ClothException.NewError();
+            int status;
+            using (AlignedMemory table = Utf8.Table(names))
+                status = Native.dcloth_cloth_bind_joints(Handle, (byte**)table.Start, (uint)names.Count, &error);
+            GC.KeepAlive(this);
+            ClothException.ThrowUnlessOk(status, &error, model.Name);
+        }
+
+        public void Reset()
+        {
+            int status = Native.dcloth_cloth_reset(Handle);
+            GC.KeepAlive(this);
+            ClothException.ThrowUnlessOk(status, null, model.Name);
+        }
+
+        /// <summary>Runs the ticks that are due and draws; `output` and `timer` may be null. A refused frame changes
+        /// nothing.</summary>
+        public ClothStatus Update(dcloth_pose* pose, dcloth_frame* frame, dcloth_output* output,
+                                  dcloth_timer* timer = null)
+        {
+            int status = Native.dcloth_cloth_update(Handle, pose, frame, output, timer);
+            GC.KeepAlive(this);
+            return (ClothStatus)status;
+        }
+
+        public ClothStatus Tick(dcloth_pose* pose, ClothStages stages, dcloth_timer* timer = null)
+        {
+            int status = Native.dcloth_cloth_tick(Handle, pose, (uint)stages, timer);
+            GC.KeepAlive(this);
+            return (ClothStatus)status;
+        }
+
+        public ClothStatus Skin(dcloth_pose* pose, float blend, dcloth_output* output, dcloth_timer* timer = null)
+        {
+            int status = Native.dcloth_cloth_skin(Handle, pose, blend, output, timer);
+            GC.KeepAlive(this);
+            return (ClothStatus)status;
+        }
+
+        /// <summary>What the last update did.</summary>
+        public dcloth_cloth_info Describe()
+        {
+            var info = new dcloth_cloth_info { struct_size = (uint)sizeof(dcloth_cloth_info) };
+            int status = Native.dcloth_cloth_describe(Handle, &info);
+            GC.KeepAlive(this);
+            ClothException.ThrowUnlessOk(status, null, model.Name);
+            return info;
+        }
+
+        /// <summary>All that the frames to come depend on; joint binding and space are not among it.</summary>
+        public byte[] Save()
+        {
+            dcloth_error error = ClothException.NewError();
+            var state = new byte[(long)(ulong)Native.dcloth_cloth_state_size(Handle)];
+            int status;
+            fixed (byte* bytes = state)
+                status = Native.dcloth_cloth_save(Handle, bytes, (UIntPtr)(ulong)state.LongLength, &error);
+            GC.KeepAlive(this);
+            ClothException.ThrowUnlessOk(status, &error, model.Name);
+            return state;
+        }
+
+        /// <summary>`otherModel` takes the state of another file with the same sizes. A refused state leaves the cloth
+        /// as it was.
+        /// Errors: Argument, Format, Version, Model, Semantics.</summary>
+        public void Restore(byte[] state, bool otherModel = false)
+        {
+            if (state == null) throw new ArgumentNullException(nameof(state));
+            dcloth_error error = ClothException.NewError();
+            uint flags = otherModel ? Native.DCLOTH_RESTORE_OTHER_MODEL : 0;
+            int status;
+            fixed (byte* bytes = state)
+                status = Native.dcloth_cloth_restore(Handle, bytes, (UIntPtr)(ulong)state.LongLength, flags, &error);
+            GC.KeepAlive(this);
+            ClothException.ThrowUnlessOk(status, &error, model.Name);
+        }
+
+        public void Dispose()
+        {
+            if (cloth == null) return;
+            cloth = null;
+            storage.Dispose();
+            model.Release();
+        }
+    }
+}

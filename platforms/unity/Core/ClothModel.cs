@@ -1,0 +1,143 @@
+using System;
+using System.Threading;
+
+namespace DCloth
+{
+    /// <summary>A checked .dcloth file. Any number of cloths share one; its memory is given back when it and all cloths
+    /// made from it are disposed, in any order.
+    /// Thread: any, as long as nothing is disposed meanwhile.</summary>
+    public sealed unsafe class ClothModel : IDisposable
+    {
+        private readonly AlignedMemory bytes, storage;
+        private readonly dcloth_model* model;
+        private int owners = 1;
+        private int disposed;
+
+        private ClothModel(AlignedMemory bytes, string name)
+        {
+            this.bytes = bytes;
+            try
+            {
+                storage = new AlignedMemory((long)(ulong)Native.dcloth_model_storage_size());
+                dcloth_error error = ClothException.NewError();
+                dcloth_model* opened = null;
+                int status = Native.dcloth_model_open(bytes.Start, (UIntPtr)(ulong)bytes.Size, storage.Start,
+                                                      (UIntPtr)(ulong)storage.Size, &opened, &error);
+                ClothException.ThrowUnlessOk(status, &error, name);
+                model = opened;
+                ReadInfo();
+            }
+            catch
+            {
+                bytes.Dispose();
+                storage?.Dispose();
+                throw;
+            }
+        }
+
+        public string Name { get; private set; }
+
+        /// <summary>"fp32", "fp16", "int8" or what the converter was asked for.</summary>
+        public string Precision { get; private set; }
+
+        /// <summary>In the order of poses of cloths without BindJoints.</summary>
+        public string[] JointNames { get; private set; }
+
+        public int VertexCount { get; private set; }
+        public int TriangleCount { get; private set; }
+
+        /// <summary>The last stage that the model holds.</summary>
+        public ClothStages Stages { get; private set; }
+
+        public float TickSeconds { get; private set; }
+
+        /// <summary>Vertices of the skin that cloth can be kept out of; 0 where the model holds none.</summary>
+        public int BodyVertexCount { get; private set; }
+
+        public long FileBytes => bytes.Size;
+
+        /// <summary>What each ClothInstance takes.</summary>
+        public long ClothBytes { get; private set; }
+
+        internal dcloth_model* Handle
+        {
+            get
+            {
+                if (disposed != 0) throw new ObjectDisposedException(nameof(ClothModel));
+                return model;
+            }
+        }
+
+        /// <summary>Copies `file`, a whole .dcloth file, into memory of its own. `name` begins the message of the
+        /// exception.
+        /// Errors: ClothException.</summary>
+        public static ClothModel Open(byte[] file, string name = "model")
+        {
+            return new ClothModel(AlignedMemory.CopyOf(file), name);
+        }
+
+        /// <summary>Takes `file`, and disposes it also where it is refused. For loaders that want no second
+        /// copy.</summary>
+        public static ClothModel Open(AlignedMemory file, string name = "model")
+        {
+            if (file == null) throw new ArgumentNullException(nameof(file));
+            return new ClothModel(file, name);
+        }
+
+        /// <summary>[TriangleCount, 3] vertex indices; front faces turn as the host's do: counter-clockwise in
+        /// right-handed spaces, clockwise in left-handed ones.</summary>
+        public ushort[] Triangles(bool leftHanded)
+        {
+            dcloth_model_info info = Describe(Handle);
+            var indices = new ushort[3 * TriangleCount];
+            for (int i = 0; i < indices.Length; i += 3)
+            {
+                indices[i] = info.triangles[i];
+                indices[i + 1] = info.triangles[i + (leftHanded ? 2 : 1)];
+                indices[i + 2] = info.triangles[i + (leftHanded ? 1 : 2)];
+            }
+            GC.KeepAlive(this);
+            return indices;
+        }
+
+        public void Dispose()
+        {
+            if (Interlocked.Exchange(ref disposed, 1) == 0) Release();
+        }
+
+        internal void Retain()
+        {
+            Interlocked.Increment(ref owners);
+        }
+
+        internal void Release()
+        {
+            if (Interlocked.Decrement(ref owners) != 0) return;
+            storage.Dispose();
+            bytes.Dispose();
+        }
+
+        private static dcloth_model_info Describe(dcloth_model* model)
+        {
+            var info = new dcloth_model_info { struct_size = (uint)sizeof(dcloth_model_info) };
+            ClothException.ThrowUnlessOk(Native.dcloth_model_describe(model, &info), null, "dcloth_model_describe");
+            return info;
+        }
+
+        private void ReadInfo()
+        {
+            dcloth_model_info info = Describe(model);
+            Name = Utf8.Text(info.name);
+            Precision = Utf8.Text(info.precision);
+            VertexCount = (int)info.vertex_count;
+            TriangleCount = (int)info.triangle_count;
+            Stages = (ClothStages)info.stages;
+            TickSeconds = info.tick_seconds;
+            BodyVertexCount = (int)Native.dcloth_model_body_vertex_count(model);
+            ClothBytes = (long)(ulong)Native.dcloth_cloth_storage_size(model);
+            JointNames = new string[info.joint_count];
+            for (uint j = 0; j < info.joint_count; ++j)
+                JointNames[j] = Utf8.Text(Native.dcloth_model_joint_name(model, j));
+        }
+    }
+}

@@ -1,0 +1,175 @@
+using System;
+using System.Collections.Generic;
+
+namespace DCloth
+{
+    /// <summary>A cloth with the memory it reads poses from and writes vertices to: all that a renderer component does,
+    /// without an engine. Write JointMatrices, call Advance, draw Vertices.
+    /// Thread: one at a time. Errors: set-up throws ClothException, frames return a status. Cost: Advance makes no
+    /// garbage.</summary>
+    public sealed unsafe class ClothPlayer : IDisposable
+    {
+        /// <summary>Bytes of a vertex: position and normal, three floats each; with tangents four more.</summary>
+        public const int PlainVertexBytes = 24, TangentVertexBytes = 40;
+
+        private const int MatrixFloats = 16, BoundsFloats = 6;
+        private readonly ClothInstance cloth;
+        private readonly AlignedMemory memory;
+        private AlignedMemory ownVertices;
+        private readonly float* textureCoordinates;
+        private bool jumped;
+
+        /// <summary>`boneNames` are the host's skeleton in any order, with more bones than the model needs; each name's
+        /// `prefix` is taken off before it is compared ("mixamorig:" for instance). `uv`, two floats a vertex in the
+        /// model's order, or null for vertices without tangents. Errors: Joints, with the names that are
+        /// missing.</summary>
+        public ClothPlayer(ClothModel model, dcloth_space space, IReadOnlyList<string> boneNames,
+                           string prefix = "", float[] uv = null)
+        {
+            cloth = new ClothInstance(model);
+            try
+            {
+                if (uv != null && uv.Length != 2 * model.VertexCount)
+                {
+                    string allowed = 2 * model.VertexCount + ", u and v of each vertex in the model's order";
+                    throw new ClothException(ClothStatus.Argument, ulong.MaxValue, model.Name + ": " + uv.Length +
+                                             " texture coordinates; allowed: " + allowed);
+                }
+                cloth.SetSpace(space);
+                Bones = JointSelection.Bind(cloth, boneNames, prefix);
+                VertexBytes = uv == null ? PlainVertexBytes : TangentVertexBytes;
+                long floats = (long)MatrixFloats * Bones.Length + BoundsFloats + (uv == null ? 0 : uv.Length);
+                memory = new AlignedMemory(floats * sizeof(float));
+                ownVertices = new AlignedMemory((long)model.VertexCount * VertexBytes);
+                JointMatrices = (float*)memory.Start;
+                Bounds = JointMatrices + (long)MatrixFloats * Bones.Length;
+                textureCoordinates = uv == null ? null : Bounds + BoundsFloats;
+                Vertices = ownVertices.Start;
+                for (int i = 0; uv != null && i < uv.Length; ++i) textureCoordinates[i] = uv[i];
+                VertexCount = model.VertexCount;
+                Stages = model.Stages;
+                HasBody = model.BodyVertexCount > 0;
+            }
+            catch
+            {
+                cloth.Dispose();
+                memory?.Dispose();
+                ownVertices?.Dispose();
+                throw;
+            }
+        }
+
+        public ClothInstance Cloth => cloth;
+
+        /// <summary>For each matrix of the pose, the bone of `boneNames` it belongs to.</summary>
+        public int[] Bones { get; }
+
+        /// <summary>[Bones.Length, 16] joint to world, columns contiguous as in Unity's Matrix4x4. To be written before
+        /// Advance.</summary>
+        public float* JointMatrices { get; private set; }
+
+        /// <summary>[VertexCount, VertexBytes] of the last frame drawn: position, normal, then tangent where there is
+        /// one.</summary>
+        public byte* Vertices { get; private set; }
+
+        /// <summary>[6] least x, y, z, then greatest, of the last frame drawn.</summary>
+        public float* Bounds { get; private set; }
+
+        public int VertexCount { get; }
+        public int VertexBytes { get; }
+
+        /// <summary>Whether OutsideBody does anything.</summary>
+        public bool HasBody { get; }
+
+        /// <summary>What runs from now on; more than the model holds counts as all of it.</summary>
+        public ClothStages Stages { get; set; }
+
+        /// <summary>Spreads a tick over the frames until the next one is due.</summary>
+        public bool Pipelined { get; set; }
+
+        /// <summary>Keeps vertices outside of the posed body.</summary>
+        public bool OutsideBody { get; set; }
+
+        /// <summary>The character is moved without motion before the next frame: the cloth hangs as before.</summary>
+        public void Jump()
+        {
+            jumped = true;
+        }
+
+        /// <summary>Forgets all motion before the next frame.</summary>
+        public void Reset()
+        {
+            cloth.Reset();
+            jumped = false;
+        }
+
+        /// <summary>From now on vertices go to `vertices`, memory of the host that stays where it is until Dispose or
+        /// the next call; the player's own is given back. Errors: ArgumentException where `bytes` are fewer than
+        /// VertexCount * VertexBytes, or the address is no multiple of 4.</summary>
+        public void LendVertices(void* vertices, long bytes)
+        {
+            if (JointMatrices == null) throw new ObjectDisposedException(nameof(ClothPlayer));
+            long needed = (long)VertexCount * VertexBytes;
+            if (vertices == null || bytes < needed || (ulong)vertices % sizeof(float) != 0)
+            {
+                throw new ArgumentException(bytes + " bytes lent for vertices; needed: " + needed +
+                                            " at a multiple of 4");
+            }
+            Vertices = (byte*)vertices;
+            ownVertices?.Dispose();
+            ownVertices = null;
+        }
+
+        /// <summary>One frame, `seconds` after the last one. Without `draw` motion goes on and vertices stay. A refused
+        /// frame (Pose: NaN in a matrix; Argument: time below zero or NaN) changes nothing, and a jump stays
+        /// announced.</summary>
+        public ClothStatus Advance(float seconds, bool draw = true)
+        {
+            if (JointMatrices == null) throw new ObjectDisposedException(nameof(ClothPlayer));
+            dcloth_pose pose;
+            pose.struct_size = (uint)sizeof(dcloth_pose);
+            pose.joint_count = (uint)Bones.Length;
+            pose.joint_matrices = JointMatrices;
+            pose.column_major = 1;
+            dcloth_frame frame;
+            frame.struct_size = (uint)sizeof(dcloth_frame);
+            frame.stages = (uint)(Stages < cloth.Model.Stages ? Stages : cloth.Model.Stages);
+            frame.seconds = seconds;
+            frame.flags = (Pipelined ? Native.DCLOTH_FRAME_PIPELINED : 0) |
+                          (jumped ? Native.DCLOTH_FRAME_JUMPED : 0);
+            dcloth_output output = Output();
+            ClothStatus status = cloth.Update(&pose, &frame, draw ? &output : null);
+            if (status == ClothStatus.Ok) jumped = false;
+            GC.KeepAlive(this);
+            return status;
+        }
+
+        public void Dispose()
+        {
+            cloth.Dispose();
+            memory.Dispose();
+            ownVertices?.Dispose();
+            JointMatrices = null;
+            Vertices = null;
+            Bounds = null;
+        }
+
+        private dcloth_output Output()
+        {
+            dcloth_output output = default(dcloth_output);
+            output.struct_size = (uint)sizeof(dcloth_output);
+            output.vertex_count = (uint)VertexCount;
+            output.positions = Vertices;
+            output.normals = Vertices + 3 * sizeof(float);
+            output.position_stride_bytes = output.normal_stride_bytes = (uint)VertexBytes;
+            output.bounds = Bounds;
+            output.flags = OutsideBody ? Native.DCLOTH_OUTPUT_OUTSIDE_BODY : 0;
+            if (textureCoordinates == null) return output;
+            output.tangents = Vertices + 6 * sizeof(float);
+            output.tangent_stride_bytes = (uint)VertexBytes;
+            output.texture_coordinates = textureCoordinates;
+            output.texture_stride_bytes = 2 * sizeof(float);
+            return output;
+        }
+    }
+}

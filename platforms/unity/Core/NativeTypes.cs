@@ -1,0 +1,154 @@
+using System;
+using System.Runtime.InteropServices;
+
+namespace DCloth
+{
+    // Fields are those of dcloth.h, which says what they mean. All are blittable: what C# holds is what C reads.
+
+    /// <summary>Opaque; only pointers to it exist.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_model
+    {
+    }
+
+    /// <summary>Opaque; only pointers to it exist.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_cloth
+    {
+    }
+
+    /// <summary>Opaque; only pointers to it exist.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_scene
+    {
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_error
+    {
+        public uint struct_size;
+        public int status;
+        public ulong offset_bytes;
+        public fixed byte text[240];
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_model_info
+    {
+        public uint struct_size;
+        public uint joint_count;
+        public uint vertex_count;
+        public uint triangle_count;
+        public uint stages;
+        public float tick_seconds;
+        public uint format_major;
+        public uint format_minor;
+        public byte* name;
+        public byte* precision;
+        public ushort* triangles;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_space
+    {
+        public uint struct_size;
+        public uint left;
+        public uint up;
+        public uint forward;
+        public float metres_per_unit;
+        public uint joint_frames;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_pose
+    {
+        public uint struct_size;
+        public uint joint_count;
+        public float* joint_matrices;
+        public uint column_major;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_frame
+    {
+        public uint struct_size;
+        public uint stages;
+        public float seconds;
+        public uint flags;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_cloth_info
+    {
+        public uint struct_size;
+        public uint in_work;
+        public float lag_seconds;
+        public float tick_share;
+        public uint frozen;
+        public uint tick_waits;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_output
+    {
+        public uint struct_size;
+        public uint vertex_count;
+        public void* positions;
+        public uint position_stride_bytes;
+        public uint normal_stride_bytes;
+        public void* normals;
+        public void* tangents;
+        public float* texture_coordinates;
+        public uint tangent_stride_bytes;
+        public uint texture_stride_bytes;
+        public uint position_format;
+        public uint normal_format;
+        public uint tangent_format;
+        public uint flags;
+        public float* bounds;
+        public void* scratch;
+        public ulong scratch_size;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_timer
+    {
+        public uint struct_size;
+        public IntPtr now; // uint64_t (*)(void* context)
+        public void* context;
+        public fixed ulong elapsed[Native.DCLOTH_STEP_COUNT];
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_scene_character
+    {
+        public uint struct_size;
+        public uint top_level;
+        public dcloth_cloth* cloth;
+        public float importance;
+        public float draw_microseconds;
+        public fixed float tick_microseconds[Native.DCLOTH_LEVEL_COUNT];
+        public fixed float error_mm[Native.DCLOTH_LEVEL_COUNT];
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_scene_frame
+    {
+        public uint struct_size;
+        public float seconds;
+        public float budget_microseconds;
+        public float spent_microseconds;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_scene_choice
+    {
+        public uint struct_size;
+        public uint level;
+        public uint stages;
+        public uint flags;
+        public uint ticks;
+        public float microseconds;
+        public float stale_seconds;
+    }
+}

@@ -1,0 +1,215 @@
+using System;
+using System.Collections.Generic;
+using UnityEngine;
+using UnityEngine.Rendering;
+using UnityEngine.SceneManagement;
+
+namespace DCloth
+{
+    /// <summary>A garment on a character: reads the bones of a SkinnedMeshRenderer after all animation, draws a mesh.
+    /// Vertices are computed in world space, so the mesh is drawn by an object of its own outside of the character's
+    /// hierarchy. It lives while this component is enabled.
+    /// Cost: one update of the engine on the main thread a frame, no garbage.</summary>
+    [AddComponentMenu("dcloth/DCloth Renderer")]
+    [DefaultExecutionOrder(10000)] // after whatever moves bones in LateUpdate
+    [DisallowMultipleComponent]
+    public sealed unsafe class DClothRenderer : MonoBehaviour
+    {
+        [SerializeField] private DClothAsset garment;
+        [SerializeField, Tooltip("Its bones, and those below its root bone, carry the garment; its mesh does not.")]
+        private SkinnedMeshRenderer character;
+        [SerializeField, Tooltip("Taken off the bones' names before they are compared with the model's joints.")]
+        private string bonePrefix = "";
+        [SerializeField, Tooltip("What the file's units have scaled the bones by: 100 in many of Blender's.")]
+        private float boneScale = 1;
+        [SerializeField] private Material material;
+        [SerializeField] private ShadowCastingMode shadows = ShadowCastingMode.TwoSided;
+        [SerializeField, Tooltip("Optional, for its uv: a mesh with the model's vertices in the model's order.")]
+        private Mesh textureSource;
+        [SerializeField, Tooltip("Optional: what carries the character, a train for instance. Must not be scaled.")]
+        private Transform carrier;
+        [SerializeField] private ClothStages stages = ClothStages.Mesh;
+        [SerializeField, Tooltip("Spread each tick over frames, so that no frame pays for all of it.")]
+        private bool pipelined = true;
+        [SerializeField, Tooltip("Keep the garment outside of the body, where the model holds one.")]
+        private bool outsideBody;
+
+        private ClothPlayer player;
+        private ClothMesh mesh;
+        private GameObject drawn;
+        private Transform[] bones;
+        private ClothStatus lastStatus;
+
+        /// <summary>Level of detail; may change from frame to frame.</summary>
+        public ClothStages Stages { get => stages; set => stages = value; }
+
+        public bool Pipelined { get => pipelined; set => pipelined = value; }
+
+        public bool OutsideBody { get => outsideBody; set => outsideBody = value; }
+
+        /// <summary>False for a garment that is not seen: it keeps moving and is not drawn.</summary>
+        public bool Visible { get; set; } = true;
+
+        /// <summary>Draws the garment; null while disabled.</summary>
+        public MeshRenderer DrawnRenderer => drawn == null ? null : drawn.GetComponent<MeshRenderer>();
+
+        /// <summary>State, save and restore, and the engine's own calls; null while disabled.</summary>
+        public ClothPlayer Player => player;
+
+        /// <summary>For components made by scripts: call while this one is disabled, or its object inactive.</summary>
+        public void Configure(DClothAsset newGarment, SkinnedMeshRenderer newCharacter, Material newMaterial)
+        {
+            garment = newGarment;
+            character = newCharacter;
+            material = newMaterial;
+        }
+
+        /// <summary>Before the frame in which the character is moved without motion (a portal, a new world origin): the
+        /// cloth hangs as before.</summary>
+        public void Jump()
+        {
+            player?.Jump();
+        }
+
+        /// <summary>Before a cut, a spawn, another costume: forgets all motion.</summary>
+        public void ResetCloth()
+        {
+            player?.Reset();
+        }
+
+        private void OnEnable()
+        {
+            try
+            {
+                if (garment == null || character == null) throw new InvalidOperationException(
+                    "needs a garment (a .dcloth file of the project) and a character (a SkinnedMeshRenderer)");
+                Begin();
+            }
+            catch (Exception e) when (e is ClothException || e is InvalidOperationException)
+            {
+                Fail(e.Message);
+            }
+            catch (TypeLoadException e) // DllNotFoundException, EntryPointNotFoundException
+            {
+                Fail("no native library here, or another version's; see the package's README: " + e.Message);
+            }
+        }
+
+        private void OnDisable()
+        {
+            End();
+        }
+
+        private void LateUpdate()
+        {
+            if (player == null) return;
+            ReadBones();
+            player.Stages = stages;
+            player.Pipelined = pipelined;
+            player.OutsideBody = outsideBody;
+            ClothStatus status = player.Advance(Time.deltaTime, Visible);
+            if (status == ClothStatus.Ok)
+            {
+                Place();
+                if (Visible) mesh.Upload();
+            }
+            else if (status != lastStatus) // once, not every frame
+            {
+                Debug.LogWarning("dcloth: frame refused (" + status + "): NaN or infinity in a bone's matrix", this);
+            }
+            lastStatus = status;
+        }
+
+        private void Begin()
+        {
+            if (!(boneScale > 0))
+                throw new InvalidOperationException("Bone Scale is " + boneScale + "; allowed: above 0");
+            ClothModel model = garment.Model;
+            Vector2[] uv = textureSource == null ? null : textureSource.uv;
+            // A mesh's own bones first, then those below its root bone that carry none of its vertices.
+            var all = new List<Transform>(character.bones);
+            if (character.rootBone != null) all.AddRange(character.rootBone.GetComponentsInChildren<Transform>(true));
+            var names = new string[all.Count];
+            for (int i = 0; i < names.Length; ++i) names[i] = all[i] == null ? "" : all[i].name;
+            player = new ClothPlayer(model, ClothSpace.Unity, names, bonePrefix, Flat(uv));
+            bones = new Transform[player.Bones.Length];
+            for (int i = 0; i < bones.Length; ++i) bones[i] = all[player.Bones[i]];
+            mesh = new ClothMesh(model, player, uv);
+            drawn = new GameObject(name + " (dcloth)") { hideFlags = HideFlags.DontSave, layer = gameObject.layer };
+            SceneManager.MoveGameObjectToScene(drawn, gameObject.scene);
+            drawn.AddComponent<MeshFilter>().sharedMesh = mesh.Mesh;
+            var renderer = drawn.AddComponent<MeshRenderer>();
+            renderer.sharedMaterial = material;
+            renderer.shadowCastingMode = shadows;
+            lastStatus = ClothStatus.Ok;
+            CheckScale();
+        }
+
+        private void End()
+        {
+            player?.Dispose();
+            mesh?.Dispose();
+            if (drawn != null) Destroy(drawn);
+            player = null;
+            mesh = null;
+            drawn = null;
+            bones = null;
+        }
+
+        // Matrix4x4 lies in memory column by column, as the player wants it.
+        private void ReadBones()
+        {
+            var matrices = (Matrix4x4*)player.JointMatrices;
+            for (int i = 0; i < bones.Length; ++i) matrices[i] = bones[i].localToWorldMatrix;
+            if (carrier != null)
+            {
+                Matrix4x4 toCarrier = carrier.worldToLocalMatrix;
+                for (int i = 0; i < bones.Length; ++i) matrices[i] = toCarrier * matrices[i];
+            }
+            if (boneScale == 1) return;
+            for (float* m = player.JointMatrices, end = m + 16 * bones.Length; m < end; m += 16)
+            {
+                for (int i = 0; i < 12; ++i) m[i] /= boneScale; // the axes; the place, in the last column, stays
+            }
+        }
+
+        // A scale that training did not know goes into the network's input and the skinning. A giant is meant to be
+        // one; a file's units are not.
+        private void CheckScale()
+        {
+            for (int i = 0; i < bones.Length; ++i)
+            {
+                float found = bones[i].localToWorldMatrix.GetColumn(0).magnitude;
+                if (found > 0.8f * boneScale && found < 1.25f * boneScale) continue;
+                Debug.LogWarning("dcloth: " + name + ": bone '" + bones[i].name + "' is scaled by " + found +
+                                 "; if the file's units are the reason, set Bone Scale to that", this);
+                return;
+            }
+        }
+
+        private void Place()
+        {
+            if (drawn.activeSelf != Visible) drawn.SetActive(Visible);
+            if (carrier != null) drawn.transform.SetPositionAndRotation(carrier.position, carrier.rotation);
+        }
+
+        private void Fail(string why)
+        {
+            Debug.LogError("dcloth: " + name + ": " + why, this);
+            End();
+            enabled = false;
+        }
+
+        private static float[] Flat(Vector2[] uv)
+        {
+            if (uv == null) return null;
+            var flat = new float[2 * uv.Length];
+            for (int i = 0; i < uv.Length; ++i)
+            {
+                flat[2 * i] = uv[i].x;
+                flat[2 * i + 1] = uv[i].y;
+            }
+            return flat;
+        }
+    }
+}

@@ -1,0 +1,272 @@
+// The engine-free core under Mono on a small model. Arguments: MODEL.
+using System;
+using System.Collections.Generic;
+using System.IO;
+using System.Linq;
+using DCloth;
+using static TestRun;
+
+internal static unsafe class CoreTest
+{
+    private const int LongRun = 10000;
+    private static byte[] file;
+    private static object kept;
+
+    // Joints at different heights, turned about +Y; columns contiguous.
+    private static void Pose(ClothPlayer player, float yaw)
+    {
+        float c = (float)Math.Cos(yaw), s = (float)Math.Sin(yaw);
+        for (int j = 0; j < player.Bones.Length; ++j)
+        {
+            float* m = player.JointMatrices + 16 * j;
+            for (int i = 0; i < 16; ++i) m[i] = i % 5 == 0 ? 1 : 0;
+            m[0] = m[10] = c;
+            m[2] = -s;
+            m[8] = s;
+            m[13] = 1 + 0.1f * j;
+        }
+    }
+
+    private static byte[] Drawn(ClothPlayer player)
+    {
+        var bytes = new byte[player.VertexCount * player.VertexBytes];
+        for (int i = 0; i < bytes.Length; ++i) bytes[i] = player.Vertices[i];
+        return bytes;
+    }
+
+    private static ClothPlayer NewPlayer(ClothModel model, float[] uv = null)
+    {
+        return new ClothPlayer(model, ClothSpace.Unity, model.JointNames, "", uv);
+    }
+
+    public static void OpenDescribesTheModel()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        {
+            Check(model.VertexCount > 0 && model.TriangleCount > 0 && model.JointNames.Length > 0, "counts");
+            Check(model.JointNames.Distinct().Count() == model.JointNames.Length, "joints have names of their own");
+            Check(model.Stages == ClothStages.Mesh && model.TickSeconds > 0 &&
+                  model.Precision == "test", "description");
+            Check(model.FileBytes == file.Length && model.ClothBytes % Native.DCLOTH_ALIGNMENT == 0, "bytes");
+        }
+    }
+
+    public static void DamagedFilesAreRefusedWithWords()
+    {
+        foreach (int size in new[] { 0, 1, 64, file.Length / 128 * 64, file.Length - 64 })
+        {
+            byte[] cut = file.Take(size).ToArray();
+            ClothException e = Refused(() => ClothModel.Open(cut, "cut.dcloth"), ClothStatus.Format);
+            Check(e.Message.StartsWith("cut.dcloth: ") && e.Message.Length > 40, size + " bytes: " + e.Message);
+        }
+        byte[] other = (byte[])file.Clone();
+        other[4] ^= 1; // of the identifier
+        Check(Refused(() => ClothModel.Open(other), ClothStatus.Format).OffsetBytes == 4, "the identifier's place");
+    }
+
+    public static void MemoryComesBackInAnyOrder()
+    {
+        long before = AlignedMemory.LiveBytes;
+        ClothModel model = ClothModel.Open(file);
+        ClothPlayer player = NewPlayer(model), second = NewPlayer(model);
+        model.Dispose();
+        model.Dispose();
+        second.Dispose();
+        second.Dispose();
+        Pose(player, 0);
+        Check(player.Advance(1 / 60f) == ClothStatus.Ok, "a cloth outlives its model's Dispose");
+        Check(AlignedMemory.LiveBytes > before + file.Length, "its bytes are still there");
+        player.Dispose();
+        Check(AlignedMemory.LiveBytes == before, "all is given back");
+        foreach (Action use in new Action[] { () => player.Advance(0), () => new ClothInstance(model), player.Reset })
+        {
+            try
+            {
+                use();
+                Check(false, "used after Dispose");
+            }
+            catch (ObjectDisposedException)
+            {
+            }
+        }
+        Refused(() => ClothModel.Open(new byte[64]), ClothStatus.Format);
+        Check(AlignedMemory.LiveBytes == before, "nothing is left of a refused file");
+    }
+
+    public static void BlocksStandOnTheAlignment()
+    {
+        foreach (long size in new long[] { 0, 1, 7, 63, 64, 4097 })
+        {
+            using (var block = new AlignedMemory(size))
+            {
+                Check((ulong)block.Start % Native.DCLOTH_ALIGNMENT == 0 && block.Size == size, "block of " + size);
+                for (long i = 0; i < size; ++i) Check(block.Start[i] == 0, "zeroed");
+            }
+        }
+    }
+
+    public static void OnlyTheBonesNeededAreRead()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        {
+            var bones = new List<string> { "tail", null, "rig:nothing" };
+            bones.AddRange(model.JointNames.Reverse().Select(n => "rig:" + n));
+            bones.AddRange(model.JointNames); // later ones of equal names
+            using (var player = new ClothPlayer(model, ClothSpace.Unity, bones, "rig:"))
+            {
+                Check(player.Bones.SequenceEqual(Enumerable.Range(3, model.JointNames.Length)),
+                      "the first of each name");
+            }
+            string absent = model.JointNames[1];
+            List<string> fewer = bones.Where(b => b == null || !b.EndsWith(absent)).ToList();
+            ClothException e = Refused(() => new ClothPlayer(model, ClothSpace.Unity, fewer, "rig:"),
+                                       ClothStatus.Joints);
+            Check(e.Message.Contains(absent), "the message names " + absent + ": " + e.Message);
+            Refused(() => new ClothPlayer(model, ClothSpace.Make(0, 0, 4, 1), bones, "rig:"), ClothStatus.Argument);
+            Refused(() => NewPlayer(model, new float[3]), ClothStatus.Argument);
+        }
+    }
+
+    public static void RefusedFramesChangeNothing()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        using (ClothPlayer player = NewPlayer(model), untouched = NewPlayer(model))
+        {
+            foreach (float yaw in new[] { 0, 0.1f, 0.2f })
+            {
+                Pose(player, yaw);
+                Pose(untouched, yaw);
+                Check(player.Advance(1 / 60f) == ClothStatus.Ok, "frame");
+                Check(untouched.Advance(1 / 60f) == ClothStatus.Ok, "frame of the other");
+                byte[] before = Drawn(player);
+                Check(player.Advance(-1) == ClothStatus.Argument, "time below zero");
+                Check(player.Advance(float.NaN) == ClothStatus.Argument, "NaN seconds");
+                player.JointMatrices[3 * 16 + 12] = float.NaN;
+                Check(player.Advance(1 / 60f) == ClothStatus.Pose, "NaN pose");
+                Check(Drawn(player).SequenceEqual(before), "vertices stay");
+                Check(Drawn(untouched).SequenceEqual(before), "as in a cloth that never saw it");
+            }
+        }
+    }
+
+    public static void ResetsAndStatesGoThrough()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        using (ClothPlayer player = NewPlayer(model), other = NewPlayer(model))
+        {
+            for (int frame = 0; frame < 20; ++frame)
+            {
+                Pose(player, 0.1f * frame);
+                player.Advance(1 / 30f);
+            }
+            byte[] state = player.Cloth.Save();
+            other.Cloth.Restore(state);
+            Pose(player, 2.1f);
+            Pose(other, 2.1f);
+            player.Advance(1 / 30f);
+            other.Advance(1 / 30f);
+            Check(Drawn(player).SequenceEqual(Drawn(other)), "a state goes on to the bit");
+            state[state.Length / 2] ^= 1;
+            Refused(() => other.Cloth.Restore(state), ClothStatus.Format);
+            player.Reset();
+            other.Reset();
+            player.Stages = ClothStages.Static;
+            player.Advance(1 / 30f);
+            other.Advance(1 / 30f);
+            Check(!Drawn(player).SequenceEqual(Drawn(other)), "stages are a level of detail");
+            Check(player.Cloth.Describe().tick_share == 1, "one tick was run");
+        }
+    }
+
+    public static void TangentsAndTrianglesFollowTheHost()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        {
+            ushort[] right = model.Triangles(false), left = model.Triangles(true);
+            Check(right.Length == 3 * model.TriangleCount && right.Max() < model.VertexCount, "indices");
+            for (int i = 0; i < right.Length; i += 3)
+                Check(left[i] == right[i] && left[i + 1] == right[i + 2] && left[i + 2] == right[i + 1],
+                      "turned round");
+            Check(ClothSpace.IsLeftHanded(ClothSpace.Unity) && !ClothSpace.IsLeftHanded(ClothSpace.Model),
+                  "handedness");
+            Check(ClothSpace.IsLeftHanded(ClothSpace.Make(Native.DCLOTH_AXIS_MINUS_Y, Native.DCLOTH_AXIS_Z,
+                                                          Native.DCLOTH_AXIS_X, 0.01f)), "Unreal's is left-handed");
+            Check(!ClothSpace.IsLeftHanded(ClothSpace.Make(Native.DCLOTH_AXIS_X, Native.DCLOTH_AXIS_Z,
+                                                           Native.DCLOTH_AXIS_MINUS_Y, 1)), "Blender's is not");
+            var uv = new float[2 * model.VertexCount];
+            for (int i = 0; i < uv.Length; ++i) uv[i] = i % 7 * 0.13f;
+            using (ClothPlayer player = NewPlayer(model, uv), plain = NewPlayer(model))
+            {
+                Pose(player, 0.3f);
+                Pose(plain, 0.3f);
+                Check(player.Advance(0) == ClothStatus.Ok && plain.Advance(0) == ClothStatus.Ok, "frame");
+                for (int i = 0; i < model.VertexCount; ++i)
+                {
+                    float* vertex = (float*)(player.Vertices + i * player.VertexBytes);
+                    float* same = (float*)(plain.Vertices + i * plain.VertexBytes);
+                    for (int c = 0; c < 6; ++c) Check(vertex[c] == same[c], "position and normal as without tangents");
+                    Check(Math.Abs(vertex[9]) == 1, "w of the tangent");
+                    for (int c = 0; c < 3; ++c)
+                        Check(vertex[c] >= player.Bounds[c] && vertex[c] <= player.Bounds[3 + c], "inside the bounds");
+                }
+            }
+        }
+    }
+
+    public static void TimersSeeEachStep()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        using (ClothPlayer player = NewPlayer(model))
+        using (var timer = new ClothTimer())
+        {
+            Pose(player, 0);
+            dcloth_pose pose = new dcloth_pose { struct_size = (uint)sizeof(dcloth_pose),
+                                                 joint_count = (uint)player.Bones.Length,
+                                                 joint_matrices = player.JointMatrices, column_major = 1 };
+            for (int tick = 0; tick < 50; ++tick)
+                Check(player.Cloth.Tick(&pose, model.Stages, timer.Handle) == ClothStatus.Ok, "tick");
+            Check(timer.Milliseconds(Native.DCLOTH_STEP_MESH) > 0, "time of the mesh stage");
+            Check(timer.Milliseconds(Native.DCLOTH_STEP_NORMALS) == 0, "no normals in a tick");
+            timer.Clear();
+            Check(timer.Milliseconds(Native.DCLOTH_STEP_MESH) == 0, "cleared");
+        }
+    }
+
+    // Bytes that `frames` take from the garbage-collected heap after a warm-up; `litter` makes some on purpose.
+    private static long Garbage(ClothPlayer player, int frames, bool litter)
+    {
+        long before = 0;
+        for (int frame = -100; frame < frames; ++frame)
+        {
+            if (frame == 0) before = GC.GetAllocatedBytesForCurrentThread();
+            Pose(player, 0.01f * frame);
+            if (frame % 1000 == 999) player.Jump();
+            player.Stages = frame % 300 < 200 ? ClothStages.Mesh : ClothStages.Static;
+            player.Pipelined = frame % 2 == 0;
+            if (player.Advance(1 / 60f, frame % 50 != 0) != ClothStatus.Ok) Check(false, "frame " + frame);
+            if (litter && frame == frames / 2) kept = new byte[1];
+        }
+        return GC.GetAllocatedBytesForCurrentThread() - before;
+    }
+
+    public static void FramesMakeNoGarbage()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        using (ClothPlayer player = NewPlayer(model, new float[2 * model.VertexCount]))
+        {
+            int collections = GC.CollectionCount(0);
+            long bytes = Garbage(player, LongRun, false);
+            Check(bytes == 0, bytes + " bytes of garbage");
+            Check(GC.CollectionCount(0) == collections, "no collection");
+            Check(Garbage(player, 1000, true) > 0 && kept != null, "one byte array in a thousand frames is seen");
+            Console.WriteLine("{0} frames: {1} bytes of garbage", LongRun, bytes);
+        }
+    }
+
+    private static int Main(string[] arguments)
+    {
+        if (arguments.Length != 1) return 2;
+        file = File.ReadAllBytes(arguments[0]);
+        return TestRun.All(typeof(CoreTest));
+    }
+}
