@@ -9,8 +9,10 @@
 #include "engine/format/view.h"
 #include "engine/src/cloth.h"
 #include "engine/src/float_environment.h"
+#include "engine/src/idle.h"
 #include "engine/src/isa.h"
 #include "engine/src/joint_binding.h"
+#include "engine/src/lent_memory.h"
 #include "engine/src/output.h"
 #include "engine/src/state.h"
 #include "engine/src/tick_work.h"
@@ -18,6 +20,7 @@
 
 namespace {
 
+using dcloth::engine::CheckStorage;
 using dcloth::engine::Cloth;
 using dcloth::engine::FloatEnvironment;
 using dcloth::format::Diagnostic;
@@ -34,21 +37,6 @@ Cloth* ClothOf(dcloth_cloth* cloth) { return reinterpret_cast<Cloth*>(cloth); }
 #define DCLOTH_TEXT(x) DCLOTH_TEXT_OF(x)
 constexpr char kVersion[] =
     DCLOTH_TEXT(DCLOTH_VERSION_MAJOR) "." DCLOTH_TEXT(DCLOTH_VERSION_MINOR) "." DCLOTH_TEXT(DCLOTH_VERSION_PATCH);
-
-bool CheckStorage(const void* storage, size_t size, size_t needed, Diagnostic* diagnostic) {
-  if (storage == nullptr) {
-    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "null storage", "memory of the host", "");
-  }
-  if (reinterpret_cast<uintptr_t>(storage) % DCLOTH_ALIGNMENT != 0) {
-    return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, kNoOffset, nullptr, "storage off a 64-byte boundary",
-                            "addresses divisible by 64", "allocate with an alignment of DCLOTH_ALIGNMENT");
-  }
-  if (size >= needed) return true;
-  char allowed[48];
-  dcloth::format::Text(allowed, sizeof(allowed)).Add("at least ").Add(uint64_t{needed});
-  return diagnostic->FailCount(DCLOTH_ERROR_MEMORY, kNoOffset, nullptr, size, " bytes of storage", allowed,
-                               "lend what the storage_size function asks for");
-}
 
 constexpr float kLongestSeconds = 3.4028235e38f;  // the largest float: all that is not infinite
 
@@ -71,7 +59,8 @@ bool StagesAreUsable(uint32_t stages, uint32_t held) {
 }
 
 bool FrameIsUsable(const dcloth_frame* frame, uint32_t held) {
-  constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED;
+  constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HALF_RATE_MESH |
+                              DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
   return frame != nullptr && frame->struct_size >= sizeof(dcloth_frame) && StagesAreUsable(frame->stages, held) &&
          frame->seconds >= 0.0f && frame->seconds <= kLongestSeconds && (frame->flags & ~kFlags) == 0;
 }
@@ -249,6 +238,8 @@ dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info
   info->in_work = dcloth::engine::TickInWork(described) ? 1 : 0;
   info->lag_seconds = static_cast<float>(described.clock.lag() / static_cast<double>(described.model->tick_rate));
   info->tick_share = described.work_done;
+  info->frozen = dcloth::engine::IsFrozen(described) ? 1 : 0;
+  info->tick_waits = described.clock.tick_waits() ? 1 : 0;
   return DCLOTH_OK;
 }
 

@@ -29,13 +29,12 @@ size_t WidestQuantized(const ModelView& model) {
   return widest;
 }
 
-// Slot of the complete tick `back` before the newest one, or of the oldest there is.
+}  // namespace
+
 uint32_t SlotBefore(const Cloth& cloth, uint32_t back) {
   const uint32_t oldest = cloth.tick_count > 1 ? cloth.tick_count - 1 : 0;
   return (cloth.newest + kTickSlots - (back < oldest ? back : oldest)) % kTickSlots;
 }
-
-}  // namespace
 
 size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   Arena arena(storage);
@@ -47,6 +46,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.pose_older = arena.Take<Affine>(model.joint_count);
   placed.pose_before = arena.Take<Affine>(model.joint_count);
   placed.pose_now = arena.Take<Affine>(model.joint_count);
+  placed.idle_pose = arena.Take<Affine>(model.joint_count);
   placed.matrices = arena.Take<float>(size_t{12} * model.static_stage.bone_count);
   placed.features = arena.Take<float>(model.features.length);
   placed.hidden = arena.Take<float>(kernels::PaddedColumns(model.static_stage.hidden.columns));
@@ -54,6 +54,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.skeleton = PlaceSkeletonScratch(model.skeleton_stage, &arena);
   placed.mesh = PlaceMeshMemory(model, &arena);
   placed.body = PlaceBodyMemory(model, &arena);
+  placed.mesh_before = arena.Take<float>(model.mesh_stage.coefficients.columns);
   placed.coefficients = arena.Take<float>(CoefficientFloats(model));
   for (float*& increments : placed.increments) increments = arena.Take<float>(IncrementFloats(model.static_stage));
   for (float*& displacement : placed.displacement) {
@@ -78,6 +79,7 @@ void ResetCloth(Cloth* cloth) {
   if (model.skeleton_stage.units != 0)
     std::memset(cloth->coefficients, 0, model.skeleton_stage.units * sizeof(float));
   ClearMeshState(model, cloth->mesh);
+  std::memset(cloth->idle_pose, 0, model.joint_count * sizeof(Affine));
   for (float* increments : cloth->increments) {
     std::memset(increments, 0, IncrementFloats(model.static_stage) * sizeof(float));
   }
@@ -86,7 +88,8 @@ void ResetCloth(Cloth* cloth) {
   }
   cloth->newest = 0;
   cloth->tick_count = 0;
-  cloth->stages = DCLOTH_STAGES_MESH;
+  cloth->plan = {DCLOTH_STAGES_MESH};
+  cloth->idle_ticks = 0;
   cloth->work_done = 0;
   cloth->older_step = 0;
 }

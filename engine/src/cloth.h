@@ -12,6 +12,7 @@
 #include "engine/src/pose.h"
 #include "engine/src/skeleton_stage.h"
 #include "engine/src/stopwatch.h"
+#include "engine/src/tick_plan.h"
 
 namespace dcloth::engine {
 
@@ -51,6 +52,7 @@ struct Cloth {
   Affine* pose_older;   // [joint_count], the pose of the update before the last one
   Affine* pose_before;  // [joint_count], the pose of the last update
   Affine* pose_now;     // [joint_count], the pose of this one
+  Affine* idle_pose;    // [joint_count], of the tick since which the pose has not moved
   float* matrices;      // [m, 12], scratch of a frame
   float* features;      // x [d], kept from tick to tick
   float* hidden;        // [padded width] of the static stage
@@ -58,15 +60,20 @@ struct Cloth {
   SkeletonScratch skeleton;
   MeshMemory mesh;
   BodyMemory body;      // scratch of a frame
+  float* mesh_before;   // Q [k_M] that the mesh stage made last; at half rate only
   float* coefficients;              // see coefficients.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
   float* displacement[kTickSlots];  // delta of a tick; null without a basis
   uint32_t newest;      // slot of the newest complete tick; older ones lie before it, around the corner
   uint32_t tick_count;  // complete since the reset, up to kTickSlots
-  uint32_t stages;      // of the newest tick, in work or not; all after a reset
+  TickPlan plan;        // of the newest tick, in work or not; all stages after a reset
+  uint32_t idle_ticks;  // since idle_pose, up to kIdleTicks: then the cloth is frozen
   float work_done;      // by the last update, 1 for a whole tick
   double older_step;    // ticks from pose_older to pose_before; 0 where one motion does not hold both
 };
+
+// Slot of the complete tick `back` before the newest one, or of the oldest there is.
+uint32_t SlotBefore(const Cloth& cloth, uint32_t back);
 
 // Slot that the tick in work fills.
 inline uint32_t NextTick(const Cloth& cloth) { return (cloth.newest + 1) % kTickSlots; }

@@ -32,6 +32,14 @@ const float* BasisCoefficients(const ModelView& model, const float* coefficients
   return HasHead(model) ? coefficients + MixedCoefficientsAt(model) : coefficients;
 }
 
+void TurnMeshCoefficients(const ModelView& model, MeshTurn turn, float* q, float* before) {
+  for (uint32_t i = 0; i < model.mesh_stage.coefficients.columns; ++i) {
+    const float made = turn == MeshTurn::kRest ? before[i] : q[i];
+    q[i] = turn == MeshTurn::kRunBetween ? 0.5f * (before[i] + made) : made;
+    before[i] = made;
+  }
+}
+
 void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model, uint32_t stages, float* coefficients,
                      int16_t* quantized) {
   if (!HasHead(model)) {

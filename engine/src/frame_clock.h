@@ -25,6 +25,7 @@ constexpr double kLongestGap = 1 << 20;
 struct DueTicks {
   uint32_t count;    // to run now, up to kMaxTicks
   uint32_t skipped;  // due before them
+  double waited;     // by how much the first is late because frames held it back, in ticks
   // Of tick i of `count`: where it lies between the last frame (0) and this one (1).
   double fraction[kMaxTicks];
 };
@@ -35,6 +36,19 @@ class FrameClock {
   // in ticks, at least 0 and finite.
   DueTicks Advance(double step);
 
+  // How many ticks Advance(step) would make due now.
+  uint32_t TicksDue(double step) const;
+
+  // A frame in which no tick may start: the one that falls due waits for the next Advance with time, and the grid
+  // then starts anew with it.
+  void Hold(double step);
+
+  // A frame of a frozen cloth: its tick waits too, but the pose of a tick ago is as good as known.
+  void Rest(double step);
+
+  // Whether the next Advance with time starts a tick, however short it is.
+  bool tick_waits() const { return !started_ || since_ >= 1 - kTickTolerance; }
+
   // A tick has just run outside of Advance: the next one is due a whole tick later.
   void Restart();
 
@@ -42,16 +56,20 @@ class FrameClock {
   // due.
   double Behind(bool in_work);
 
-  // Goes on as a clock did that was at `since` with this lag, after its first tick.
-  void Resume(double since, double lag);
+  // Goes on as a clock did that was at `since`, had waited and had this lag, after its first tick.
+  void Resume(double since, double waited, double lag);
 
   double lag() const { return lag_; }
   double since() const { return since_; }
+  double waited() const { return waited_; }
   double step() const { return step_; }
 
  private:
+  void Pass(double step);
+
   bool started_ = false;
-  double since_ = 0;  // since the newest due tick, -kTickTolerance to 1
+  double since_ = 0;   // since the newest due tick, -kTickTolerance to 1
+  double waited_ = 0;  // since then beyond since_; begins at -1 after a rest
   double step_ = 0;   // of the last Advance
   double lag_ = 0;
 };

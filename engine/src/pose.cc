@@ -106,7 +106,7 @@ Affine ToHeading(const Heading& heading, const Affine& matrix) {
   return local;
 }
 
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, uint32_t elapsed_ticks, RootMotion* root,
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, double elapsed_ticks, RootMotion* root,
                     float* x) {
   const format::FeaturesView& features = model.features;
   const Heading heading = HeadingOf(bound.joints[model.hips], root->heading);

@@ -54,7 +54,7 @@ Affine ToHeading(const Heading& heading, const Affine& matrix);
 
 // Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped
 // features x [d]. A collapsed joint leaves its nine as they were, so x lives as long as the cloth.
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, uint32_t elapsed_ticks, RootMotion* root,
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, double elapsed_ticks, RootMotion* root,
                     float* x);
 
 }  // namespace dcloth::engine

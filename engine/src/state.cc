@@ -20,8 +20,8 @@ using format::Diagnostic;
 using format::ModelView;
 using format::Text;
 
-static_assert(sizeof(StateHead) == 184 && offsetof(StateHead, joint_count) == 32 &&
-                  offsetof(StateHead, tick_count) == 64 && offsetof(StateHead, since) == 88,
+static_assert(sizeof(StateHead) == 200 && offsetof(StateHead, joint_count) == 32 &&
+                  offsetof(StateHead, tick_count) == 64 && offsetof(StateHead, since) == 96,
               "the same on every platform");
 
 StateHead HeadOf(const Cloth& cloth) {
@@ -39,12 +39,15 @@ StateHead HeadOf(const Cloth& cloth) {
   head.feature_width = model.mesh_stage.feature_width;
   head.tick_rate = model.tick_rate;
   head.tick_count = cloth.tick_count;
-  head.stages = cloth.stages;
+  head.stages = cloth.plan.stages;
   head.part = static_cast<uint32_t>(cloth.work.part);
   head.items_done = TickInWork(cloth) ? cloth.work.items_done : 0;
   head.jumped = cloth.root.jumped ? 1 : 0;
+  head.mesh_turn = static_cast<uint32_t>(cloth.plan.mesh);
+  head.idle_ticks = cloth.idle_ticks;
   head.tick_share = cloth.work_done;
   head.since = cloth.clock.since();
+  head.waited = cloth.clock.waited();
   head.lag = cloth.clock.lag();
   head.older_step = cloth.older_step;
   head.heading[0] = cloth.root.heading.cosine;
@@ -55,8 +58,10 @@ StateHead HeadOf(const Cloth& cloth) {
   return head;
 }
 
+TickPlan PlanOf(const StateHead& head) { return {head.stages, static_cast<MeshTurn>(head.mesh_turn)}; }
+
 StatePosition PositionOf(const StateHead& head) {
-  return {head.tick_count, head.stages, static_cast<TickPart>(head.part), head.items_done};
+  return {head.tick_count, PlanOf(head), static_cast<TickPart>(head.part), head.items_done};
 }
 
 size_t SizeOf(const StateHead& head, const StateSpans& spans) {
@@ -94,10 +99,11 @@ void ClampFeatures(const Cloth& cloth) {
 
 void TakeHead(const StateHead& head, Cloth* cloth) {
   cloth->tick_count = head.tick_count;
-  cloth->stages = head.stages;
+  cloth->plan = PlanOf(head);
+  cloth->idle_ticks = head.idle_ticks;
   cloth->work_done = head.tick_share;
   cloth->older_step = head.older_step;
-  cloth->clock.Resume(head.since, head.lag);
+  cloth->clock.Resume(head.since, head.waited, head.lag);
   cloth->root.heading = {head.heading[0], head.heading[1]};
   std::memcpy(cloth->root.position, head.position, sizeof(head.position));
   std::memcpy(cloth->root.velocity, head.velocity, sizeof(head.velocity));
@@ -110,8 +116,10 @@ void TakeHead(const StateHead& head, Cloth* cloth) {
 void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
   const size_t pose_bytes = head.joint_count * sizeof(Affine);
   const uint8_t* const floats = bytes + sizeof(StateHead) + StatePoseBytes(head);
-  std::memcpy(cloth->pose_before, bytes + sizeof(StateHead), pose_bytes);
-  if (head.older_step > 0) std::memcpy(cloth->pose_older, bytes + sizeof(StateHead) + pose_bytes, pose_bytes);
+  const uint8_t* const poses = bytes + sizeof(StateHead);
+  std::memcpy(cloth->pose_before, poses, pose_bytes);
+  std::memcpy(cloth->idle_pose, poses + pose_bytes, pose_bytes);
+  if (head.older_step > 0) std::memcpy(cloth->pose_older, poses + 2 * pose_bytes, pose_bytes);
   StateSpans spans;
   ListStateSpans(*cloth, PositionOf(head), &spans);
   const uint8_t* from = floats;
@@ -130,7 +138,7 @@ uint64_t ModelIdentity(const ModelView& model) {
 }
 
 size_t StatePoseBytes(const StateHead& head) {
-  const size_t poses = head.tick_count == 0 ? 0 : head.older_step > 0 ? 2 : 1;
+  const size_t poses = head.tick_count == 0 ? 0 : head.older_step > 0 ? 3 : 2;
   return poses * head.joint_count * sizeof(Affine);
 }
 
@@ -152,8 +160,11 @@ bool SaveState(const Cloth& cloth, void* bytes, Diagnostic* diagnostic) {
   }
   auto* const begin = static_cast<uint8_t*>(bytes);
   uint8_t* to = begin + sizeof(StateHead);
-  if (pose_bytes != 0) std::memcpy(to, cloth.pose_before, one_pose);
-  if (pose_bytes > one_pose) std::memcpy(to + one_pose, cloth.pose_older, one_pose);
+  if (pose_bytes != 0) {
+    std::memcpy(to, cloth.pose_before, one_pose);
+    std::memcpy(to + one_pose, cloth.idle_pose, one_pose);
+  }
+  if (pose_bytes > 2 * one_pose) std::memcpy(to + 2 * one_pose, cloth.pose_older, one_pose);
   to += pose_bytes;
   for (uint32_t i = 0; i < spans.count; ++i) {
     const StateSpan& span = spans.spans[i];

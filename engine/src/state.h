@@ -1,7 +1,7 @@
 // A cloth's recurrent state as bytes that outlive the process: little-endian, the same on every platform and
 // instruction set. Saved states come from save games, so each number is checked before the first one is used.
 //
-//   StateHead, then poses f64 [0 to 2][joint_count, 12], then the floats of state_layout.h; nothing between them.
+//   StateHead, then poses f64 [0 to 3][joint_count, 12], then the floats of state_layout.h; nothing between them.
 #ifndef DCLOTH_ENGINE_SRC_STATE_H_
 #define DCLOTH_ENGINE_SRC_STATE_H_
 
@@ -14,7 +14,7 @@
 namespace dcloth::engine {
 
 constexpr uint8_t kStateMagic[4] = {'D', 'C', 'L', 'S'};
-constexpr uint32_t kStateVersion = 1;
+constexpr uint32_t kStateVersion = 2;
 
 struct StateHead {
   uint8_t magic[4];
@@ -26,9 +26,9 @@ struct StateHead {
   uint32_t joint_count, feature_count, bone_count, vertex_count, skeleton_units, layer_count, feature_width;
   float tick_rate;
   // Where in time; see Cloth, TickWork and FrameClock.
-  uint32_t tick_count, stages, part, items_done, jumped;
+  uint32_t tick_count, stages, part, items_done, jumped, mesh_turn, idle_ticks;
   float tick_share;
-  double since, lag, older_step;
+  double since, waited, lag, older_step;
   double heading[2], position[3], velocity[3], yaw_rate;
 };
 
@@ -37,7 +37,7 @@ constexpr size_t kStateSummedFrom = offsetof(StateHead, size);
 // Of the file where its writer told one, of its name before format 1.2.
 uint64_t ModelIdentity(const format::ModelView& model);
 
-// Of the pose of the last update, and of the one before it where that one bends the motion.
+// Of the pose of the last update, the idle pose, and the pose before the last where that one bends the motion.
 size_t StatePoseBytes(const StateHead& head);
 
 size_t StateSize(const Cloth& cloth);

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "engine/format/checksum.h"
+#include "engine/src/idle.h"
 #include "engine/src/tick_work.h"
 
 namespace dcloth::engine {
@@ -53,7 +54,14 @@ bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* di
     return FailCount(DCLOTH_FIELD(stages), head.stages, "DCLOTH_STAGES_* that the model holds", diagnostic);
   if (head.part > kDone || (fresh && head.part != kDone))
     return FailCount(DCLOTH_FIELD(part), head.part, "a part of a tick", diagnostic);
-  const uint64_t items = TickItems(model, head.stages, static_cast<TickPart>(head.part));
+  // Rest and the way between belong to the mesh stage alone.
+  constexpr auto kRest = static_cast<uint32_t>(MeshTurn::kRest);
+  if (head.mesh_turn > (!fresh && head.stages == DCLOTH_STAGES_MESH ? kRest : 0u))
+    return FailCount(DCLOTH_FIELD(mesh_turn), head.mesh_turn, "0, up to 3 with the mesh stage", diagnostic);
+  if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
+    return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
+  const TickPlan plan = {head.stages, static_cast<MeshTurn>(head.mesh_turn)};
+  const uint64_t items = TickItems(model, plan, static_cast<TickPart>(head.part));
   if (head.part != kDone ? head.items_done >= items : head.items_done != 0)
     return FailCount(DCLOTH_FIELD(items_done), head.items_done, "fewer than the part has", diagnostic);
   if (head.jumped > (fresh ? 0u : 1u)) return FailCount(DCLOTH_FIELD(jumped), head.jumped, "0 or 1", diagnostic);
@@ -65,6 +73,7 @@ bool CheckClock(const StateHead& head, Diagnostic* diagnostic) {
   return CheckRange(DCLOTH_FIELD(tick_share), static_cast<double>(head.tick_share), 0, kLargestDouble, "0 to 1e18",
                     diagnostic) &&
          CheckRange(DCLOTH_FIELD(since), head.since, -kTickTolerance - kRounding, 1, "-0.001 to 1 tick", diagnostic) &&
+         CheckRange(DCLOTH_FIELD(waited), head.waited, -1, kLongestGap, "-1 to 1048576 ticks", diagnostic) &&
          CheckRange(DCLOTH_FIELD(lag), head.lag, 0, 2, "0 to 2 ticks", diagnostic) &&
          CheckRange(DCLOTH_FIELD(older_step), head.older_step, 0, kLongestGap, "0 to 1048576 ticks", diagnostic);
 }
@@ -126,7 +135,7 @@ bool CheckShared(const Shared& shared, const char* fix, Diagnostic* diagnostic) 
 bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnostic* diagnostic) {
   constexpr char kComplete[] = "is the saved state complete?";
   if (size < sizeof(StateHead)) {
-    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 184",
+    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 200",
                                  kComplete);
   }
   std::memcpy(head, bytes, sizeof(StateHead));
@@ -136,7 +145,7 @@ bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnos
   }
   if (head->version != kStateVersion) {
     return diagnostic->FailCount(DCLOTH_ERROR_VERSION, offsetof(StateHead, version), nullptr, head->version,
-                                 " as the version of the state", "1", "reset the cloth instead");
+                                 " as the version of the state", "2", "reset the cloth instead");
   }
   if (head->size != size) {
     char allowed[32];
@@ -181,6 +190,11 @@ bool CheckStateModel(const StateHead& head, const ModelView& model, bool other_m
     return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, part), nullptr,
                             "a tick in work in the state of another model", "a state between ticks",
                             "save after an update without DCLOTH_FRAME_PIPELINED");
+  }
+  if (head.identity != identity && head.mesh_turn != 0) {
+    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, mesh_turn), nullptr,
+                            "a mesh stage at half rate in the state of another model", "one at full rate",
+                            "save after a tick without DCLOTH_FRAME_HALF_RATE_MESH");
   }
   return true;
 }

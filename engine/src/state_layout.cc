@@ -8,9 +8,6 @@ namespace {
 
 using format::ModelView;
 
-bool HasSkeleton(uint32_t stages) { return stages >= DCLOTH_STAGES_SKELETON; }
-bool HasMesh(uint32_t stages) { return stages == DCLOTH_STAGES_MESH; }
-
 void AddRow(const char* name, float* data, size_t count, StateSpans* spans) {
   spans->Add(name, data, 1, count, count, kLargestFloat);
 }
@@ -20,15 +17,17 @@ void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
   const ModelView& model = *cloth.model;
   const size_t n = model.vertex_count, width = model.mesh_stage.feature_width;
   AddRow("features", cloth.features, model.features.length, spans);
-  if (HasSkeleton(at.stages)) {
+  if (RunsSkeleton(at.plan)) {
     const size_t units = model.skeleton_stage.units;
     spans->Add("skeleton_state", cloth.coefficients, 1, units, units, kLargestHidden);
   }
-  if (HasMesh(at.stages)) {
+  if (HasMesh(at.plan)) {
     for (size_t layer = 0; layer < model.mesh_stage.layer_count; ++layer) {
       spans->Add("mesh_state", cloth.mesh.state + layer * kernels::GsgruStateFloats(n, width), n, width, width,
                  kLargestHidden);
     }
+    if (AtHalfRate(at.plan))
+      AddRow("mesh_before", cloth.mesh_before, model.mesh_stage.coefficients.columns, spans);
   }
   // A tick in work fills the oldest slot, whose rest a frame may still draw.
   const uint32_t slots = at.part == TickPart::kDone ? at.tick_count : kTickSlots;
@@ -84,7 +83,7 @@ void ListMeshWork(const Cloth& cloth, const StatePosition& at, StateSpans* spans
   const ModelView& model = *cloth.model;
   const MeshMemory& mesh = cloth.mesh;
   const size_t n = model.vertex_count;
-  if (at.part <= TickPart::kBodyPoints)
+  if (RunsMesh(at.plan) && at.part <= TickPart::kBodyPoints)
     AddRow("body_matrices", mesh.matrices, size_t{12} * model.joint_count, spans);
   float* const q = cloth.coefficients + MeshCoefficientsAt(model);
   const size_t coefficients = model.mesh_stage.coefficients.columns;
@@ -107,7 +106,7 @@ void ListMeshWork(const Cloth& cloth, const StatePosition& at, StateSpans* spans
       AddRow("mesh_coefficients", q, Filled(at.items_done, coefficients), spans);
       break;
     case TickPart::kCoefficients:
-      AddRow("mesh_coefficients", q, coefficients, spans);
+      if (RunsMesh(at.plan)) AddRow("mesh_coefficients", q, coefficients, spans);
       break;
     case TickPart::kDisplacement:
       if (model.displacement.head.rows == 0) AddRow("mesh_coefficients", q, coefficients, spans);
@@ -137,9 +136,9 @@ void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpan
   ListKept(cloth, position, spans);
   if (position.part == TickPart::kDone) return;
   ListSkeletonWork(cloth, position, spans);
-  if (HasMesh(position.stages)) ListMeshWork(cloth, position, spans);
+  if (HasMesh(position.plan)) ListMeshWork(cloth, position, spans);
   const size_t mixed = cloth.model->displacement.head.columns;
-  if (position.part == TickPart::kDisplacement && HasSkeleton(position.stages) && mixed != 0)
+  if (position.part == TickPart::kDisplacement && RunsSkeleton(position.plan) && mixed != 0)
     AddRow("mixed_coefficients", cloth.coefficients + MixedCoefficientsAt(*cloth.model), mixed, spans);
 }
 

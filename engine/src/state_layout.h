@@ -21,7 +21,7 @@ constexpr float kLargestFloat = 1e18f;
 
 struct StatePosition {
   uint32_t tick_count;  // 0 to kTickSlots; with 0 there are no floats
-  uint32_t stages;
+  TickPlan plan;
   TickPart part;
   uint32_t items_done;
 };
@@ -35,7 +35,7 @@ struct StateSpan {
 };
 
 struct StateSpans {
-  static constexpr uint32_t kMost = 20;  // features, h, 8 layers, 2 a slot, and up to 3 of a tick in work
+  static constexpr uint32_t kMost = 21;  // features, h, 8 layers, Q, 2 a slot, and up to 3 of a tick in work
 
   StateSpan spans[kMost];
   uint32_t count = 0;

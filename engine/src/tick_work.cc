@@ -23,9 +23,6 @@ constexpr uint64_t kPerMultiplyAdd = 27;
 constexpr uint64_t kPerSkinnedVertex = 5000;
 constexpr uint64_t kPerGate = 1000;
 
-constexpr uint32_t kSkeletonBit = DCLOTH_STAGES_SKELETON & ~DCLOTH_STAGES_STATIC;
-constexpr uint32_t kMeshBit = DCLOTH_STAGES_MESH & ~DCLOTH_STAGES_SKELETON;
-
 struct PartSize {
   uint64_t items;
   uint64_t item_cost;
@@ -49,10 +46,10 @@ uint64_t LayerBlockCost(const ModelView& model) {
 }
 
 // No items: the part does not take place.
-PartSize SizeOf(const ModelView& model, uint32_t stages, TickPart part) {
+PartSize SizeOf(const ModelView& model, const TickPlan& plan, TickPart part) {
   const format::SkeletonStageView& skeleton = model.skeleton_stage;
   const format::MeshStageView& mesh = model.mesh_stage;
-  const bool has_skeleton = (stages & kSkeletonBit) != 0, has_mesh = (stages & kMeshBit) != 0;
+  const bool has_skeleton = RunsSkeleton(plan), has_mesh = RunsMesh(plan);
   switch (part) {
     case TickPart::kStatic:
       return {1, ProductCost(model.static_stage.hidden) + ProductCost(model.static_stage.increments)};
@@ -75,7 +72,7 @@ PartSize SizeOf(const ModelView& model, uint32_t stages, TickPart part) {
     case TickPart::kDisplacement: {
       if (model.displacement.skeleton_rows == 0) return {};
       if (!has_skeleton) return {1, DisplacementFloats(model) * sizeof(float) * kPerByte};
-      const size_t rows = model.displacement.skeleton_rows + (has_mesh ? model.displacement.mesh_rows : 0);
+      const size_t rows = model.displacement.skeleton_rows + (HasMesh(plan) ? model.displacement.mesh_rows : 0);
       return ProductSize(model.displacement.basis, rows);
     }
     case TickPart::kDone:
@@ -90,11 +87,12 @@ void ClearSkeletonState(Cloth* cloth) {
 }
 
 // A stage that rested starts from zero: what it remembers belongs to a motion long past.
-void WakeStages(Cloth* cloth, uint32_t stages) {
-  const uint32_t woken = stages & ~cloth->stages;
-  if ((woken & kSkeletonBit) != 0) ClearSkeletonState(cloth);
-  if ((woken & kMeshBit) != 0) ClearMeshState(*cloth->model, cloth->mesh);
-  cloth->stages = stages;
+void WakeStages(Cloth* cloth, const TickPlan& plan) {
+  if (RunsSkeleton(plan) && !RunsSkeleton(cloth->plan)) ClearSkeletonState(cloth);
+  if (HasMesh(plan) && !HasMesh(cloth->plan)) ClearMeshState(*cloth->model, cloth->mesh);
+  if (plan.mesh == MeshTurn::kRunFirst)
+    std::memset(cloth->mesh_before, 0, cloth->model->mesh_stage.coefficients.columns * sizeof(float));
+  cloth->plan = plan;
 }
 
 // Cut into panels: parts whose items are products of one input.
@@ -116,7 +114,7 @@ LinearProduct ProductOf(const Cloth& cloth, TickPart part) {
     case TickPart::kMeshCoefficients:
       return MeshCoefficients(model.mesh_stage, cloth.mesh, cloth.quantized, q);
     default:
-      return DisplacementProduct(model, cloth.stages, cloth.coefficients, cloth.quantized,
+      return DisplacementProduct(model, cloth.plan.stages, cloth.coefficients, cloth.quantized,
                                  cloth.displacement[NextTick(cloth)]);
   }
 }
@@ -146,10 +144,14 @@ void RunPart(Cloth* cloth, TickPart part, size_t begin, size_t count) {
       RunMeshLayers(kernels, model, cloth->mesh, begin, count);
       break;
     case TickPart::kCoefficients:
-      MixCoefficients(kernels, model, cloth->stages, cloth->coefficients, cloth->quantized);
+      if (AtHalfRate(cloth->plan)) {
+        TurnMeshCoefficients(model, cloth->plan.mesh, cloth->coefficients + MeshCoefficientsAt(model),
+                             cloth->mesh_before);
+      }
+      MixCoefficients(kernels, model, cloth->plan.stages, cloth->coefficients, cloth->quantized);
       break;
     case TickPart::kDisplacement:
-      if (cloth->stages == DCLOTH_STAGES_STATIC) {
+      if (!RunsSkeleton(cloth->plan)) {
         std::memset(cloth->displacement[NextTick(*cloth)], 0, DisplacementFloats(model) * sizeof(float));
         break;
       }
@@ -177,26 +179,26 @@ void Publish(Cloth* cloth) {
 
 }  // namespace
 
-uint64_t TickCost(const ModelView& model, uint32_t stages) {
+uint64_t TickCost(const ModelView& model, const TickPlan& plan) {
   uint64_t cost = 0;
   for (TickPart part = TickPart::kStatic; part != TickPart::kDone; part = After(part)) {
-    const PartSize size = SizeOf(model, stages, part);
+    const PartSize size = SizeOf(model, plan, part);
     cost += size.items * size.item_cost;
   }
   return cost;
 }
 
-void BeginTick(Cloth* cloth, const BoundPose& bound, uint32_t stages, uint32_t elapsed_ticks, Stopwatch* watch) {
+void BeginTick(Cloth* cloth, const BoundPose& bound, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
   const ModelView& model = *cloth->model;
   UpdateFeatures(model, bound, elapsed_ticks, &cloth->root, cloth->features);
-  WakeStages(cloth, stages);
-  if ((stages & kMeshBit) != 0) PrepareBodyPoints(model, bound, cloth->root.heading, cloth->mesh);
+  WakeStages(cloth, plan);
+  if (RunsMesh(plan)) PrepareBodyPoints(model, bound, cloth->root.heading, cloth->mesh);
   cloth->work = {TickPart::kStatic, 0, 1.0f};
   watch->Lap(DCLOTH_STEP_POSE);
 }
 
-uint64_t TickItems(const ModelView& model, uint32_t stages, TickPart part) {
-  return SizeOf(model, stages, part).items;
+uint64_t TickItems(const ModelView& model, const TickPlan& plan, TickPart part) {
+  return SizeOf(model, plan, part).items;
 }
 
 // The integers of a product are made anew from its input, which it does not change.
@@ -210,7 +212,7 @@ uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch) {
   TickWork& work = cloth->work;
   uint64_t spent = 0;
   while (TickInWork(*cloth)) {
-    const PartSize size = SizeOf(*cloth->model, cloth->stages, work.part);
+    const PartSize size = SizeOf(*cloth->model, cloth->plan, work.part);
     const uint64_t left = size.items - work.items_done;
     if (left == 0) {
       work.part = After(work.part);

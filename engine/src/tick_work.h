@@ -15,18 +15,18 @@ namespace dcloth::engine {
 
 // Estimated time of a tick in picoseconds on one core, from the sizes alone: it weighs parts against each
 // other, so that equal portions take about equal time. The constants and their source are in the .cc file.
-uint64_t TickCost(const format::ModelView& model, uint32_t stages);
+uint64_t TickCost(const format::ModelView& model, const TickPlan& plan);
 
 // Takes the pose in: features, woken stages, body matrices. The caller has finished the tick before.
-// `elapsed_ticks` is the time since that one, 1 unless ticks were skipped.
-void BeginTick(Cloth* cloth, const BoundPose& bound, uint32_t stages, uint32_t elapsed_ticks, Stopwatch* watch);
+// `elapsed_ticks` is the time since that one, 1 unless ticks were skipped or waited.
+void BeginTick(Cloth* cloth, const BoundPose& bound, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch);
 
 // Runs portions until their cost reaches `budget` or the tick is complete; returns what it ran, less than one
 // item above the budget. A complete tick becomes the newest one. Without a tick in work it does nothing.
 uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch);
 
 // Items of a part of a tick; none where the part does not take place.
-uint64_t TickItems(const format::ModelView& model, uint32_t stages, TickPart part);
+uint64_t TickItems(const format::ModelView& model, const TickPlan& plan, TickPart part);
 
 // Takes up a tick whose results so far lie in the cloth's memory: `items_done` of `part`, fewer than it has.
 void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done);

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <utility>
 
+#include "engine/src/idle.h"
 #include "engine/src/pose_blend.h"
 #include "engine/src/tick_work.h"
 
@@ -17,10 +18,27 @@ constexpr uint64_t kAllOfIt = UINT64_MAX;
 // over the frames until the next tick, which a wobble of the frame time turns into a whole tick in one frame.
 constexpr double kPipelinePace = 1.05;
 
-void StartTick(Cloth* cloth, const Affine* pose, uint32_t stages, uint32_t elapsed_ticks, Stopwatch* watch) {
+void StartTick(Cloth* cloth, const Affine* pose, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
   BoundPose bound = {cloth->bound, {}};
   BindPose(*cloth->model, pose, &bound);
-  BeginTick(cloth, bound, stages, elapsed_ticks, watch);
+  BeginTick(cloth, bound, plan, elapsed_ticks, watch);
+}
+
+// The mesh stage at half rate runs in its first tick and then in every second one.
+TickPlan PlanTick(const Cloth& cloth, const dcloth_frame& frame) {
+  if ((frame.flags & DCLOTH_FRAME_HALF_RATE_MESH) == 0 || frame.stages != DCLOTH_STAGES_MESH) return {frame.stages};
+  if (!AtHalfRate(cloth.plan)) return {frame.stages, MeshTurn::kRunFirst};
+  return {frame.stages, RunsMesh(cloth.plan) ? MeshTurn::kRest : MeshTurn::kRunBetween};
+}
+
+bool Freezes(const dcloth_frame& frame) { return (frame.flags & DCLOTH_FRAME_FREEZE_IDLE) != 0; }
+
+// ContinueTick, watched for stillness where that matters.
+uint64_t RunTick(Cloth* cloth, uint64_t budget, bool freezes, Stopwatch* watch) {
+  const uint32_t newest = cloth->newest;
+  const uint64_t spent = ContinueTick(cloth, budget, watch);
+  if (freezes && cloth->newest != newest) CountTickDone(cloth);
+  return spent;
 }
 
 // 0 where frames are too unlike in length for one curve: a hitch, a pause.
@@ -33,8 +51,8 @@ double OlderGap(const Cloth& cloth) {
 // Finishes what an earlier frame left and starts the ticks that are due. All but the last one run whole, and
 // that one too where there is nothing to draw before it.
 uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& frame, Stopwatch* watch) {
-  const bool pipelined = (frame.flags & DCLOTH_FRAME_PIPELINED) != 0;
-  uint64_t spent = due.count != 0 || !pipelined ? ContinueTick(cloth, kAllOfIt, watch) : 0;
+  const bool pipelined = (frame.flags & DCLOTH_FRAME_PIPELINED) != 0, freezes = Freezes(frame);
+  uint64_t spent = due.count != 0 || !pipelined ? RunTick(cloth, kAllOfIt, freezes, watch) : 0;
   const PoseHistory history = {cloth->pose_older, cloth->pose_before, cloth->pose_now, OlderGap(*cloth)};
   for (uint32_t i = 0; i < due.count; ++i) {
     const Affine* pose = cloth->pose_now;
@@ -42,18 +60,35 @@ uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& fram
       PoseBetween(history, due.fraction[i], cloth->model->joint_count, cloth->bound);
       pose = cloth->bound;
     }
-    StartTick(cloth, pose, frame.stages, i == 0 ? due.skipped + 1 : 1, watch);
-    if (!pipelined || i + 1 < due.count || cloth->tick_count == 0) spent += ContinueTick(cloth, kAllOfIt, watch);
+    if (freezes) CountTickBegun(cloth, pose);
+    StartTick(cloth, pose, PlanTick(*cloth, frame), i == 0 ? 1 + due.skipped + due.waited : 1, watch);
+    if (!pipelined || i + 1 < due.count || cloth->tick_count == 0) spent += RunTick(cloth, kAllOfIt, freezes, watch);
   }
   return spent;
 }
 
 // This frame's part of the tick in work, less what the frame has already `spent`.
-uint64_t RunPart(Cloth* cloth, uint64_t tick_cost, uint64_t spent, Stopwatch* watch) {
+uint64_t RunPart(Cloth* cloth, const dcloth_frame& frame, uint64_t tick_cost, uint64_t spent, Stopwatch* watch) {
   const double budget = kPipelinePace * cloth->clock.step() * static_cast<double>(tick_cost);
-  if (budget >= static_cast<double>(tick_cost + spent)) return ContinueTick(cloth, kAllOfIt, watch);
+  if (budget >= static_cast<double>(tick_cost + spent)) return RunTick(cloth, kAllOfIt, Freezes(frame), watch);
   const auto whole = static_cast<uint64_t>(budget);
-  return whole > spent ? ContinueTick(cloth, whole - spent, watch) : 0;
+  return whole > spent ? RunTick(cloth, whole - spent, Freezes(frame), watch) : 0;
+}
+
+// Whether this frame of a frozen cloth is one more. Without time nothing wakes; the frame after it does.
+bool StaysFrozen(const Cloth& cloth, const dcloth_frame& frame) {
+  if (!Freezes(frame) || !IsFrozen(cloth)) return false;
+  if (!(frame.seconds > 0)) return true;
+  return (frame.flags & DCLOTH_FRAME_JUMPED) == 0 && frame.stages == cloth.plan.stages &&
+         IsStill(cloth, cloth.pose_now);
+}
+
+// Time passes: the ticks that this frame runs.
+DueTicks PassTime(Cloth* cloth, const dcloth_frame& frame) {
+  const double step = static_cast<double>(frame.seconds) * static_cast<double>(cloth->model->tick_rate);
+  if ((frame.flags & DCLOTH_FRAME_HOLD) == 0) return cloth->clock.Advance(step);
+  cloth->clock.Hold(step);
+  return {};
 }
 
 // The pose of this frame becomes the last one. A frame without time replaces the last one, so that a pause
@@ -80,10 +115,11 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
   if (!PoseIsUsable(*cloth->model, cloth->binding, pose)) return false;
   ContinueTick(cloth, kAllOfIt, &watch);
   ReadPose(*cloth->model, cloth->binding, pose, cloth->pose_before);
-  StartTick(cloth, cloth->pose_before, stages, 1, &watch);
+  StartTick(cloth, cloth->pose_before, {stages}, 1, &watch);
   ContinueTick(cloth, kAllOfIt, &watch);
   cloth->clock.Restart();
   cloth->older_step = 0;
+  cloth->idle_ticks = 0;
   return true;
 }
 
@@ -106,15 +142,27 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
     cloth->root.jumped = cloth->root.started;
     cloth->older_step = 0;
   }
-  const double step = static_cast<double>(frame.seconds) * static_cast<double>(model.tick_rate);
-  const DueTicks due = cloth->clock.Advance(step);
-  watch.Lap(DCLOTH_STEP_POSE);
-  uint64_t spent = RunDueTicks(cloth, due, frame, &watch);
-  const uint64_t tick_cost = TickCost(model, cloth->stages);
-  spent += RunPart(cloth, tick_cost, spent, &watch);
+  const bool frozen = StaysFrozen(*cloth, frame);
+  uint64_t spent = 0;
+  if (frozen) {
+    cloth->clock.Rest(static_cast<double>(frame.seconds) * static_cast<double>(model.tick_rate));
+    watch.Lap(DCLOTH_STEP_POSE);
+    spent = RunTick(cloth, kAllOfIt, true, &watch);  // what was begun before the freeze
+  } else {
+    if (IsFrozen(*cloth)) cloth->clock.Rest(0);
+    if (IsFrozen(*cloth) || !Freezes(frame)) cloth->idle_ticks = 0;
+    const DueTicks due = PassTime(cloth, frame);
+    watch.Lap(DCLOTH_STEP_POSE);
+    spent = RunDueTicks(cloth, due, frame, &watch);
+    if (TickInWork(*cloth)) spent += RunPart(cloth, frame, TickCost(model, cloth->plan), spent, &watch);
+  }
   RememberPose(cloth, (frame.flags & DCLOTH_FRAME_JUMPED) != 0);
-  cloth->work_done = static_cast<float>(static_cast<double>(spent) / static_cast<double>(tick_cost));
-  const double behind = cloth->clock.Behind(TickInWork(*cloth));
+  cloth->work_done = 0;
+  if (spent != 0) {
+    const uint64_t tick_cost = TickCost(model, {cloth->plan.stages});
+    cloth->work_done = static_cast<float>(static_cast<double>(spent) / static_cast<double>(tick_cost));
+  }
+  const double behind = frozen ? 0 : cloth->clock.Behind(TickInWork(*cloth));
   if (output != nullptr) Draw(cloth, cloth->pose_before, behind, *output, &watch);
   return true;
 }

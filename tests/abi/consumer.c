@@ -92,6 +92,46 @@ static int run(dcloth_cloth* cloth, const dcloth_model_info* info, float* matric
   return result;
 }
 
+/* The same frames, as planned by a scene of one character whose every tick fits. */
+static int run_scene(dcloth_cloth* cloth, const dcloth_model_info* info, float* matrices) {
+  const dcloth_pose pose = {sizeof(dcloth_pose), info->joint_count, matrices, 0};
+  const dcloth_scene_frame scene_frame = {sizeof(dcloth_scene_frame), 1.0f / 60.0f, 1000.0f, 0.0f};
+  dcloth_scene_character character;
+  dcloth_scene_choice choice;
+  dcloth_scene* scene = NULL;
+  void* owner = NULL;
+  const size_t size = dcloth_scene_storage_size(1);
+  void* storage = allocate_aligned(size, &owner);
+  int result, i, ticks = 0;
+  memset(&character, 0, sizeof(character));
+  character.struct_size = sizeof(character);
+  character.top_level = DCLOTH_LEVEL_MESH;
+  character.cloth = cloth;
+  character.importance = 1.0f;
+  character.draw_microseconds = 10.0f;
+  for (i = 0; i < DCLOTH_LEVEL_COUNT; ++i) {
+    character.tick_microseconds[i] = 100.0f * (float)i;
+    character.error_mm[i] = 10.0f - (float)i;
+  }
+  memset(&choice, 0, sizeof(choice));
+  choice.struct_size = sizeof(choice);
+  result = storage == NULL || dcloth_scene_create(1, storage, size, &scene, NULL) != DCLOTH_OK ||
+           dcloth_scene_set(scene, 0, &character) != DCLOTH_OK || dcloth_cloth_reset(cloth) != DCLOTH_OK;
+  for (i = 0; i < FRAMES && result == 0; ++i) {
+    float planned = 0.0f;
+    dcloth_frame frame = {sizeof(dcloth_frame), 0, 1.0f / 60.0f, 0};
+    fill_pose(matrices, info->joint_count, 0.05f * (float)i);
+    result = dcloth_scene_plan(scene, &scene_frame, &planned) != DCLOTH_OK || planned > 1000.0f ||
+             dcloth_scene_get(scene, 0, &choice) != DCLOTH_OK;
+    frame.stages = choice.stages;
+    frame.flags = choice.flags;
+    result = result || dcloth_cloth_update(cloth, &pose, &frame, NULL, NULL) != DCLOTH_OK;
+    ticks += (int)choice.ticks;
+  }
+  free(owner);
+  return result || choice.stages != info->stages || ticks != FRAMES / 2;
+}
+
 int main(int argc, char** argv) {
   dcloth_error error;
   dcloth_model_info info;
@@ -132,7 +172,8 @@ int main(int argc, char** argv) {
   }
   matrices = malloc(16 * sizeof(float) * info.joint_count);
   vertices = calloc(info.vertex_count, sizeof(vertex));
-  result = matrices == NULL || vertices == NULL || run(cloth, &info, matrices, vertices);
+  result = matrices == NULL || vertices == NULL || run(cloth, &info, matrices, vertices) ||
+           run_scene(cloth, &info, matrices);
   printf("dcloth %s (%s): %s, %u vertices, %d frames: %s\n", dcloth_version(), dcloth_isa_name(), info.name,
          (unsigned)info.vertex_count, FRAMES, result == 0 ? "fine" : "failed");
   free(matrices);

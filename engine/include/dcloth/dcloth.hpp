@@ -160,6 +160,47 @@ class Cloth {
   dcloth_cloth* cloth_ = nullptr;
 };
 
+// A scene of many characters in one budget. Copies name the same scene.
+class Scene {
+ public:
+  // 0 where there is no such scene.
+  static size_t StorageSize(uint32_t character_count) { return dcloth_scene_storage_size(character_count); }
+
+  Status Create(uint32_t character_count, void* storage, size_t storage_size, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_scene_create(character_count, storage, storage_size, &scene_, error));
+  }
+
+  Status Set(uint32_t index, const dcloth_scene_character& character) {
+    return static_cast<Status>(dcloth_scene_set(scene_, index, &character));
+  }
+
+  Status Clear(uint32_t index) { return static_cast<Status>(dcloth_scene_set(scene_, index, nullptr)); }
+
+  Status SetImportance(uint32_t index, float importance) {
+    return static_cast<Status>(dcloth_scene_set_importance(scene_, index, importance));
+  }
+
+  // `spent_microseconds` of the plan before, 0 where it was not measured.
+  Status Plan(float seconds, float budget_microseconds, float spent_microseconds = 0,
+              float* planned_microseconds = nullptr) {
+    const dcloth_scene_frame frame = {sizeof(dcloth_scene_frame), seconds, budget_microseconds, spent_microseconds};
+    return static_cast<Status>(dcloth_scene_plan(scene_, &frame, planned_microseconds));
+  }
+
+  // All zero for an empty slot.
+  dcloth_scene_choice Get(uint32_t index) const {
+    dcloth_scene_choice choice = {};
+    choice.struct_size = sizeof(choice);
+    (void)dcloth_scene_get(scene_, index, &choice);
+    return choice;
+  }
+
+  dcloth_scene* get() const { return scene_; }
+
+ private:
+  dcloth_scene* scene_ = nullptr;
+};
+
 }  // namespace dcloth
 
 #endif  // DCLOTH_DCLOTH_HPP_

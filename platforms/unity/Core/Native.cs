@@ -84,5 +84,25 @@ namespace DCloth
         [DllImport(Library, CallingConvention = C)]
         public static extern int dcloth_cloth_skin(dcloth_cloth* cloth, dcloth_pose* pose, float blend,
                                                    dcloth_output* output, dcloth_timer* timer);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern UIntPtr dcloth_scene_storage_size(uint character_count);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_scene_create(uint character_count, void* storage, UIntPtr storage_size,
+                                                     dcloth_scene** scene, dcloth_error* error);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_scene_set(dcloth_scene* scene, uint index, dcloth_scene_character* character);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_scene_set_importance(dcloth_scene* scene, uint index, float importance);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_scene_plan(dcloth_scene* scene, dcloth_scene_frame* frame,
+                                                   float* planned_microseconds);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_scene_get(dcloth_scene* scene, uint index, dcloth_scene_choice* choice);
     }
 }

@@ -35,6 +35,9 @@ namespace DCloth
 
         public const uint DCLOTH_FRAME_PIPELINED = 1;
         public const uint DCLOTH_FRAME_JUMPED = 2;
+        public const uint DCLOTH_FRAME_HALF_RATE_MESH = 4;
+        public const uint DCLOTH_FRAME_HOLD = 8;
+        public const uint DCLOTH_FRAME_FREEZE_IDLE = 16;
 
         public const uint DCLOTH_FORMAT_FLOAT32 = 0;
         public const uint DCLOTH_FORMAT_FLOAT16 = 1;
@@ -51,5 +54,12 @@ namespace DCloth
         public const int DCLOTH_STEP_COUNT = 8;
 
         public const uint DCLOTH_RESTORE_OTHER_MODEL = 1;
+
+        public const uint DCLOTH_LEVEL_FROZEN = 0;
+        public const uint DCLOTH_LEVEL_STATIC = 1;
+        public const uint DCLOTH_LEVEL_SKELETON = 2;
+        public const uint DCLOTH_LEVEL_HALF_RATE_MESH = 3;
+        public const uint DCLOTH_LEVEL_MESH = 4;
+        public const int DCLOTH_LEVEL_COUNT = 5;
     }
 }

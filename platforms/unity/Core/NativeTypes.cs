@@ -17,6 +17,12 @@ namespace DCloth
     {
     }
 
+    /// <summary>Opaque; only pointers to it exist.</summary>
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_scene
+    {
+    }
+
     [StructLayout(LayoutKind.Sequential)]
     public unsafe struct dcloth_error
     {
@@ -78,6 +84,8 @@ namespace DCloth
         public uint in_work;
         public float lag_seconds;
         public float tick_share;
+        public uint frozen;
+        public uint tick_waits;
     }
 
     [StructLayout(LayoutKind.Sequential)]
@@ -109,5 +117,38 @@ namespace DCloth
         public IntPtr now; // uint64_t (*)(void* context)
         public void* context;
         public fixed ulong elapsed[Native.DCLOTH_STEP_COUNT];
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_scene_character
+    {
+        public uint struct_size;
+        public uint top_level;
+        public dcloth_cloth* cloth;
+        public float importance;
+        public float draw_microseconds;
+        public fixed float tick_microseconds[Native.DCLOTH_LEVEL_COUNT];
+        public fixed float error_mm[Native.DCLOTH_LEVEL_COUNT];
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_scene_frame
+    {
+        public uint struct_size;
+        public float seconds;
+        public float budget_microseconds;
+        public float spent_microseconds;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public struct dcloth_scene_choice
+    {
+        public uint struct_size;
+        public uint level;
+        public uint stages;
+        public uint flags;
+        public uint ticks;
+        public float microseconds;
+        public float stale_seconds;
     }
 }

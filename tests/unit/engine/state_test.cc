@@ -56,6 +56,8 @@ constexpr Host kHosts[] = {
     {"wobbling", 0, 0, false},         {"wobbling, pipelined", 0, DCLOTH_FRAME_PIPELINED, false},
     {"47 Hz", 47, 0, false},           {"47 Hz, pipelined", 47, DCLOTH_FRAME_PIPELINED, false},
     {"144 Hz, changing", 144, 0, true}, {"wobbling, changing", 0, 0, true},
+    {"half rate", 60, DCLOTH_FRAME_HALF_RATE_MESH, false},
+    {"half rate, changing", 0, DCLOTH_FRAME_HALF_RATE_MESH, true},
 };
 
 // Saved every seventh frame of 300, restored into new memory each time, and followed for 70 frames beside the cloth
@@ -76,7 +78,7 @@ TEST_P(StateTest, ContinuesToTheBitAtAnyFrameRate) {
       if (host.changes) {
         const uint32_t levels[] = {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH};
         if (random() % 20 == 0) stages = std::min(levels[random() % 3], held());
-        flags = random() % 8 == 0 ? random() % 4 : random() % 2;
+        flags = random() % 8 == 0 ? random() % 32 : host.flags | random() % 2;
       }
       const std::vector<float> pose = Pose(time);
       ASSERT_EQ(original.Update(pose, frames[frame], stages, flags), DCLOTH_OK);
@@ -141,7 +143,7 @@ TEST_P(StateTest, EveryPlaceInATick) {
   // The static stage runs in the frame that begins a tick.
   for (auto part = engine::TickPart::kSkeletonInput; part != engine::TickPart::kDone;
        part = static_cast<engine::TickPart>(static_cast<uint32_t>(part) + 1)) {
-    const uint64_t items = engine::TickItems(model, held(), part);
+    const uint64_t items = engine::TickItems(model, {held()}, part);
     EXPECT_TRUE(items == 0 || begun.count(part) + inside.count(part) != 0) << static_cast<int>(part);
     EXPECT_TRUE(items <= 1 || inside.count(part) != 0) << "never inside of part " << static_cast<int>(part);
   }
@@ -260,17 +262,17 @@ TEST(StateFormat, HeadLiesWhereItIsWritten) {
     return value;
   };
   EXPECT_EQ(std::string(bytes.begin(), bytes.begin() + 4), "DCLS");
-  EXPECT_EQ(number(4, 4), 1u);
+  EXPECT_EQ(number(4, 4), 2u);
   EXPECT_EQ(number(16, 8), bytes.size());
   EXPECT_EQ(number(24, 8), 0x0123456789ABCDEFu);
   const ModelSpec& spec = model.numbers.spec;
   const size_t n = model.numbers.n, d = model.numbers.d, m = spec.bones;
   const uint64_t sizes[] = {spec.joints, d, m, n, spec.units, spec.layers, spec.feature_width, 0x41F00000u};
   for (size_t i = 0; i < std::size(sizes); ++i) EXPECT_EQ(number(32 + 4 * i, 4), sizes[i]) << i;
-  const uint64_t position[] = {1, DCLOTH_STAGES_SKELETON, 10, 0, 0};
+  const uint64_t position[] = {1, DCLOTH_STAGES_SKELETON, 10, 0, 0, 0, 0};
   for (size_t i = 0; i < std::size(position); ++i) EXPECT_EQ(number(64 + 4 * i, 4), position[i]) << i;
-  // One pose, features, h, increments and displacement of one tick; the mesh stage rests.
-  EXPECT_EQ(bytes.size(), 184 + 96 * spec.joints + 4 * (d + spec.units + 3 * m + 3 * n));
+  // The pose and the idle pose, features, h, increments and displacement of one tick; the mesh stage rests.
+  EXPECT_EQ(bytes.size(), 200 + 2 * 96 * spec.joints + 4 * (d + spec.units + 3 * m + 3 * n));
 }
 
 // Poses, joints and space belong to the host: a restored cloth keeps its own.

@@ -22,13 +22,13 @@ size_t TickInPortions(Cloth* cloth, const std::vector<float>& matrices, uint32_t
   engine::BoundPose bound = {cloth->bound, {}};
   engine::ReadPose(*cloth->model, cloth->binding, OwnedCloth::Pose(matrices), cloth->pose_now);
   engine::BindPose(*cloth->model, cloth->pose_now, &bound);
-  engine::BeginTick(cloth, bound, stages, 1, &watch);
+  engine::BeginTick(cloth, bound, {stages}, 1, &watch);
   size_t portions = 0;
   uint64_t spent = 0;
   for (; engine::TickInWork(*cloth); ++portions) {
     spent += engine::ContinueTick(cloth, std::uniform_int_distribution<uint64_t>(1, budget)(*random), &watch);
   }
-  EXPECT_EQ(spent, engine::TickCost(*cloth->model, stages));
+  EXPECT_EQ(spent, engine::TickCost(*cloth->model, {stages}));
   return portions;
 }
 
@@ -75,7 +75,7 @@ TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
     Cloth* inside = Inside(&cloth);
     const uint32_t stages = opened.info().stages;
     ASSERT_EQ(cloth.Tick(PoseAt(model.numbers, 0), stages), DCLOTH_OK);
-    const uint64_t cost = engine::TickCost(*inside->model, stages);
+    const uint64_t cost = engine::TickCost(*inside->model, {stages});
     // The widest items are panels: of the layer over all vertices, or of the static stage, which is one item.
     const uint64_t widest =
         40 * 32 * 4 * std::max<uint64_t>(mesh ? model.numbers.n : 0, model.numbers.d + 21 * 1 + 21);
@@ -83,7 +83,7 @@ TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
     engine::BoundPose bound = {inside->bound, {}};
     engine::BindPose(*inside->model, inside->pose_before, &bound);
     for (const uint64_t parts : {2, 3, 7, 20}) {
-      engine::BeginTick(inside, bound, stages, 1, &watch);
+      engine::BeginTick(inside, bound, {stages}, 1, &watch);
       uint64_t frames = 0;
       while (engine::TickInWork(*inside)) {
         const uint64_t budget = (cost + parts - 1) / parts, spent = engine::ContinueTick(inside, budget, &watch);
@@ -93,7 +93,7 @@ TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
       EXPECT_LE(frames, parts);
       EXPECT_GE(frames * (cost / parts + widest), cost);
     }
-    EXPECT_LT(engine::TickCost(*inside->model, DCLOTH_STAGES_STATIC), cost);
+    EXPECT_LT(engine::TickCost(*inside->model, {DCLOTH_STAGES_STATIC}), cost);
   }
 }
 

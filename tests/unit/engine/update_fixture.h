@@ -56,10 +56,10 @@ class UpdateTest : public ::testing::Test {
 
   // Draws what the last update left, on another pose: time stands still.
   static std::vector<float> DrawOn(OwnedCloth* cloth, const std::vector<float>& matrices,
-                                   const std::vector<float>& back) {
-    EXPECT_EQ(cloth->Update(matrices, 0, kAll), DCLOTH_OK);
+                                   const std::vector<float>& back, uint32_t flags = 0) {
+    EXPECT_EQ(cloth->Update(matrices, 0, kAll, flags), DCLOTH_OK);
     const std::vector<float> drawn = cloth->positions();
-    EXPECT_EQ(Update(cloth, back, 0), DCLOTH_OK);
+    EXPECT_EQ(Update(cloth, back, 0, flags), DCLOTH_OK);
     return drawn;
   }
 

@@ -1,0 +1,261 @@
+// The bundled garments at each level: error against the simulated truth and against the full network, cost of a tick,
+// the freeze of an idle character, and fifty characters in a budget with costs measured here. Times depend on what else
+// the machine does and are printed only; errors and plans are bound.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+#include <vector>
+
+#include "dcloth/dcloth.hpp"
+#include "tests/stability/garment.h"
+
+namespace dcloth::stability {
+namespace {
+
+constexpr Precision kPrecision = Precision::kInt8;
+constexpr float kFrame = 1 / 60.0f, kTick = 1 / 30.0f;
+
+struct Level {
+  const char* name;
+  uint32_t stages, flags;
+};
+constexpr std::array<Level, DCLOTH_LEVEL_COUNT> kLevels = {{
+    {"frozen", DCLOTH_STAGES_STATIC, DCLOTH_FRAME_HOLD},
+    {"static", DCLOTH_STAGES_STATIC, 0},
+    {"skeleton", DCLOTH_STAGES_SKELETON, 0},
+    {"half rate mesh", DCLOTH_STAGES_MESH, DCLOTH_FRAME_HALF_RATE_MESH},
+    {"mesh", DCLOTH_STAGES_MESH, 0},
+}};
+
+std::vector<float> Flat(const Pose& pose) {
+  std::vector<float> matrices;
+  for (const Matrix& joint : pose) {
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c) matrices.push_back(static_cast<float>(joint(r, c)));
+    }
+  }
+  return matrices;
+}
+
+// Of this process alone: what others run on the machine shows through the caches only.
+double ProcessorMicroseconds() { return static_cast<double>(std::clock()) * (1e6 / CLOCKS_PER_SEC); }
+
+class Character {
+ public:
+  explicit Character(const converter::OpenModel& model)
+      : memory_(dcloth_cloth_storage_size(model.model())), positions_(3 * size_t{model.info().vertex_count}),
+        normals_(positions_.size()) {
+    EXPECT_EQ(dcloth_cloth_create(model.model(), memory_.data(), memory_.size(), &cloth_, nullptr), DCLOTH_OK);
+  }
+
+  // Microseconds that it took.
+  double Update(const std::vector<float>& matrices, float seconds, uint32_t stages, uint32_t flags) {
+    const dcloth_pose pose = MakePose(matrices.data(), static_cast<uint32_t>(matrices.size() / 16));
+    const dcloth_frame frame = {sizeof(frame), stages, seconds, flags};
+    const dcloth_output output = MakeOutput(positions_.data(), normals_.data(),
+                                            static_cast<uint32_t>(positions_.size() / 3));
+    const double start = ProcessorMicroseconds();
+    EXPECT_EQ(dcloth_cloth_update(cloth_, &pose, &frame, &output, nullptr), DCLOTH_OK);
+    return ProcessorMicroseconds() - start;
+  }
+
+  dcloth_cloth_info Describe() const {
+    dcloth_cloth_info info = {};
+    info.struct_size = sizeof(info);
+    EXPECT_EQ(dcloth_cloth_describe(cloth_, &info), DCLOTH_OK);
+    return info;
+  }
+  const std::vector<float>& positions() const { return positions_; }
+  const dcloth_cloth* get() const { return cloth_; }
+
+ private:
+  converter::AlignedBytes memory_;
+  dcloth_cloth* cloth_ = nullptr;
+  std::vector<float> positions_, normals_;
+};
+
+struct Distance {
+  double mean = 0, largest = 0;  // mm
+};
+
+Distance DistanceMm(const float* a, const float* b, size_t floats) {
+  Distance distance;
+  for (size_t i = 0; i < floats; i += 3) {
+    double square = 0;
+    for (size_t c = 0; c < 3; ++c) square += std::pow(static_cast<double>(a[i + c]) - static_cast<double>(b[i + c]), 2);
+    distance.mean += std::sqrt(square) * 3e3 / static_cast<double>(floats);
+    distance.largest = std::max(distance.largest, 1e3 * std::sqrt(square));
+  }
+  return distance;
+}
+
+double Median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+struct LevelFigures {
+  double error_mm = 0;     // mean distance to the truth
+  double to_mesh_mm = 0;   // and to the full network
+  double tick_us = 0;      // median; at half rate of the ticks of rest
+};
+
+// At 30 Hz, after a second to settle.
+std::array<LevelFigures, DCLOTH_LEVEL_COUNT> Measure(const Garment& garment, double* draw_us) {
+  std::array<LevelFigures, DCLOTH_LEVEL_COUNT> figures;
+  std::array<std::vector<double>, DCLOTH_LEVEL_COUNT> times;
+  std::vector<double> draws;
+  size_t frames = 0;
+  for (const Clip& clip : garment.clips) {
+    std::vector<std::unique_ptr<Character>> levels;
+    for (size_t level = 0; level < kLevels.size(); ++level)
+      levels.push_back(std::make_unique<Character>(garment.model(kPrecision)));
+    for (size_t frame = 0; frame < clip.motion.size(); ++frame) {
+      const std::vector<float> pose = Flat(clip.motion[frame]);
+      for (size_t level = 0; level < kLevels.size(); ++level) {
+        const double us = levels[level]->Update(pose, kTick, kLevels[level].stages, kLevels[level].flags);
+        draws.push_back(levels[level]->Update(pose, 0, kLevels[level].stages, kLevels[level].flags));
+        if (level != DCLOTH_LEVEL_HALF_RATE_MESH || frame % 2 == 1) times[level].push_back(us - draws.back());
+      }
+      if (frame < 30) continue;
+      ++frames;
+      const size_t floats = 3 * garment.vertex_count();
+      const std::vector<float>& mesh = levels[DCLOTH_LEVEL_MESH]->positions();
+      for (size_t level = 0; level < kLevels.size(); ++level) {
+        const std::vector<float>& drawn = levels[level]->positions();
+        figures[level].error_mm += DistanceMm(drawn.data(), clip.truth.data() + frame * floats, floats).mean;
+        figures[level].to_mesh_mm += DistanceMm(drawn.data(), mesh.data(), floats).mean;
+      }
+    }
+  }
+  EXPECT_GT(frames, 100u);
+  *draw_us = Median(draws);
+  for (size_t level = 0; level < kLevels.size(); ++level) {
+    figures[level].error_mm /= static_cast<double>(frames);
+    figures[level].to_mesh_mm /= static_cast<double>(frames);
+    figures[level].tick_us = std::max(0.0, Median(times[level]));
+  }
+  return figures;
+}
+
+class GarmentSceneTest : public testing::TestWithParam<std::string> {
+ protected:
+  const Garment& garment() const { return LoadGarment(GetParam()); }
+};
+
+// Each level is nearer to the full network than the one below. Whether that is nearer to the truth is the garment's
+// affair.
+TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
+  double draw_us = 0;
+  const auto figures = Measure(garment(), &draw_us);
+  std::printf("drawing %.0f us\n", draw_us);
+  for (size_t level = 0; level < kLevels.size(); ++level) {
+    std::printf("%-14s: error %.2f mm, %.3f mm from mesh, tick %.0f us\n", kLevels[level].name, figures[level].error_mm,
+                figures[level].to_mesh_mm, figures[level].tick_us);
+  }
+  for (size_t level = 1; level < kLevels.size(); ++level) {
+    EXPECT_LT(figures[level].to_mesh_mm, figures[level - 1].to_mesh_mm) << kLevels[level].name;
+  }
+}
+
+// A character stops in the middle of each clip and stands for eight seconds; the garment freezes, and stays within a
+// millimetre of the one that does not, then and after the clip has gone on.
+TEST_P(GarmentSceneTest, IdleStaysNear) {
+  for (const Clip& clip : garment().clips) {
+    Character idle(garment().model(kPrecision)), twin(garment().model(kPrecision));
+    const size_t stop = clip.motion.size() / 2;
+    double frozen_after = -1, at_rest = 0, awake = 0;
+    for (size_t tick = 0; tick < clip.motion.size() + 240; ++tick) {
+      const size_t at = tick < stop ? tick : tick < stop + 240 ? stop : tick - 240;
+      const std::vector<float> pose = Flat(clip.motion[at]);
+      idle.Update(pose, kTick, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE);
+      twin.Update(pose, kTick, DCLOTH_STAGES_MESH, 0);
+      const double off = DistanceMm(idle.positions().data(), twin.positions().data(), idle.positions().size()).largest;
+      if (idle.Describe().frozen != 0) {
+        if (frozen_after < 0) frozen_after = static_cast<double>(tick - stop) / 30;
+        at_rest = std::max(at_rest, off);
+      } else {
+        awake = std::max(awake, off);
+      }
+    }
+    std::printf("%s: frozen after %.2f s, at rest up to %.3f mm off, awake %.3f mm\n", clip.name.c_str(), frozen_after,
+                at_rest, awake);
+    EXPECT_GE(frozen_after, 0) << "never frozen";
+    EXPECT_LE(frozen_after, 5);
+    EXPECT_LE(at_rest, 1);
+    EXPECT_LE(awake, 1);
+  }
+}
+
+// Fifty characters on the clips, each at another place of it, costs as measured above: the plan keeps the budget, and
+// the real time follows it.
+TEST_P(GarmentSceneTest, FiftyCharacters) {
+  constexpr uint32_t kCharacters = 50;
+  double draw_us = 0;
+  const auto figures = Measure(garment(), &draw_us);
+  converter::AlignedBytes memory(dcloth_scene_storage_size(kCharacters));
+  Scene scene;
+  ASSERT_EQ(scene.Create(kCharacters, memory.data(), memory.size()), Status::kOk);
+  std::vector<std::unique_ptr<Character>> characters;
+  double all_mesh = 0;
+  for (uint32_t i = 0; i < kCharacters; ++i) {
+    characters.push_back(std::make_unique<Character>(garment().model(kPrecision)));
+    dcloth_scene_character character = {};
+    character.struct_size = sizeof(character);
+    character.top_level = DCLOTH_LEVEL_MESH;
+    character.cloth = characters[i]->get();
+    character.importance = 1.0f / static_cast<float>((1 + i) * (1 + i));  // the share of the screen at a distance
+    character.draw_microseconds = static_cast<float>(draw_us);
+    for (size_t level = 0; level < kLevels.size(); ++level) {
+      character.tick_microseconds[level] = static_cast<float>(figures[level].tick_us);
+      character.error_mm[level] = static_cast<float>(figures[level].error_mm);
+    }
+    ASSERT_EQ(scene.Set(i, character), Status::kOk);
+    all_mesh += draw_us + 0.5 * figures[DCLOTH_LEVEL_MESH].tick_us;
+  }
+  const auto budget = static_cast<float>(0.5 * (all_mesh + kCharacters * draw_us));
+  float spent = 0;
+  std::vector<double> shares;
+  std::array<size_t, DCLOTH_LEVEL_COUNT> seen = {};
+  for (int frame = 0; frame < 240; ++frame) {
+    float planned = 0;
+    const double start = ProcessorMicroseconds();
+    ASSERT_EQ(scene.Plan(kFrame, budget, spent, &planned), Status::kOk);
+    const double plan_us = ProcessorMicroseconds() - start;
+    uint32_t ticks = 0;
+    for (uint32_t i = 0; i < kCharacters; ++i) ticks += scene.Get(i).ticks;
+    // Over the budget only where drawing alone is, by what frames took of late.
+    ASSERT_TRUE(planned <= budget * 1.0001f || ticks == 0) << planned << " of " << budget << " in frame " << frame;
+    double sum = plan_us;
+    for (uint32_t i = 0; i < kCharacters; ++i) {
+      const Clip& clip = garment().clips[i % garment().clips.size()];
+      const dcloth_scene_choice choice = scene.Get(i);
+      const size_t at = (static_cast<size_t>(frame / 2) + 3 * i) % clip.motion.size();
+      sum += characters[i]->Update(Flat(clip.motion[at]), kFrame, choice.stages, choice.flags);
+      if (frame >= 60) ++seen[choice.level];
+    }
+    spent = static_cast<float>(sum);
+    if (frame >= 60) shares.push_back(sum / static_cast<double>(budget));
+    if (frame == 120) std::printf("a plan of %u characters took %.0f us\n", kCharacters, plan_us);
+  }
+  std::sort(shares.begin(), shares.end());
+  std::printf("budget %.1f ms (all mesh %.1f): frames took %.2f of it at p50, %.2f at p95, %.2f at most; over by more "
+              "than 5%% in %zu of %zu\n",
+              static_cast<double>(budget) / 1e3, all_mesh / 1e3, shares[shares.size() / 2],
+              shares[shares.size() * 95 / 100], shares.back(),
+              static_cast<size_t>(shares.end() - std::upper_bound(shares.begin(), shares.end(), 1.05)), shares.size());
+  for (size_t level = 0; level < kLevels.size(); ++level)
+    std::printf("%-14s: %.1f characters\n", kLevels[level].name,
+                static_cast<double>(seen[level]) / static_cast<double>(shares.size()));
+  EXPECT_GT(seen[DCLOTH_LEVEL_SKELETON] + seen[DCLOTH_LEVEL_HALF_RATE_MESH] + seen[DCLOTH_LEVEL_MESH], 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Bundled, GarmentSceneTest, testing::ValuesIn(GarmentNames()));
+
+}  // namespace
+}  // namespace dcloth::stability

@@ -1,0 +1,174 @@
+// DCLOTH_FRAME_FREEZE_IDLE: a garment at rest costs drawing only, wakes at once and does not pop.
+#include "engine/src/idle.h"
+#include "tests/unit/engine/allocation_trap.h"
+#include "tests/unit/engine/update_fixture.h"
+
+namespace dcloth::testing {
+namespace {
+
+constexpr uint32_t kFreeze = DCLOTH_FRAME_FREEZE_IDLE;
+
+class IdleTest : public UpdateTest {
+ protected:
+  bool Frozen(OwnedCloth* cloth) { return Describe(cloth).frozen != 0; }
+
+  // Walks two seconds, then holds the pose until the cloth is frozen; returns the frames that took.
+  int Settle(OwnedCloth* cloth, float seconds, uint32_t flags = kFreeze) {
+    for (double time = 0; time < 2; time += static_cast<double>(seconds)) {
+      EXPECT_EQ(cloth->Update(Pose(time), seconds, kAll, flags), DCLOTH_OK);
+      EXPECT_FALSE(Frozen(cloth)) << "while it walks, at " << time;
+    }
+    int frames = 0;
+    while (!Frozen(cloth) && frames < 2000) {
+      EXPECT_EQ(cloth->Update(Pose(2), seconds, kAll, flags), DCLOTH_OK);
+      ++frames;
+    }
+    EXPECT_LT(frames, 2000) << "never frozen";
+    return frames;
+  }
+
+  static std::vector<float> Moved(std::vector<float> matrices, size_t joint, float metres) {
+    matrices[16 * joint + 3] += metres;
+    return matrices;
+  }
+};
+
+TEST_F(IdleTest, FrozenFramesRunNoTick) {
+  for (const uint32_t flags : {kFreeze, kFreeze | DCLOTH_FRAME_PIPELINED, kFreeze | DCLOTH_FRAME_HALF_RATE_MESH}) {
+    for (const float seconds : {1 / 30.0f, 1 / 47.0f, 1 / 60.0f, 1 / 144.0f}) {
+      OwnedCloth cloth(opened_);
+      const int frames = Settle(&cloth, seconds, flags);
+      EXPECT_GE(static_cast<double>(frames) * static_cast<double>(seconds), (engine::kIdleTicks - 1) * kTick);
+      for (int frame = 0; frame < 100; ++frame) {
+        const std::vector<float> before = cloth.positions();
+        ASSERT_EQ(cloth.Update(Pose(2), seconds, kAll, flags), DCLOTH_OK);
+        if (frame > 0) {
+          ASSERT_EQ(Describe(&cloth).tick_share, 0);  // at first there may be the rest of a tick in work
+        }
+        ASSERT_TRUE(Frozen(&cloth));
+        if (frame > 0) {
+          ASSERT_EQ(cloth.positions(), before);
+        }
+      }
+    }
+  }
+}
+
+// Never without the flag, and a frame without it wakes.
+TEST_F(IdleTest, OnlyWhereAsked) {
+  OwnedCloth cloth(opened_), asked(opened_);
+  for (int frame = 0; frame < 2000; ++frame) ASSERT_EQ(Update(&cloth, Pose(2), 1 / 60.0f), DCLOTH_OK);
+  EXPECT_EQ(Describe(&cloth).frozen, 0u);
+  Settle(&asked, 1 / 60.0f);
+  ASSERT_EQ(Update(&asked, Pose(2), 1 / 60.0f), DCLOTH_OK);
+  EXPECT_EQ(Describe(&asked).frozen, 0u);
+  EXPECT_EQ(TicksRun(&asked), 1);
+}
+
+// Half of the threshold moves nothing, twice of it wakes in that very frame, whichever joint it is; so does a slow
+// drift once it adds up, a jump and another level. Without time nothing wakes.
+TEST_F(IdleTest, WakesAtOnce) {
+  const std::vector<float> still = Pose(2);
+  for (size_t joint = 0; joint < model_.numbers.spec.joints; ++joint) {
+    OwnedCloth cloth(opened_);
+    Settle(&cloth, 1 / 60.0f);
+    ASSERT_EQ(Update(&cloth, Moved(still, joint, 2.5e-4f), 1 / 60.0f, kFreeze), DCLOTH_OK);
+    EXPECT_TRUE(Frozen(&cloth)) << joint;
+    ASSERT_EQ(Update(&cloth, Moved(still, joint, 1e-3f), 0, kFreeze), DCLOTH_OK);
+    EXPECT_TRUE(Frozen(&cloth)) << "time stands still";
+    ASSERT_EQ(Update(&cloth, Moved(still, joint, 1e-3f), 1 / 144.0f, kFreeze), DCLOTH_OK);
+    EXPECT_FALSE(Frozen(&cloth)) << joint;
+    EXPECT_EQ(TicksRun(&cloth), 1) << joint;
+  }
+  OwnedCloth drifting(opened_), jumping(opened_), changing(opened_);
+  for (OwnedCloth* cloth : {&drifting, &jumping, &changing}) Settle(cloth, 1 / 60.0f);
+  int frames = 0;
+  while (Frozen(&drifting) && frames < 100)
+    ASSERT_EQ(Update(&drifting, Moved(still, 0, 1e-5f * static_cast<float>(++frames)), 1 / 60.0f, kFreeze), DCLOTH_OK);
+  EXPECT_GT(frames, 45);
+  EXPECT_LT(frames, 55) << "50 frames of 0.01 mm are the 0.5 mm allowed";
+  ASSERT_EQ(Update(&jumping, still, 1 / 60.0f, kFreeze | DCLOTH_FRAME_JUMPED), DCLOTH_OK);
+  EXPECT_EQ(TicksRun(&jumping), 1);
+  ASSERT_EQ(changing.Update(still, 1 / 60.0f, DCLOTH_STAGES_SKELETON, kFreeze), DCLOTH_OK);
+  EXPECT_EQ(TicksRun(&changing), 1);
+}
+
+// At 30 Hz, where a cloth that never froze has its ticks in the same frames: while frozen the two differ by no more
+// than what the unfrozen one still settles, and after waking they move together.
+TEST_F(IdleTest, StaysNearTheOneThatNeverFroze) {
+  const auto seconds = static_cast<float>(kTick);
+  OwnedCloth frozen(opened_), twin(opened_);
+  double at_rest = 0, awake = 0;
+  const auto both = [&](double time, double* worst) {
+    ASSERT_EQ(frozen.Update(Pose(time), seconds, kAll, kFreeze), DCLOTH_OK);
+    ASSERT_EQ(twin.Update(Pose(time), seconds, kAll), DCLOTH_OK);
+    *worst = std::max(*worst, LargestDistance(frozen.positions(), twin.positions()));
+  };
+  for (int tick = 0; tick < 60; ++tick) both(tick * kTick, &awake);
+  EXPECT_EQ(awake, 0) << "the flag changes nothing while there is motion";
+  for (int tick = 0; tick < 200; ++tick) both(2, &at_rest);
+  ASSERT_TRUE(Frozen(&frozen));
+  for (int tick = 1; tick < 90; ++tick) {
+    both(2 + tick * kTick, &awake);
+    ASSERT_LT(Describe(&frozen).lag_seconds, 1e-6) << "a rest makes nothing late";
+  }
+  std::printf("frozen: up to %.4f mm off at rest, %.4f mm after waking\n", at_rest * 1e3, awake * 1e3);
+  EXPECT_LE(at_rest, 1e-3);
+  EXPECT_LE(awake, 1e-3);
+}
+
+// No pop at any rate. Drawn on one pose, so that only the displacement moves: freezing may take away the way to the
+// newest tick, which is at most the settled step along each axis; waking must move no farther in a frame than a
+// cloth that was never frozen moves in its largest frame of the same motion.
+TEST_F(IdleTest, NothingPops) {
+  const std::vector<float> still = Pose(0);
+  for (const double rate : {30.0, 60.0, 144.0}) {
+    const auto seconds = static_cast<float>(1 / rate);
+    OwnedCloth cloth(opened_), twin(opened_);
+    double moving = 0, resting = 0, waking = 0;
+    std::vector<float> last, last_twin;
+    bool was_frozen = false;
+    int since_waking = -1;
+    for (double time = 0; time < 14; time += 1 / rate) {
+      const double pose_time = time < 2 ? time : time < 12 ? 2 : time - 10;
+      ASSERT_EQ(Update(&cloth, Pose(pose_time), seconds, kFreeze), DCLOTH_OK);
+      ASSERT_EQ(Update(&twin, Pose(pose_time), seconds), DCLOTH_OK);
+      const bool frozen = Frozen(&cloth);
+      const std::vector<float> drawn = DrawOn(&cloth, still, Pose(pose_time), kFreeze);
+      const std::vector<float> drawn_twin = DrawOn(&twin, still, Pose(pose_time));
+      if (was_frozen && !frozen) since_waking = 0;
+      if (!last.empty() && time > 0.5) {
+        const double step = LargestDistance(drawn, last);
+        moving = std::max(moving, LargestDistance(drawn_twin, last_twin));
+        if (frozen) resting = std::max(resting, step);
+        if (since_waking >= 0) waking = std::max(waking, step);
+      }
+      was_frozen = frozen;
+      last = drawn;
+      last_twin = drawn_twin;
+    }
+    std::printf("%g Hz: a frame moves up to %.4f mm, frozen %.4f, after waking %.4f\n", rate, moving * 1e3,
+                resting * 1e3, waking * 1e3);
+    EXPECT_GE(since_waking, 0) << "never woke";
+    EXPECT_LE(resting, 2 * std::sqrt(3.0) * static_cast<double>(engine::kSettledMetres));
+    EXPECT_LE(waking, moving * 1.1 + 2 * std::sqrt(3.0) * static_cast<double>(engine::kSettledMetres));
+  }
+}
+
+TEST_F(IdleTest, NoAllocation) {
+  OwnedCloth cloth(opened_);
+  Settle(&cloth, 1 / 60.0f);
+  const std::vector<float> still = Pose(2), on = Pose(2.1);
+  size_t allocations = 0;
+  {
+    const AllocationTrap trap;
+    for (int frame = 0; frame < 60; ++frame) {
+      (void)cloth.Update(frame < 30 ? still : on, 1 / 60.0f, kAll, kFreeze);
+    }
+    allocations = trap.count();
+  }
+  EXPECT_EQ(allocations, 0u);
+}
+
+}  // namespace
+}  // namespace dcloth::testing
