@@ -128,7 +128,8 @@ void Frame(dcloth_cloth* cloth, size_t joints, File* script, Vertices* vertices,
   if ((flags & kReset) != 0) dcloth_cloth_reset(cloth);
   const dcloth_output output = vertices->Output(output_flags);
   const dcloth_status status = dcloth_cloth_update(cloth, &pose, &frame, draw != 0 ? &output : nullptr, nullptr);
-  dcloth_cloth_info info = {sizeof(info), 0, 0, 0};
+  dcloth_cloth_info info = {};
+  info.struct_size = sizeof(info);
   dcloth_cloth_describe(cloth, &info);
   result->Write(&status, 1);
   result->Write(&info.lag_seconds, 1);
