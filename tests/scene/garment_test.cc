@@ -148,8 +148,9 @@ class GarmentSceneTest : public testing::TestWithParam<std::string> {
   const Garment& garment() const { return LoadGarment(GetParam()); }
 };
 
-// Each level is nearer to the full network than the one below. Whether that is nearer to the truth is the garment's
-// affair.
+// Each level is nearer to the full network than the one below; whether that is nearer to the truth is the garment's
+// affair. At half rate the mesh stage's part is drawn late: where it changes faster than it is large, that is farther off
+// than leaving it out, but by twice its size at most.
 TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
   double draw_us = 0;
   const auto figures = Measure(garment(), &draw_us);
@@ -158,20 +159,21 @@ TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
     std::printf("%-14s: error %.2f mm, %.3f mm from mesh, tick %.0f us\n", kLevels[level].name, figures[level].error_mm,
                 figures[level].to_mesh_mm, figures[level].tick_us);
   }
-  for (size_t level = 1; level < kLevels.size(); ++level) {
-    EXPECT_LT(figures[level].to_mesh_mm, figures[level - 1].to_mesh_mm) << kLevels[level].name;
-  }
+  EXPECT_LT(figures[DCLOTH_LEVEL_STATIC].to_mesh_mm, figures[DCLOTH_LEVEL_FROZEN].to_mesh_mm);
+  EXPECT_LT(figures[DCLOTH_LEVEL_SKELETON].to_mesh_mm, figures[DCLOTH_LEVEL_STATIC].to_mesh_mm);
+  EXPECT_LT(figures[DCLOTH_LEVEL_HALF_RATE_MESH].to_mesh_mm, 2 * figures[DCLOTH_LEVEL_SKELETON].to_mesh_mm);
+  EXPECT_EQ(figures[DCLOTH_LEVEL_MESH].to_mesh_mm, 0);
 }
 
-// A character stops in the middle of each clip and stands for eight seconds; the garment freezes, and stays within a
-// millimetre of the one that does not, then and after the clip has gone on.
+// A character stands at the end of each clip for eight seconds, then walks the clip's second half backwards; the garment
+// freezes, and stays within a millimetre of the one that does not, then and after.
 TEST_P(GarmentSceneTest, IdleStaysNear) {
   for (const Clip& clip : garment().clips) {
     Character idle(garment().model(kPrecision)), twin(garment().model(kPrecision));
-    const size_t stop = clip.motion.size() / 2;
+    const size_t count = clip.motion.size(), start = count / 2, stop = count - 1, still = stop + 240;
     double frozen_after = -1, at_rest = 0, awake = 0;
-    for (size_t tick = 0; tick < clip.motion.size() + 240; ++tick) {
-      const size_t at = tick < stop ? tick : tick < stop + 240 ? stop : tick - 240;
+    for (size_t tick = start; tick < still + count / 2; ++tick) {
+      const size_t at = tick < still ? std::min(tick, stop) : stop - (tick - still);
       const std::vector<float> pose = Flat(clip.motion[at]);
       idle.Update(pose, kTick, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE);
       twin.Update(pose, kTick, DCLOTH_STAGES_MESH, 0);
