@@ -9,12 +9,12 @@ GROUND_TRUTH = {
     "steps": 30,
     "frame_seconds": 1.0 / FPS,
     "density": 0.25,               # kg/m^2, a light wool
-    "stretch_compliance": 1e-6,    # m/N: stiff; what stretch is left comes from one pass a step
+    "stretch_compliance": 1e-6,    # m/N: stiff; what stretch is left comes from two passes a step
     "bend_stiffness": 100.0,
     "brace_stiffness": 3.0,        # without it a pose has many drapes: dents stay where a leg once was (README.md)
-    "drag_normal": 10.0,           # 1/s; at 5 to 8 the floor is two to three times as high
+    "drag_normal": 10.0,           # 1/s; at 5 a run's floor is three times as high
     "drag_tangent": 10.0,
-    "air_follows": 1.0,            # in still air a run's floor is twice as high
+    "air_follows": 1.0,            # with braces over four edges a run's floor was twice as high in still air
     "smoothing": 1000.0,           # 1/s: a full average with the neighbours every fourth step
     "thickness": 0.008,
     "contact_drag": 5.0,           # viscous: Coulomb friction sticks and slips
