@@ -1,8 +1,8 @@
 """Clips for training: poses of every clip and its mirror image, residuals in template space.
 
 Layout of the folder: character.safetensors, dynamic/*.safetensors, static/*.safetensors. The
-held-out clips are never read here. What stays in memory is one float16 residual [T, n, 3] a clip
-and mirror image (48 kB a frame at n = 7,952; rounded by 0.1 mm at most where it is 0.4 m).
+held-out clips are never read here. A clip and its mirror image have one float16 residual [T, n, 3] each
+(48 kB a frame at n = 7,952; rounded by 0.1 mm at most where it is 0.4 m), in memory or in files.
 """
 import glob
 import os
@@ -12,7 +12,7 @@ from typing import Optional
 import numpy as np
 import torch
 
-from . import features, network, sequence, unskin
+from . import features, network, sequence, unskin, unskinned
 
 HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run",
             "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1",
@@ -77,14 +77,18 @@ def load(paths, rig, character):
     return clips
 
 
-def add_residuals(clips, static, standardise, character, progress=None):
-    """Fill clip.residual: the truth un-skinned by the frozen static stage, less the template."""
-    for index, clip in enumerate(clips):
-        if clip.residual is None:
+def add_residuals(clips, static, standardise, character, folder=None):
+    """Fill clip.residual: the truth un-skinned by the frozen static stage, less the template.
+
+    folder: keep residuals in files there and map them, for data larger than memory and for resumed runs.
+    """
+    store = unskinned.Store(folder, static, standardise) if folder else None
+    for clip in clips:
+        def unskin_clip(clip=clip):
             truth = load_truth(clip.path, clip.mirrored, character.mirror)
-            clip.residual = unskin.residual(static, standardise, clip.pose, truth).astype(np.float16)
-        if progress:
-            progress(index + 1, len(clips))
+            return unskin.residual(static, standardise, clip.pose, truth)
+        if clip.residual is None:
+            clip.residual = store.residual(clip, unskin_clip) if store else unskin_clip().astype(np.float16)
 
 
 def split(clips, validation):

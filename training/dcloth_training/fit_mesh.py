@@ -52,6 +52,12 @@ def _chunks(mesh, body_points, static, clips, options, generator):
             states = [s.detach() for s in states]
 
 
+def draw(clips, options):
+    """At most options.head_clips of `clips`: what stage 3 learns from, residuals and embeddings in memory."""
+    chosen = np.random.default_rng(options.seed).permutation(len(clips))[:options.head_clips]
+    return [clips[i] for i in sorted(chosen)]
+
+
 def train(mesh, body_points, static, training, validation, options, folder, log=print):
     """-> {step: history}; leaves the best of the three steps in `mesh`."""
     count = len(static.template)
@@ -61,9 +67,8 @@ def train(mesh, body_points, static, training, validation, options, folder, log=
     mesh.basis.requires_grad_(False)
 
     def head(stage):
-        chosen = np.random.default_rng(options.seed).permutation(len(training))[:options.head_clips]
-        return mesh_head.fit(stage, mesh, body_points, static, components, deviations,
-                             [training[i] for i in sorted(chosen)], validation, options, folder, log)
+        return mesh_head.fit(stage, mesh, body_points, static, components, deviations, training, validation,
+                             options, folder, log)
 
     histories = {}
     histories["mesh_head"], lowest = head("mesh_head")

@@ -62,7 +62,7 @@ def arguments(argv=None):
     add("--mesh-rate", type=float, default=1e-3)
     add("--chunk", type=int, default=16, help="ticks of truncated back-propagation")
     add("--head-data", help="folder of clips that stage 2 never sees, for stage 3")
-    add("--head-clips", type=int, default=10 ** 6, help="clips drawn for the head, at most")
+    add("--head-clips", type=int, default=10 ** 6, help="clips drawn for stage 3, at most")
     add("--head-rank", type=int, default=32)
     add("--head-epochs", type=int, default=40)
     add("--head-rate", type=float, default=3e-4)
@@ -167,7 +167,9 @@ def run(options):
     drapes = None
     net.static.requires_grad_(False)
     if options.stages != "static":
-        dataset.add_residuals(training + validation + static_clips, net.static, net.standardise, character)
+        residuals = os.path.join(options.out, "unskinned")
+        dataset.add_residuals(training + validation + static_clips, net.static, net.standardise, character,
+                              residuals)
         log("ground truth un-skinned")
         histories["skeleton"] = fit_skeleton.train(net.skeleton, net.static, net.standardise,
                                                    training, validation, static_clips, options,
@@ -177,8 +179,9 @@ def run(options):
     if options.stages == "mesh":
         if options.head_data:
             seen = unseen_clips(options, fitted.rig, character, training)
-            dataset.add_residuals(seen, net.static, net.standardise, character)
+            dataset.add_residuals(seen, net.static, net.standardise, character, residuals)
             log(f"stage 3: {len(seen)} clips with mirror images that stage 2 never saw")
+        seen = fit_mesh.draw(seen, options)
         fit_skeleton.subtract(net.skeleton, net.standardise, seen + validation)
         histories.update(fit_mesh.train(net.mesh, net.body_points, net.static, seen,
                                         validation, options, options.out, log))
