@@ -75,15 +75,32 @@ void ReadFeatures(TensorReader* reader, Bundle* bundle) {
   }
 }
 
+// S as it is or as the product of its factors. The sums are in double: the float basis keeps the rank R, which is how
+// the converter finds it again.
+Matrix ReadSkeletonBasis(TensorReader* reader, uint64_t k, uint64_t n) {
+  if (!reader->Has("skeleton.components")) return reader->TakeBasis("skeleton.basis", k, n, "[k_S, n, 3]");
+  const Matrix readout = reader->TakeMatrix("skeleton.readout", k, TensorReader::kAny, "[k_S, R]");
+  const auto rank = static_cast<uint64_t>(readout.cols());
+  if (rank > k) {
+    reader->Refuse("skeleton.readout", std::to_string(rank) + " components", "at most k_S = " + std::to_string(k));
+  }
+  const Matrix components = reader->TakeBasis("skeleton.components", rank, n, "[R, n, 3]");
+  Matrix basis = (readout.cast<double>() * components.cast<double>()).cast<float>();
+  if (!basis.allFinite()) reader->Refuse("skeleton.components", "a product with skeleton.readout beyond F32", "finite");
+  return basis;
+}
+
 SkeletonWeights ReadSkeleton(TensorReader* reader, uint64_t n, uint64_t d) {
   SkeletonWeights skeleton;
-  skeleton.basis = reader->TakeBasis("skeleton.basis", kAny, n, "[k_S, n, 3]");
-  const uint64_t k = Rows(skeleton.basis);
   const std::string gru = "skeleton.gru.";
-  skeleton.input.weight = reader->TakeMatrix(gru + "weight_ih", 3 * k, d, "[3 k_S, d]");
+  skeleton.hidden.bias = reader->TakeVector(gru + "bias_hh", kAny, "[3 k_S]");
+  const auto rows = static_cast<uint64_t>(skeleton.hidden.bias.size());
+  const uint64_t k = rows / 3;
+  if (k == 0 || rows % 3 != 0) reader->Refuse(gru + "bias_hh", std::to_string(rows) + " values", "3 k_S, r z n");
   skeleton.hidden.weight = reader->TakeMatrix(gru + "weight_hh", 3 * k, k, "[3 k_S, k_S]");
+  skeleton.input.weight = reader->TakeMatrix(gru + "weight_ih", 3 * k, d, "[3 k_S, d]");
   skeleton.input.bias = reader->TakeVector(gru + "bias_ih", 3 * k, "[3 k_S]");
-  skeleton.hidden.bias = reader->TakeVector(gru + "bias_hh", 3 * k, "[3 k_S]");
+  skeleton.basis = ReadSkeletonBasis(reader, k, n);
   return skeleton;
 }
 

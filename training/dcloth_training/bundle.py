@@ -15,11 +15,25 @@ from .stages.static_stage import StaticStage
 _TRAINED = {"static.mlp.": "static.mlp.", "static.residual_weights": "static.residual_weights",
             "skeleton.basis": "skeleton.basis", "mesh.layers.": "mesh.layers.",
             "mesh.embed.": "mesh.embed.", "mesh.mlp.": "mesh.mlp.", "mesh.basis": "mesh.basis"}
+# Directions below this share of a basis' strongest are rounding: they move no vertex by a micrometre.
+_SMALLEST_DIRECTION = 1e-6
 _GRU = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
 
 
 class BundleError(ValueError):
     """A file that is not a bundle as BUNDLE.md describes it."""
+
+
+def factors(basis):
+    """S [k, n, 3] of few directions as readout [k, R] x components [R, n, 3], or None where that saves nothing."""
+    flat = np.asarray(basis, np.float64).reshape(len(basis), -1)
+    values, vectors = np.linalg.eigh(flat @ flat.T)
+    kept = values > _SMALLEST_DIRECTION ** 2 * values[-1]
+    rank = int(kept.sum())
+    if rank == 0 or rank * sum(flat.shape) >= flat.size:
+        return None
+    readout = vectors[:, kept][:, ::-1]
+    return readout, (readout.T @ flat).reshape(rank, *basis.shape[1:])
 
 
 def _trained(net):
@@ -31,6 +45,10 @@ def _trained(net):
     if net.skeleton is not None:
         for name in _GRU:
             out[f"skeleton.gru.{name}"] = getattr(net.skeleton.gru, name + "_l0").detach().numpy()
+        found = factors(out["skeleton.basis"])
+        if found:
+            del out["skeleton.basis"]
+            out["skeleton.readout"], out["skeleton.components"] = found
     return out
 
 
@@ -99,9 +117,22 @@ def _load(module, tensors, prefix, renamed=None):
             parameter.copy_(torch.from_numpy(value.astype(np.float64)))
 
 
+def _multiply_factors(path, tensors):
+    """skeleton.basis in place of its factors, as the converter does."""
+    readout, components = (tensors.pop(f"skeleton.{k}", None) for k in ("readout", "components"))
+    if readout is None and components is None:
+        return
+    if readout is None or components is None or readout.ndim != 2 or components.ndim != 3 \
+            or readout.shape[1] != len(components) or "skeleton.basis" in tensors:
+        raise BundleError(f"{path}: skeleton.readout and skeleton.components belong together, "
+                          f"[k_S, R] and [R, n, 3], without skeleton.basis")
+    tensors["skeleton.basis"] = np.tensordot(readout.astype(np.float64), components.astype(np.float64), 1)
+
+
 def read(path, dtype=torch.float64):
     """A bundle -> (DCloth in `dtype`, rig, faces [c, 3], metadata)."""
     tensors, metadata = safetensors_io.read(path)
+    _multiply_factors(path, tensors)
     rig = _rig(path, tensors, metadata)
 
     def tensor(name):

@@ -80,6 +80,26 @@ def test_a_bundle_may_stop_after_stage_one(tiny, tmp_path):
         reference.run(read, rig, item(tiny).joint_matrices, "mesh")
 
 
+def test_a_basis_of_few_directions_is_stored_as_factors(tiny, trained, tmp_path):
+    net, fitted, character, provenance = export.load_trained(str(trained[1]), str(tiny))
+    generator = np.random.default_rng(2)
+    low = generator.normal(size=(16, 3)) @ generator.normal(size=(3, 180)) * 0.01
+    with torch.no_grad():
+        net.skeleton.basis.copy_(torch.from_numpy(low.reshape(16, 60, 3)))
+    bundle.write(tmp_path / "b", net, fitted, character, provenance, half=False)
+    tensors, _ = safetensors_io.read(tmp_path / "b")
+    assert tensors["skeleton.readout"].shape == (16, 3) and tensors["skeleton.components"].shape == (3, 60, 3)
+    assert "skeleton.basis" not in tensors
+    read, *_ = bundle.read(tmp_path / "b")
+    assert np.abs(read.skeleton.basis.detach().numpy().reshape(16, -1) - low).max() < 1e-8
+    assert bundle.factors(generator.normal(size=(16, 60, 3))) is None
+    tensors, metadata = safetensors_io.read(tmp_path / "b")
+    del tensors["skeleton.readout"]
+    safetensors_io.write(tmp_path / "bad", tensors, metadata)
+    with pytest.raises(bundle.BundleError, match="belong together"):
+        bundle.read(tmp_path / "bad")
+
+
 @pytest.mark.parametrize("change,message", [
     (lambda t, m: m.update(format="other"), "format 'other'"),
     (lambda t, m: m.update(hips="Tail"), "Tail"),

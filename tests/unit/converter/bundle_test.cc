@@ -59,6 +59,43 @@ TEST(BundleTest, StagesMayBeAbsent) {
   EXPECT_TRUE(Mentions(Refusal(mesh_alone), "a mesh stage without a skeleton stage"));
 }
 
+TEST(BundleTest, ABasisMayComeAsFactors) {
+  const BundleSpec spec{.skeleton_basis = 6};
+  RawFile raw = BuildBundle(spec);
+  raw.Erase("skeleton.basis");
+  constexpr size_t kRank = 2;
+  std::vector<float> readout(6 * kRank), components(kRank * 3 * spec.vertices);
+  for (size_t i = 0; i < readout.size(); ++i) readout[i] = 0.25f * static_cast<float>(i) - 1;
+  for (size_t i = 0; i < components.size(); ++i) components[i] = 0.01f * static_cast<float>(i % 7) + 0.001f;
+  raw.Replace("skeleton.readout", {6, kRank}, readout);
+  raw.Replace("skeleton.components", {kRank, spec.vertices, 3}, components);
+  const Bundle bundle = Parse(raw);
+  ASSERT_EQ(bundle.skeleton->basis.rows(), 6);
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    for (Eigen::Index c = 0; c < bundle.skeleton->basis.cols(); ++c) {
+      const auto column = static_cast<size_t>(c), row = static_cast<size_t>(i);
+      double expected = 0;
+      for (size_t r = 0; r < kRank; ++r) {
+        expected += double{readout[row * kRank + r]} * components[r * 3 * spec.vertices + column];
+      }
+      ASSERT_EQ(bundle.skeleton->basis(i, c), static_cast<float>(expected)) << i << " " << c;
+    }
+  }
+  RawFile both = raw;
+  both.Replace("skeleton.basis", {6, spec.vertices, 3}, std::vector<float>(18 * spec.vertices));
+  EXPECT_TRUE(Mentions(Refusal(both), "skeleton.basis"));
+  RawFile half = raw;
+  half.Erase("skeleton.readout");
+  EXPECT_TRUE(Mentions(Refusal(half), "skeleton.readout"));
+  RawFile wide = raw;
+  wide.Replace("skeleton.readout", {6, 7}, std::vector<float>(42));
+  EXPECT_TRUE(Mentions(Refusal(wide), "7 components"));
+  RawFile huge = raw;
+  huge.SetFloat("skeleton.readout", 0, 3e38f);
+  huge.SetFloat("skeleton.components", 0, 3e38f);
+  EXPECT_TRUE(Mentions(Refusal(huge), "beyond F32"));
+}
+
 TEST(BundleTest, HalfWeightsWidenAndHalfGeometryIsRefused) {
   BundleSpec spec;
   spec.half_weights = true;
