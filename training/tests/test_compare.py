@@ -122,6 +122,19 @@ def test_families_train_below_their_start_and_count_like_stages_1_2(finished, tr
         "size"] == 15
 
 
+def test_more_data_trains_the_families_too_and_belongs_to_the_settings(data, trained, tmp_path):
+    more = tmp_path / "more"
+    shutil.copytree(data, more)
+    for path in (more / "dynamic").glob("*.safetensors"):
+        path.unlink()
+    add_clip(more, "a/three", 21)
+    found = run(data, trained[1], tmp_path / "out", "--clips", "a/unseen", "--rows", "static_pose",
+                "--epochs", "1", "--more-data", str(more))
+    assert any("'a/three'" in remark for remark in found["remarks"])    # the full model never saw it
+    with pytest.raises(ValueError, match="other settings|settings"):
+        run(data, trained[1], tmp_path / "out", "--clips", "a/unseen", "--rows", "static_pose", "--epochs", "1")
+
+
 def test_a_finished_row_is_not_trained_again(finished, data, trained, monkeypatch):
     def never(*_):
         raise AssertionError("trained or measured again")

@@ -25,6 +25,7 @@ def arguments(argv=None):
                                      description="The paper's ablation and comparison on our data.")
     add = parser.add_argument
     add("--data", required=True, help="what simulate/run.py made")
+    add("--more-data", help="folder of more training clips, as for train")
     add("--full", required=True, help="the trained model: train.py's folder, or a bundle")
     add("--out", required=True, help="weights, measurements and the table")
     add("--clips", type=names, help="held-out clips, comma separated (default: dataset.HELD_OUT)")

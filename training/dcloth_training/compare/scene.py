@@ -31,6 +31,7 @@ def load_full(path, data):
 def options_of(provenance, arguments, log):
     """The full model's training options, with this run's folders, seed, threads and epochs."""
     options = train.arguments(["--data", arguments.data, "--out", arguments.out])
+    options.more_data = arguments.more_data
     command = provenance.get("command", {})
     if not command:
         log("the full model does not tell its training options: the trainer's defaults are used")
@@ -52,10 +53,11 @@ def clip_path(data, name):
 
 
 class Scene:
-    """Reads clips when a row needs them; one set of residuals is in memory at a time."""
+    """Reads clips when a row needs them; one set of residuals is kept at a time."""
 
     def __init__(self, arguments, log):
-        self.data, self.folder, self.log = arguments.data, arguments.out, log
+        self.data, self.more_data, self.folder, self.log = (arguments.data, arguments.more_data, arguments.out,
+                                                            log)
         self.minutes, self.full = arguments.minutes_per_model, arguments.full
         loaded = load_full(arguments.full, arguments.data)
         self.net, self.rig, self.faces, self.provenance, self.histories = loaded
@@ -100,7 +102,8 @@ class Scene:
 
     def training_names(self):
         """Clip names that the data folder gives to training, without reading the clips' frames."""
-        paths = dataset.find(self.data, "dynamic", dataset.HELD_OUT)
+        folders = [self.data] + ([self.more_data] if self.more_data else [])
+        paths = [p for folder in folders for p in dataset.find(folder, "dynamic", dataset.HELD_OUT)]
         found = {safetensors_io.read(p, ())[1].get("clip", "") for p in paths}
         return found - set(self.options.validation.split(","))
 
@@ -138,7 +141,7 @@ class Scene:
             for clip in self._training + self._validation:
                 clip.residual = None
             dataset.add_residuals(self._training + self._validation, static, self.standardise,
-                                  self.character)
+                                  self.character, os.path.join(self.folder, "unskinned"))
             self._base = name
             self.log(f"ground truth un-skinned by {name} skinning")
         return self._training, self._validation
