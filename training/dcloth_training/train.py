@@ -151,6 +151,15 @@ def unseen_clips(options, rig, character, training):
     return clips
 
 
+def by_folder(clips):
+    """{name of the data folder: clip names}: which clip was learned with root motion, which with the hips held."""
+    found = {}
+    for clip in clips:
+        folder = os.path.basename(os.path.dirname(os.path.dirname(os.path.abspath(clip.path))))
+        found.setdefault(folder, set()).add(clip.name)
+    return {folder: sorted(names) for folder, names in sorted(found.items())}
+
+
 def run(options):
     """Train all stages -> (network, fitted, character, provenance)."""
     os.makedirs(options.out, exist_ok=True)
@@ -190,6 +199,7 @@ def run(options):
                     if k not in ("data", "more_data", "out", "export", "head_data")},
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
+        "training_folders": by_folder(training),
         "stage_3_clips": sorted({c.name for c in seen}),
         "validation_clips": sorted({c.name for c in validation}),
         "held_out_clips": list(dataset.HELD_OUT),

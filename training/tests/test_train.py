@@ -17,6 +17,7 @@ def test_every_stage_lowers_the_validation_error(trained):
         assert min(errors) < errors[0], stage
     assert histories["skeleton"][-1]["training_mm"] < histories["skeleton"][1]["training_mm"]
     assert provenance["training_clips"] == ["a/one", "a/two"]
+    assert list(provenance["training_folders"].values()) == [["a/one", "a/two"]]
     assert provenance["validation_clips"] == ["a/held"]
     assert (out / "curves.png").read_bytes()[:4] == b"\x89PNG"
 
