@@ -108,6 +108,16 @@ def test_checks_refuse_stretched_sunken_and_broken_cloth(body):
     assert "speed_max" in checks.refuse(numbers)
 
 
+def test_one_bad_drape_does_not_take_the_others_with_it(body):
+    skirt, rest = garment.skirt(), skeleton.joint_matrices(skeleton.rest_motion(3))
+    cloth = np.repeat(skirt.vertices[None], 3, 0).astype(np.float32)
+    cloth[1] *= [2.0, 1, 2.0]
+    rest[2, :, 0, 3] = 0.001    # tells the last pose apart
+    kept, good = checks.drapes(cloth_job.Result(cloth, rest, 1.0), body, skirt)
+    assert good.tolist() == [True, False, True]
+    assert np.array_equal(kept.cloth, cloth[[0, 2]]) and np.array_equal(kept.matrices, rest[[0, 2]])
+
+
 def test_rasteriser_paints_the_nearer_side():
     canvas = render.Canvas(40, 2.0, (0, 0, 0), yaw=0.0, pitch=0.0)
     square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])

@@ -1,4 +1,6 @@
 """Is a simulated clip cloth? Stretch, penetration and speed, with limits."""
+import dataclasses
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -68,3 +70,14 @@ def refuse(numbers):
         if not numbers[name] <= limit:  # also catches NaN
             return f"{name} is {numbers[name]}, limit {limit:g}"
     return None
+
+
+def drapes(result, body, garment):
+    """(result, [P] bool): a file of drapes with the good ones alone. Each is a pose of its own, settled by itself:
+    what one knee does to its cloth says nothing about the others. Speed means nothing between them."""
+    def one(pose):
+        part = slice(pose, pose + 1)
+        return dataclasses.replace(result, cloth=result.cloth[part], matrices=result.matrices[part])
+
+    good = np.array([refuse(measure(one(pose), body, garment)) is None for pose in range(len(result.cloth))], bool)
+    return dataclasses.replace(result, cloth=result.cloth[good], matrices=result.matrices[good]), good

@@ -76,7 +76,12 @@ def run_clip(name, kind, motion, record, chosen, context, path):
     entry = {"clip": name, "kind": kind, "root": options.root, "settings": chosen}
     try:
         result = cloth_job.simulate(motion, body, worn, record, chosen)
-        entry.update(frames=len(record), simulated_frames=len(motion), fps=skeleton.FPS,
+        if kind == "static":
+            result, good = checks.drapes(result, body, worn)
+            if not good.any():
+                raise ValueError("none of its drapes is cloth")
+            entry["dropped_poses"] = np.flatnonzero(~good).tolist()
+        entry.update(frames=len(result.cloth), simulated_frames=len(motion), fps=skeleton.FPS,
                      seconds=round(result.seconds, 1),
                      seconds_per_frame=round(result.seconds / len(motion), 4))
         entry.update(checks.measure(result, body, worn, every=3 if kind == "dynamic" else 1))
