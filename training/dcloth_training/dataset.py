@@ -21,6 +21,11 @@ HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run
 VALIDATION = ("mocap/walk", "procedural/hula_twist", "mocap/stealthy_walk")
 
 
+# What stage 2 reads every epoch is a quarter of the vertices, 12 kB a frame: 100,000 frames and their mirror images
+# are 2.4 GB in memory, where all vertices would be read from disk again and again.
+SAMPLE_EVERY = 4
+
+
 @dataclass
 class Clip:
     name: str
@@ -29,16 +34,23 @@ class Clip:
     pose: network.Pose                       # float32
     rate: float                              # Hz
     residual: Optional[np.ndarray] = None    # [T, n, 3] template space, float16, after unskin
+    sample: Optional[np.ndarray] = None      # [T, n / SAMPLE_EVERY, 3] of it, in memory
 
     def __len__(self):
         return len(self.pose)
 
     def wanted(self, ticks=slice(None), vertices=None):
-        """Residual [t, v, 3] float32 of some ticks (slice) and vertices (slice or indices)."""
+        """Residual [t, v, 3] float32 of some ticks and vertices (slices or indices)."""
         part = self.residual[ticks]
         if vertices is not None:
             part = part[:, vertices] if isinstance(vertices, slice) else part.take(vertices, 1)
         return part.astype(np.float32)
+
+    def sampled(self, ticks, rows):
+        """Residual [t, v, 3] float32 of sampled vertices: SAMPLE_EVERY * rows."""
+        if self.sample is None:
+            self.sample = np.ascontiguousarray(self.residual[:, ::SAMPLE_EVERY])
+        return self.sample[ticks].take(rows, 1).astype(np.float32)
 
 
 def load_pose(item, rig, joint_mirror, mirrored):
@@ -88,6 +100,7 @@ def add_residuals(clips, static, standardise, character, folder=None):
             truth = load_truth(clip.path, clip.mirrored, character.mirror)
             return unskin.residual(static, standardise, clip.pose, truth)
         if clip.residual is None:
+            clip.sample = None
             clip.residual = store.residual(clip, unskin_clip) if store else unskin_clip().astype(np.float16)
 
 
@@ -122,9 +135,16 @@ class Window:
         """R_j [frames, m, 3, 3]."""
         return self.clip.pose.linear[self.first:self.first + frames]
 
+    def ticks(self, frames):
+        return slice(self.first, self.first + frames)
+
     def wanted(self, frames, vertices):
         """Residual [frames, v, 3]."""
-        return self.clip.wanted(slice(self.first, self.first + frames), vertices)
+        return self.clip.wanted(self.ticks(frames), vertices)
+
+    def sampled(self, frames, rows):
+        """Residual [frames, v, 3] of sampled vertices."""
+        return self.clip.sampled(self.ticks(frames), rows)
 
     def x(self, standardise, frames, reset=True, velocity=None):
         """Features; after a reset the first tick has no root motion. velocity [3]: features.carried."""
@@ -151,9 +171,8 @@ class Still(Window):
     def linear(self, frames):
         return self.clip.pose.linear[self.first].expand(frames, -1, -1, -1)
 
-    def wanted(self, frames, vertices):
-        one = self.clip.wanted(slice(self.first, self.first + 1), vertices)
-        return np.broadcast_to(one, (frames, *one.shape[1:]))
+    def ticks(self, frames):
+        return np.full(frames, self.first)
 
 
 def windows(clips, frames, generator, drapes=()):

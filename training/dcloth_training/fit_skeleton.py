@@ -63,11 +63,16 @@ class Reduced(nn.Module):
         return flat.reshape(len(self.readout), -1, 3)
 
 
-def gather(windows, vertices, frames):
-    """(linear [B, T, m, 3, 3], residual [B, T, v, 3]) of a batch of windows."""
-    linear = torch.stack([w.linear(frames) for w in windows])
-    target = np.stack([w.wanted(frames, vertices.numpy()) for w in windows])
-    return linear, torch.from_numpy(target)
+def linear_of(windows, frames):
+    """R_j [B, T, m, 3, 3] of a batch of windows."""
+    return torch.stack([w.linear(frames) for w in windows])
+
+
+def draw(windows, count, frames, generator):
+    """(rows [v] among `count` vertices, residual [B, T, v, 3] there) of a batch of windows."""
+    picked = losses.pick_vertices(-(-count // dataset.SAMPLE_EVERY), VERTICES, generator)
+    target = np.stack([w.sampled(frames, picked.numpy()) for w in windows])
+    return dataset.SAMPLE_EVERY * picked, torch.from_numpy(target)
 
 
 def counted(windows, frames):
@@ -119,8 +124,7 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
         ended = torch.zeros(1, reduced.gru.hidden_size)
         for at in range(0, len(order), BATCH):
             some = order[at:at + BATCH]
-            rows = losses.pick_vertices(count, VERTICES, generator)
-            linear, target = gather(some, rows, frames)
+            linear, (rows, target) = linear_of(some, frames), draw(some, count, frames, generator)
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
             state, reset = first_states(some, ended, generator)
             velocity = augment.velocities(some, options.carried, generator).numpy()

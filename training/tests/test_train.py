@@ -109,7 +109,7 @@ def test_windows_begin_with_a_reset(tiny):
 
 def test_a_drape_is_a_pose_that_stands_still_after_any_history():
     pose = type("P", (), {"x": torch.arange(39.0).reshape(3, 13), "linear": torch.rand(3, 2, 3, 3)})
-    clip = dataset.Clip("d", "", False, pose, 30.0, np.arange(18, dtype=np.float16).reshape(3, 2, 3))
+    clip = dataset.Clip("d", "", False, pose, 30.0, np.arange(72, dtype=np.float16).reshape(3, 8, 3))
     generator = torch.Generator().manual_seed(1)
     assert not dataset.windows([], 8, generator, [(clip, 0)])
     still = dataset.Still(clip, 0, dataset.WARM_UP)
@@ -119,6 +119,7 @@ def test_a_drape_is_a_pose_that_stands_still_after_any_history():
     assert torch.allclose(x[:, -4:], torch.tensor([1.0, 0.0, 2.0, 0.0]))
     assert torch.equal(still.linear(5)[4], pose.linear[0])
     assert np.array_equal(still.wanted(5, np.array([1]))[3], [[3, 4, 5]])
+    assert np.array_equal(still.sampled(5, np.array([1]))[3], still.wanted(5, np.array([dataset.SAMPLE_EVERY]))[3])
 
 
 def test_windows_start_at_zero_where_another_ended_or_anywhere():

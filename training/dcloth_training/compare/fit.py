@@ -85,8 +85,10 @@ def batches_of(family, base, standardise, clips, options):
         order = dataset.windows(clips, frames, generator)
         for at in range(0, len(order), fit_skeleton.BATCH):
             some = order[at:at + fit_skeleton.BATCH]
+            # Of all vertices, not of stage 2's quarter: virtual bones learn weights of each.
             rows = losses.pick_vertices(count, fit_skeleton.VERTICES, generator)
-            linear, target = fit_skeleton.gather(some, rows, frames)
+            linear = fit_skeleton.linear_of(some, frames)
+            target = torch.from_numpy(np.stack([w.wanted(frames, rows.numpy()) for w in some]))
             velocity = augment.velocities(some, options.carried, generator).numpy()
             x = torch.stack([w.x(standardise, frames, velocity=v) for w, v in zip(some, velocity)])
             ticks = slice(int(torch.randint(0, family.STRIDE, (1,), generator=generator)), None,

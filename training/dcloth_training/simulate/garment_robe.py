@@ -30,6 +30,7 @@ SLEEVE_COLUMNS = 33           # armhole to cuff
 RINGS = 65                    # armpit to hem
 NECK_COLUMNS, NECK_ROWS = 7, 5  # half of the neck opening
 YOKE_CELLS = 4                # pinned round the neck: this many cells wide
+CUFF_CELLS = 2                # pinned to the forearms: this many cells wide
 PLEATS = 10
 PLEAT_DEPTH = 0.12            # of the radius at the hem; none at the belt
 FLUTES = 6                    # of each sleeve
@@ -230,9 +231,10 @@ def _triangles(points, quads, parity, mirror):
 def robe(radius_scale=1.0):
     """Build the robe in bind pose -> Garment. `radius_scale` perturbs it for the predictability floor.
 
-    Pinned are a yoke round the neck, which follows the chest, and a belt, which follows the hips:
-    hung from the yoke alone, the gown gathered where it liked and two nearly equal simulations of a
-    run came 17 mm apart. The whole body is a collider.
+    Pinned are a yoke round the neck, which follows the chest, a belt, which follows the hips, and stiff
+    cuffs, which follow the forearms: hung from the yoke alone, the gown gathered where it liked and two
+    nearly equal simulations of a run came 17 mm apart, and fast arms left the sleeves. The whole body is
+    a collider.
     """
     upper, strip, body, points, quads, parity, mirror, neck = _build()
     vertices = points.copy()
@@ -250,6 +252,9 @@ def robe(radius_scale=1.0):
     yoke = np.maximum(column - NECK_COLUMNS, row - NECK_ROWS) <= YOKE_CELLS
     joints = np.full(len(points), -1)
     joints[upper[yoke & (upper >= 0)]] = INDEX["Chest"]
+    for side, columns in (("Left", slice(-CUFF_CELLS - 1, None)), ("Right", slice(0, CUFF_CELLS + 1))):
+        cuff = np.concatenate([upper[columns].ravel(), strip[columns].ravel()])
+        joints[cuff] = INDEX[side + "ForeArm"]
     height = points[body, 1].mean(1)
     joints[body[(height > BELT[0]) & (height < BELT[1])]] = INDEX["Hips"]
     faces = _triangles(points, quads, parity, mirror)
