@@ -17,10 +17,11 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import augment, dataset, fit_static, losses, loop, unskin
+from . import augment, bundle, dataset, fit_static, losses, loop, unskin
 
 BATCH = 16
 VERTICES = 256
+USUAL_STATE = 0.3   # deviation of a unit's state
 BASIS_EVERY = 4     # every fourth frame is enough for the principal components
 
 
@@ -34,8 +35,8 @@ class Reduced(nn.Module):
         scale = torch.from_numpy(deviations.astype(np.float32))
         self.register_buffer("scale", scale, persistent=False)
         size = gru.hidden_size
-        # A state of deviation about 0.3 in every unit should give coefficients of their deviation.
-        self.readout = nn.Parameter(torch.randn(size, len(components)) / (0.3 * size ** 0.5))
+        # A state of usual deviation in every unit should give coefficients of theirs.
+        self.readout = nn.Parameter(torch.randn(size, len(components)) / (USUAL_STATE * size ** 0.5))
 
     def forward(self, x, state=None):
         """x [B, T, d], state [1, B, k] or None -> coefficients [B, T, R], last state [1, B, k]."""
@@ -110,11 +111,20 @@ def clip_errors(reduced, static, standardise, clips, every=8):
 def train(skeleton, static, standardise, training, validation, drapes, options, folder, log=print):
     """-> history; leaves the trained GRU and basis in `skeleton`. drapes: clips of still poses."""
     count = len(static.template)
-    components, deviations = unskin.principal(
-        lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
-        sum(-(-len(c) // BASIS_EVERY) for c in training), options.skeleton_rank, options.seed)
+    known = bundle.factors(skeleton.basis.detach().numpy()) if options.start else None
+    if known:
+        components = known[1].reshape(len(known[1]), -1).astype(np.float32)
+        deviations = USUAL_STATE * np.linalg.norm(components, axis=1)
+        components *= USUAL_STATE / deviations[:, None]
+    else:
+        components, deviations = unskin.principal(
+            lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
+            sum(-(-len(c) // BASIS_EVERY) for c in training), options.skeleton_rank, options.seed)
     torch.manual_seed(options.seed)
     reduced = Reduced(skeleton.gru, components, deviations, options)
+    if known:
+        with torch.no_grad():
+            reduced.readout.copy_(torch.from_numpy(known[0] / USUAL_STATE))
     weights, frames = static.weights().detach(), options.window
     stills = [(clip, t) for clip in drapes for t in range(len(clip))
               if t % fit_static.HELD_EVERY != fit_static.HELD_EVERY - 1]

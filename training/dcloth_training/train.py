@@ -31,6 +31,7 @@ def arguments(argv=None):
     add("--data", required=True)
     add("--more-data", help="folder of more clips of the garment, such as those with the hips held in place")
     add("--out", required=True)
+    add("--start", help="folder of a finished training to go on from: its features and stage 1 stay, stage 2 learns on")
     add("--export", help="bundle to write at the end")
     add("--validation", default=",".join(dataset.VALIDATION), help="clips, comma separated")
     add("--seed", type=int, default=1)
@@ -160,20 +161,43 @@ def by_folder(clips):
     return {folder: sorted(names) for folder, names in sorted(found.items())}
 
 
+def start_from(options, fitted):
+    """The network of --start -> (network, its features' statistics, its provenance)."""
+    from . import export    # which reads what this file writes
+    net, other, _, provenance = export.load_trained(options.start, options.data)
+    if net.skeleton is None or other.rig.feature_joints != fitted.rig.feature_joints or \
+            len(net.skeleton.basis) != options.skeleton_size or other.rig.root_motion != fitted.rig.root_motion:
+        found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)}"
+        raise ValueError(f"--start {options.start}: found {found}, expected k_S = {options.skeleton_size} over the same "
+                         f"features; give the options it was trained with")
+    standard = {k: getattr(net.standardise, k).double().numpy() for k in ("mean", "deviation", "low", "high")}
+    return net, standard, provenance
+
+
 def run(options):
     """Train all stages -> (network, fitted, character, provenance)."""
     os.makedirs(options.out, exist_ok=True)
     torch.set_num_threads(options.threads)
     log = Log(options.out)
     character, fitted, static_clips, training, validation = prepare(options, log)
-    standard = features.fit_standard(feature_rows(training, options))
+    before, history = None, {}
+    if options.start:
+        before, standard, history = start_from(options, fitted)
+    else:
+        standard = features.fit_standard(feature_rows(training, options))
     statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
     net = build(fitted, character, standard, options, statistics, options.stages)
     if options.freeze:
         getattr(net.static, FROZEN[options.freeze]).requires_grad_(False)
-    drapes = fit_static.Drapes(static_clips, character)
-    histories = fit_static.train(net.static, net.standardise, drapes, options, options.out, log)
-    drapes = None
+    if before:
+        net.static.load_state_dict(before.static.state_dict())
+        if net.skeleton:
+            net.skeleton.load_state_dict(before.skeleton.state_dict())
+        histories = {}
+    else:
+        drapes = fit_static.Drapes(static_clips, character)
+        histories = fit_static.train(net.static, net.standardise, drapes, options, options.out, log)
+        drapes = None
     net.static.requires_grad_(False)
     if options.stages != "static":
         residuals = os.path.join(options.out, "unskinned")
@@ -196,7 +220,8 @@ def run(options):
                                         validation, options, options.out, log))
     provenance = {
         "command": {k: v for k, v in vars(options).items()
-                    if k not in ("data", "more_data", "out", "export", "head_data")},
+                    if k not in ("data", "more_data", "out", "export", "head_data", "start")},
+        "started_from": history,
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
         "training_folders": by_folder(training),

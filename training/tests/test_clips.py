@@ -16,7 +16,7 @@ def test_the_split_is_the_promised_one_and_every_list_is_disjoint():
     assert set(dataset.HELD_OUT) == set(clips.HELD_OUT)
     assert set(dataset.VALIDATION) <= clips.NOT_VARIED
     everything = (clips.HELD_OUT + clips.training() + clips.RANDOM + clips.VARIATIONS + clips.WIDE
-                  + clips.MIXED)
+                  + clips.MIXED + clips.LEANING)
     assert len({clips.file_stem(c) for c in everything}) == len(everything)
     assert all(set(clips.file_stem(c)) <= set(string.ascii_letters + string.digits + "_-")
                for c in everything)
@@ -39,7 +39,7 @@ def test_variations_are_full_length_reproducible_and_never_of_a_held_out_clip():
 
 def test_takes_go_from_near_to_wide_to_mixed():
     base = "procedural/kicks"
-    for kind in (clips.VARIATIONS, clips.WIDE, clips.MIXED):
+    for kind in (clips.VARIATIONS, clips.WIDE, clips.MIXED, clips.LEANING):
         assert len(kind) == len(clips.VARIED) and len({c.partition("~")[2] for c in kind}) == 1
     near, wide, mixed = (clips.load(f"{base}~{take}") for take in (1, 2, 3))
     for take in (near, wide, mixed):

@@ -176,6 +176,20 @@ def test_stage_3_may_not_learn_on_what_stage_2_saw(tiny, tmp_path):
     assert {c.name for c in found} == {c.name for c in training} - {training[0].name}
 
 
+def test_goes_on_from_a_finished_training(tiny, trained, tmp_path):
+    before = trained[0][0]
+    net, _, _, provenance = run(tiny, tmp_path, "--start", str(trained[1]), "--skeleton-epochs", "0", "--settle-epochs", "0",
+                                "--stages", "skeleton")
+    for name in ("static.mlp.0.weight", "standardise.mean", "skeleton.gru.weight_hh_l0"):
+        assert torch.equal(net.state_dict()[name], before.state_dict()[name]), name
+    assert torch.allclose(net.skeleton.basis, before.skeleton.basis, atol=1e-6)
+    assert provenance["started_from"]["training_clips"] == ["a/one", "a/two"]
+    learned = run(tiny, tmp_path / "more", "--start", str(trained[1]), "--stages", "skeleton")[0]
+    assert not torch.equal(learned.skeleton.gru.weight_hh_l0, before.skeleton.gru.weight_hh_l0)
+    with pytest.raises(ValueError, match="k_S = 16"):
+        run(tiny, tmp_path / "other", "--start", str(trained[1]), "--skeleton-size", "8")
+
+
 def test_kept_is_the_best_epoch_or_the_last_where_asked():
     history = [{"epoch": e, "validation_mm": v} for e, v in ((0, 3.0), (1, 1.0), (2, 2.0))]
     assert loop.kept(history)["epoch"] == 1

@@ -191,3 +191,25 @@ def test_legs_come_from_the_clips_they_are_taken_of():
         leg = name.endswith(("Leg", "Foot"))
         source = (left if name.startswith("Left") else right) if leg else body
         assert np.array_equal(mixed.local[:, joint], source.local[:frames, joint]), name
+
+
+def test_leaning_tilts_the_pelvis_and_spares_the_legs():
+    motion = procedural.clip("run_turn_walk")
+    leaned = [variations.lean(motion, np.random.default_rng(seed)) for seed in range(40)]
+    again = variations.lean(motion, np.random.default_rng(3))
+    assert np.array_equal(again.local, leaned[3].local)
+
+    def pitch(m):
+        up = variations.split_heading(m.local[:, 0])[1][..., 1]
+        return np.degrees(np.arctan2(up[:, 2], up[:, 1]))
+
+    means = [np.mean(pitch(m) - pitch(motion)) for m in leaned]
+    assert min(means) < -5 and max(means) > 30
+    thigh = skeleton.INDEX["LeftUpLeg"]
+    for m, mean in zip(leaned, means):
+        assert_rotations(m)
+        turned = rotations.angle_between(m.local[:, 0] @ m.local[:, thigh], motion.local[:, 0] @ motion.local[:, thigh])
+        tilted = rotations.angle_between(m.local[:, 0], motion.local[:, 0])
+        assert (turned <= 0.5 * tilted + 0.03).all()    # a thigh keeps half of its place at least
+        extra = np.radians(2 * variations.LEAN_WAVER) * 2 * np.pi * variations.OFFSET_HERTZ[1]
+        assert np.abs(angular_speed(m.local[:, 0]) - angular_speed(motion.local[:, 0])).max() < extra

@@ -27,6 +27,10 @@ OVERLAP_FRAMES = 15           # two clips fade into each other: half a second
 _THIGH = {"X": 5.0, "Y": 8.0, "Z": 4.0}
 OFFSETS = {"Hips": {"X": 8.0, "Y": 4.0, "Z": 4.0}, "Chest": {"X": 4.0, "Y": 4.0, "Z": 4.0},
            "LeftUpLeg": _THIGH, "RightUpLeg": _THIGH, "LeftLeg": {"X": 4.0}, "RightLeg": {"X": 4.0}}
+# Degrees by which a leaning take tilts the pelvis forward (back where negative) and to a side, on top of
+# 8 degrees of waver, and how much of that the upper body and the legs make up for.
+LEAN_FORWARD, LEAN_ASIDE, LEAN_WAVER = (-15.0, 40.0), (-12.0, 12.0), 8.0
+UPRIGHT = {"Chest": (0.0, 1.0), "LeftUpLeg": (0.5, 1.0), "RightUpLeg": (0.5, 1.0)}
 _LEGS = tuple(name for name in INDEX if name.endswith("Leg"))
 _SIDES = tuple([index for name, index in INDEX.items()
                 if name.startswith(side) and name.endswith(("Leg", "Foot"))]
@@ -100,6 +104,28 @@ def offset_joints(motion, generator, strength=1.0):
                 angle = 0.5 * (largest + angle)
             local[:, joint] = local[:, joint] @ rotations.about_axis(axis, angle)
     local[:, 0] = rotations.about_axis("Y", heading) @ local[:, 0]
+    return Motion(motion.root, local)
+
+
+def lean(motion, generator):
+    """The pelvis tilted as a whole, above legs that go on much as they did: a sprinter's, a dancer's.
+
+    Joint offsets tilt hips and thighs together and by a few degrees. Of 172,000 frames of training one in a hundred
+    had hips 25 degrees forward; fast recorded motion holds them there for whole clips.
+    """
+    local, frames = motion.local.copy(), len(motion)
+    heading, tilt = split_heading(local[:, 0])
+    forward, aside = (np.radians(generator.uniform(*bounds) + LEAN_WAVER * band_limited(frames, generator))
+                      for bounds in (LEAN_FORWARD, LEAN_ASIDE))
+
+    def leaned(share):
+        return rotations.about_axis("X", share * forward) @ rotations.about_axis("Z", share * aside)
+
+    for name, bounds in UPRIGHT.items():
+        share, joint = generator.uniform(*bounds), INDEX[name]
+        # World rotation leaned(1 - share) tilt local, below hips that are leaned(1) tilt.
+        local[:, joint] = np.swapaxes(leaned(1) @ tilt, -1, -2) @ leaned(1 - share) @ tilt @ local[:, joint]
+    local[:, 0] = rotations.about_axis("Y", heading) @ leaned(1) @ tilt
     return Motion(motion.root, local)
 
 

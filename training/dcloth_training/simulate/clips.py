@@ -68,12 +68,13 @@ CYCLES = {"mocap/walk", "mocap/run", "mocap/zombie_walk", "game/game_walking_a",
 # clips would make that choice blind to overfitting.
 NOT_VARIED = {"mocap/walk", "mocap/stealthy_walk", "procedural/hula_twist"}
 RANDOM = [f"procedural/random_{seed}" for seed in range(64)]
-# Take k of a clip is of kind (k - 1) % 3: near, another take by the same person; wide, by another person, three
-# times as far from the recording; mixed, each leg from somewhere else: what hips and legs do is no longer tied.
-STRENGTHS = (1.0, 3.0, 2.0)
-MIXED_KIND = 2
+# Take k of a clip is of kind (k - 1) % 4: near, another take by the same person; wide, by another person, three
+# times as far from the recording; mixed, each leg from somewhere else: what hips and legs do is no longer tied;
+# leaning, the pelvis tilted above legs that go on as they did.
+STRENGTHS = (1.0, 3.0, 2.0, 1.5)
+MIXED_KIND, LEANING_KIND = 2, 3
 VARIED = [clip for clip in RECORDED + STANCES + PROCEDURAL[::3] if clip not in NOT_VARIED]
-VARIATIONS, WIDE, MIXED = ([f"{clip}~{kind + 1}" for clip in VARIED] for kind in range(3))
+VARIATIONS, WIDE, MIXED, LEANING = ([f"{clip}~{kind + 1}" for clip in VARIED] for kind in range(4))
 # (patterns, reason): every recorded clip that is neither trained on nor held out.
 LEFT_OUT = (
     ("*/roll */crawl */getup_* */game_crawling */game_push_ups */game_sit_ups */game_lie_* "
@@ -96,7 +97,7 @@ LEFT_OUT = (
 def training():
     """Procedural and recorded clips in turn: a batch stopped early still has both.
 
-    The many random and varied clips are groups of their own: RANDOM, VARIATIONS, WIDE, MIXED.
+    The many random and varied clips are groups of their own: RANDOM, VARIATIONS, WIDE, MIXED, LEANING.
     """
     pairs = [clip for pair in zip(PROCEDURAL, RECORDED) for clip in pair]
     return pairs + [c for c in PROCEDURAL + RECORDED + STANCES if c not in pairs]
@@ -127,30 +128,32 @@ def _take(name, motion_folder):
     return timing.to_origin(motion[:MAX_FRAMES])
 
 
-def _takes(first, pool, strength, generator, motion_folder):
+def _takes(first, pool, kind, generator, motion_folder):
     """A take of clip `first` (None: any), joined by takes of others until LONG_FRAMES are full."""
     motion = None
     while motion is None or len(motion) < LONG_FRAMES:
         chosen = first or pool[generator.integers(len(pool))]
         take = variations.vary(_take(chosen, motion_folder), int(generator.integers(1 << 31)),
-                               strength)
+                               STRENGTHS[kind])
+        if kind == LEANING_KIND:
+            take = variations.lean(take, generator)
         motion = variations.join(motion, take) if motion else take
         first = None
     return motion[:LONG_FRAMES]
 
 
 def _variation(name, motion_folder):
-    """The numbered take of the named clip: near, wide or mixed."""
+    """The numbered take of the named clip: near, wide, mixed or leaning."""
     base, _, number = name.partition("~")
     if base not in training() or base in NOT_VARIED or not number.isdigit():
         raise ValueError(f"clip '{name}': only training clips that do not validate are varied, as "
                          f"<clip>~<number>, e.g. '{VARIATIONS[0]}'")
-    generator, kind = np.random.default_rng(seed(name)), (int(number) - 1) % 3
+    generator, kind = np.random.default_rng(seed(name)), (int(number) - 1) % len(STRENGTHS)
     pool = [clip for clip in (RECORDED + STANCES if motion_folder else PROCEDURAL)
             if clip not in NOT_VARIED]
-    motion = _takes(base, pool, STRENGTHS[kind], generator, motion_folder)
+    motion = _takes(base, pool, kind, generator, motion_folder)
     if kind == MIXED_KIND:
-        legs = [_takes(None, pool, STRENGTHS[kind], generator, motion_folder) for _ in range(2)]
+        legs = [_takes(None, pool, kind, generator, motion_folder) for _ in range(2)]
         motion = variations.with_legs_of(motion, *legs)
     return motion
 

@@ -1,7 +1,7 @@
 """Make the ground truth: one resumable, atomic file a clip.
 
     python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
-        [--clips held_out,static,training,random,variations,wide,mixed | --clips mocap/walk] [--root fixed]
+        [--clips held_out,static,training,random,variations,wide,mixed,leaning | --clips mocap/walk] [--root fixed]
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
 and one JSON line a clip in DIR/manifest.jsonl. Finished files are skipped; a clip that fails or is
@@ -125,7 +125,7 @@ def tasks(options, context):
     groups = {"held_out": clips.HELD_OUT, "procedural": clips.PROCEDURAL,
               "recorded": clips.RECORDED, "training": clips.training(),
               "random": clips.RANDOM, "variations": clips.VARIATIONS, "wide": clips.WIDE,
-              "mixed": clips.MIXED}
+              "mixed": clips.MIXED, "leaning": clips.LEANING}
     for word in options.clips.split(","):
         if word == "static":
             for number, poses in static_tours(options):
@@ -150,7 +150,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", required=True)
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
-    parser.add_argument("--clips", default="held_out,static,training,random,variations,wide,mixed")
+    parser.add_argument("--clips", default="held_out,static,training,random,variations,wide,mixed,leaning")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--garment", choices=GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
