@@ -4,8 +4,8 @@
 Usage: generate_abi.py MANIFEST [--js FILE] [--exports FILE] [--asserts FILE] [--check]
 
 --js: constants, struct offsets and the types of the module's functions (platforms/web/api/abi.js, which is kept in the
-repository). --exports: names for the linker, one a line. --asserts: a C source that fails to compile where the compiler's
-layout is another. --check writes nothing and fails where --js is not what would be written.
+repository). --exports: names for the linker, one a line. --asserts: a C source that fails to compile where the
+compiler's layout is another. --check writes nothing and fails where --js is not what would be written.
 """
 import argparse
 import json
@@ -13,8 +13,8 @@ import re
 import sys
 
 # C type: bytes (and alignment) on wasm32, type of an argument or result in JavaScript.
-SCALARS = {"uint16_t": (2, "number"), "uint32_t": (4, "number"), "dcloth_status": (4, "number"), "size_t": (4, "number"),
-           "uint64_t": (8, "bigint"), "float": (4, "number"), "char": (1, "number")}
+SCALARS = {"uint16_t": (2, "number"), "uint32_t": (4, "number"), "dcloth_status": (4, "number"),
+           "size_t": (4, "number"), "uint64_t": (8, "bigint"), "float": (4, "number"), "char": (1, "number")}
 POINTER_BYTES = 4
 # Beside the C ABI: lent memory comes from here, and steps are timed by the host's clock (clock.c).
 OWN_EXPORTS = {"aligned_alloc": "(alignment: number, size: number) => number", "free": "(address: number) => void",
@@ -42,18 +42,20 @@ def layout(fields, constants):
 
 
 def signature(name, declaration):
-    """A function's type in JavaScript."""
+    """A function's type in JavaScript, as a property of Exports."""
     result, parameters = re.fullmatch(rf"(.+?)\b{name}\((.*)\)", declaration).groups()
     arguments = []
     for parameter in [] if parameters == "void" else parameters.split(","):
         kind, own = re.fullmatch(r"\s*(.+?)\s*(\w+)", parameter).groups()
         arguments.append(f"{own}: {'number' if is_pointer(kind) else SCALARS[kind][1]}")
     result = result.strip()
-    return f"({', '.join(arguments)}) => {'number' if is_pointer(result) else SCALARS[result][1]}"
+    head = f" * @property {{({', '.join(arguments)})"
+    tail = f"=> {'number' if is_pointer(result) else SCALARS[result][1]}}} {name}"
+    return f"{head} {tail}" if len(head) + len(tail) < 120 else f"{head}\n *   {tail}"
 
 
 def javascript(manifest):
-    lines = ["// Made by platforms/web/generate_abi.py from engine/abi.json; tests/web compares the two. Not edited by hand.",
+    lines = ["// Made by platforms/web/generate_abi.py from engine/abi.json; a test compares. Not edited by hand.",
              "// Offsets are bytes on wasm32; the build checks them against the compiler's.", ""]
     lines += [f"export const {name} = {value};" for name, value in manifest["constants"].items()]
     for name, struct in manifest["structs"].items():
@@ -64,7 +66,7 @@ def javascript(manifest):
     lines += ["", "/**", " * What the module exports; pointers and size_t are numbers.",
               " * @typedef {Object} Exports", " * @property {WebAssembly.Memory} memory"]
     lines += [f" * @property {{{kind}}} {name}" for name, kind in OWN_EXPORTS.items()]
-    lines += [f" * @property {{{signature(name, text)}}} {name}" for name, text in manifest["functions"].items()]
+    lines += [signature(name, text) for name, text in manifest["functions"].items()]
     return "\n".join(lines + [" */", ""])
 
 
@@ -100,7 +102,8 @@ def main():
               f"platforms/web/generate_abi.py {options.manifest} --js {options.js}", file=sys.stderr)
         return 1
     exports = "".join(f"_{name}\n" for name in [*OWN_EXPORTS, *manifest["functions"]])
-    for path, text in ((options.js, javascript(manifest)), (options.exports, exports), (options.asserts, asserts(manifest))):
+    for path, text in ((options.js, javascript(manifest)), (options.exports, exports),
+                       (options.asserts, asserts(manifest))):
         if path:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(text)

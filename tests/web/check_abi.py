@@ -37,7 +37,8 @@ def main():
     generator, manifest, kept = sys.argv[1:]
 
     def check(path):
-        return subprocess.run([sys.executable, generator, path, "--js", kept, "--check"], capture_output=True, text=True)
+        return subprocess.run([sys.executable, generator, path, "--js", kept, "--check"], capture_output=True,
+                              text=True)
 
     done = check(manifest)
     print(done.stdout + done.stderr, end="")

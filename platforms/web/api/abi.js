@@ -1,4 +1,4 @@
-// Made by platforms/web/generate_abi.py from engine/abi.json; tests/web compares the two. Not edited by hand.
+// Made by platforms/web/generate_abi.py from engine/abi.json; a test compares. Not edited by hand.
 // Offsets are bytes on wasm32; the build checks them against the compiler's.
 
 export const DCLOTH_VERSION_MAJOR = 0;
@@ -178,7 +178,8 @@ export const dcloth_timer = Object.freeze({
  * @property {(address: number) => void} free
  * @property {() => number} dcloth_web_clock_address
  * @property {(cloth: number, names: number, count: number, error: number) => number} dcloth_cloth_bind_joints
- * @property {(model: number, storage: number, storage_size: number, cloth: number, error: number) => number} dcloth_cloth_create
+ * @property {(model: number, storage: number, storage_size: number, cloth: number, error: number)
+ *   => number} dcloth_cloth_create
  * @property {(cloth: number, info: number) => number} dcloth_cloth_describe
  * @property {(cloth: number) => number} dcloth_cloth_reset
  * @property {(cloth: number, state: number, size: number, flags: number, error: number) => number} dcloth_cloth_restore
@@ -194,10 +195,12 @@ export const dcloth_timer = Object.freeze({
  * @property {(model: number) => number} dcloth_model_body_vertex_count
  * @property {(model: number, info: number) => number} dcloth_model_describe
  * @property {(model: number, index: number) => number} dcloth_model_joint_name
- * @property {(bytes: number, size: number, storage: number, storage_size: number, model: number, error: number) => number} dcloth_model_open
+ * @property {(bytes: number, size: number, storage: number, storage_size: number, model: number, error: number)
+ *   => number} dcloth_model_open
  * @property {() => number} dcloth_model_storage_size
  * @property {(output: number) => bigint} dcloth_output_scratch_size
- * @property {(character_count: number, storage: number, storage_size: number, scene: number, error: number) => number} dcloth_scene_create
+ * @property {(character_count: number, storage: number, storage_size: number, scene: number, error: number)
+ *   => number} dcloth_scene_create
  * @property {(scene: number, index: number, choice: number) => number} dcloth_scene_get
  * @property {(scene: number, frame: number, planned_microseconds: number) => number} dcloth_scene_plan
  * @property {(scene: number, index: number, character: number) => number} dcloth_scene_set

@@ -57,8 +57,8 @@ export class Cloth {
     const normals = options.normals ?? true;
     const { uv } = options;
     if (uv !== undefined && (uv.length !== 2 * model.vertexCount || !normals)) {
-      throw new Error(`dcloth: ${model.name}: ${uv.length} texture coordinates; allowed: ${2 * model.vertexCount}, u and ` +
-        "v of each vertex, and with normals");
+      throw new Error(`dcloth: ${model.name}: ${uv.length} texture coordinates; allowed: ${2 * model.vertexCount}, ` +
+        "u and v of each vertex, and with normals");
     }
     model.retain();
     this.#held = true;
@@ -108,7 +108,7 @@ export class Cloth {
     /** @type {Timer | null} what steps take is added to it */
     this.timer = null;
     /** Of the last describe(). */
-    this.info = { inWork: false, lagSeconds: 0, tickShare: 0, frozen: false, tickWaits: true };
+    this.info = new ClothInfo(memory, this.#info);
     this.#fillStructs(options.rowMajor ? 0 : 1, normals, uv !== undefined);
   }
 
@@ -182,14 +182,8 @@ export class Cloth {
 
   /** What the last update did; the object is the same each time. */
   describe() {
-    const { exports, memory } = this.#engine;
-    const layout = abi.dcloth_cloth_info;
+    const { exports } = this.#engine;
     throwUnlessOk(exports.dcloth_cloth_describe(this.address, this.#info), "dcloth_cloth_describe");
-    this.info.inWork = memory.u32[(this.#info + layout.in_work) / 4] !== 0;
-    this.info.lagSeconds = memory.f32[(this.#info + layout.lag_seconds) / 4];
-    this.info.tickShare = memory.f32[(this.#info + layout.tick_share) / 4];
-    this.info.frozen = memory.u32[(this.#info + layout.frozen) / 4] !== 0;
-    this.info.tickWaits = memory.u32[(this.#info + layout.tick_waits) / 4] !== 0;
     return this.info;
   }
 
@@ -307,6 +301,39 @@ export class Cloth {
         space.jointFramesKept ? abi.DCLOTH_JOINT_FRAMES_KEPT : abi.DCLOTH_JOINT_FRAMES_CONVERTED;
       memory.check(this.model.name, (error) => exports.dcloth_cloth_set_space(this.address, at, error));
     });
+  }
+}
+
+/** What the last update did, as of the last describe(); read where the engine wrote it. */
+export class ClothInfo {
+  #memory;
+  #at;
+
+  /** @param {import("./memory.js").Memory} memory @param {number} at */
+  constructor(memory, at) {
+    this.#memory = memory;
+    this.#at = at / 4;
+  }
+
+  /** A tick is begun and not complete. */
+  get inWork() {
+    return this.#memory.u32[this.#at + abi.dcloth_cloth_info.in_work / 4] !== 0;
+  }
+  /** By how much the displacement drawn is older than the pose. */
+  get lagSeconds() {
+    return this.#memory.f32[this.#at + abi.dcloth_cloth_info.lag_seconds / 4];
+  }
+  /** Network work in ticks; 1 is a whole tick of all stages. */
+  get tickShare() {
+    return this.#memory.f32[this.#at + abi.dcloth_cloth_info.tick_share / 4];
+  }
+  /** FrameFlags.FREEZE_IDLE lets ticks rest. */
+  get frozen() {
+    return this.#memory.u32[this.#at + abi.dcloth_cloth_info.frozen / 4] !== 0;
+  }
+  /** The next frame with time has a tick, however short it is. */
+  get tickWaits() {
+    return this.#memory.u32[this.#at + abi.dcloth_cloth_info.tick_waits / 4] !== 0;
   }
 }
 

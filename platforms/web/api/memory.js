@@ -5,8 +5,8 @@ const UTF8 = new TextDecoder();
 const TO_UTF8 = new TextEncoder();
 
 /**
- * The module's memory: numbers in it, and blocks lent to the engine. Growing gives it another ArrayBuffer, and all views
- * of the old one become empty; hence the check before each access, which makes a view only then.
+ * The module's memory: numbers in it, and blocks lent to the engine. Growing gives it another ArrayBuffer, and all
+ * views of the old one become empty; hence the check before each access, which makes a view only then.
  */
 export class Memory {
   /** @param {abi.Exports} exports */

@@ -91,7 +91,7 @@ export class Scene {
   }
 
   /**
-   * Plans a frame; the planned microseconds.
+   * Plans a frame.
    * @param {number} seconds the frame time that the updates will be given
    * @param {number} budgetMicroseconds for all updates of the frame together
    * @param {number} [spentMicroseconds] what the last plan's updates really took
@@ -107,7 +107,11 @@ export class Scene {
       if (this.#cloths[i] === null) continue;
       throwUnlessOk(exports.dcloth_scene_get(this.#scene, i, this.#choice(i)), "dcloth_scene_get");
     }
-    return memory.f32[this.#block / 4];
+  }
+
+  /** What the last plan costs, by the costs given. */
+  get plannedMicroseconds() {
+    return this.#engine.memory.f32[this.#block / 4];
   }
 
   /** Of the last plan: one of Levels. @param {number} index */
