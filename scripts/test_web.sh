@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the web package and page and tests them: `test_web.sh`, or `test_web.sh --only PATTERN` for the tests whose
-# files match (grep -E): module, api, output (against the native command line, in Node), page (in headless Chromium).
+# files match (grep -E): module, api, types, output (against the native command line, in Node), page (in Chromium).
 # DCLOTH_TOOL names a built `dcloth`; without it, it is built. Pictures of the page: build-web/pictures.
 # Not part of scripts/test.sh: two more builds of the engine, and three.js and TypeScript come from npm.
 set -euo pipefail
@@ -23,7 +23,8 @@ scripts/build_web.sh "$folder"
 export DCLOTH_WEB_SITE=$PWD/$folder/site DCLOTH_WEB_NATIVE=$PWD/$folder/native DCLOTH_WEB_PICTURES=$PWD/$folder/pictures
 mkdir -p "$DCLOTH_WEB_NATIVE" "$DCLOTH_WEB_PICTURES"
 for sequence in models/skirt/sequences/*.safetensors; do
-  "${DCLOTH_TOOL:-build/dcloth}" run "$DCLOTH_WEB_SITE/garment/skirt.dcloth" "$sequence" -o "$DCLOTH_WEB_NATIVE/$(basename "$sequence")"
+  "${DCLOTH_TOOL:-build/dcloth}" run "$DCLOTH_WEB_SITE/garment/skirt.dcloth" "$sequence" \
+    -o "$DCLOTH_WEB_NATIVE/$(basename "$sequence")"
 done
 
 mapfile -t tests < <(printf '%s\n' tests/web/*_test.js | grep -E "tests/web/.*($pattern).*_test")

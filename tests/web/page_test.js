@@ -185,6 +185,9 @@ test("sliders arrive, the cloth is seen", async () => {
   await keepPicture("five");
   await inPage(async () => (await dclothPage).panel.set({ characters: 24, level: 4, budget: 12 }));
   await play(30, 1 / 30);
+  const counts = await inPage(async () => (await dclothPage).crowd.levelCounts());
+  console.log(`24 characters in 12 ms, by costs measured there: ${counts.join(", ")} from frozen to mesh`);
+  assert.equal(counts.reduce((sum, count) => sum + count), 24);
   await keepPicture("many");
   assert.deepEqual(complaints(), []);
 });

@@ -39,13 +39,15 @@ export class Crowd {
     while (characters.length > settings.characters) characters.pop().dispose();
     while (characters.length < settings.characters) characters.push(this.#create(characters.length));
     this.#scene = this.engine.createScene(characters.length);
-    const draw = settings.outsideBody ? this.costs.outsideMicroseconds : this.costs.drawMicroseconds;
+    const outsideCount = settings.outsideBody ? this.#outsideCount() : 0;
     // Levels are ranked by how far they are from the whole network. To the truth this skirt's mesh stage comes no
     // nearer: by that error the plan would never choose it, and there would be nothing to see of it.
     characters.forEach((character, i) => {
-      character.cloth.outsideBody = settings.outsideBody;
+      const outside = i < outsideCount;
+      character.cloth.outsideBody = outside;
       this.#scene.set(i, {
-        cloth: character.cloth, importance: 1, topLevel: settings.topLevel, drawMicroseconds: draw,
+        cloth: character.cloth, importance: 1, topLevel: settings.topLevel,
+        drawMicroseconds: outside ? this.costs.outsideMicroseconds : this.costs.drawMicroseconds,
         tickMicroseconds: this.costs.tickMicroseconds, errorMm: this.costs.farMm });
     });
     this.#spent = 0;
@@ -96,6 +98,13 @@ export class Crowd {
     const counts = new Array(Levels.MESH + 1).fill(0);
     this.characters.forEach((_, i) => ++counts[this.#scene.level(i)]);
     return counts;
+  }
+
+  /** To stay outside costs more than all other drawing, in every frame: as many as half of the budget holds get it. */
+  #outsideCount() {
+    const { drawMicroseconds, outsideMicroseconds } = this.costs;
+    const left = 500 * this.#settings.budgetMs - this.characters.length * drawMicroseconds;
+    return Math.floor(left / Math.max(1, outsideMicroseconds - drawMicroseconds));
   }
 
   /** @param {number} index */
