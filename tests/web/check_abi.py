@@ -4,10 +4,10 @@
 Usage: check_abi.py GENERATOR MANIFEST ABI_JS
 """
 import copy
+import importlib.util
 import json
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 
@@ -36,23 +36,22 @@ def main():
         sys.exit(__doc__)
     generator, manifest, kept = sys.argv[1:]
 
-    def check(path):
-        return subprocess.run([sys.executable, generator, path, "--js", kept, "--check"], capture_output=True,
-                              text=True)
-
-    done = check(manifest)
-    print(done.stdout + done.stderr, end="")
+    done = subprocess.run([sys.executable, generator, manifest, "--js", kept, "--check"], check=False)
     if done.returncode != 0:
         return 1
-    seeded = 0
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "abi.json"
-        for what, changed in faults(json.loads(Path(manifest).read_text(encoding="utf-8"))):
-            path.write_text(json.dumps(changed), encoding="utf-8")
-            seeded += 1
-            if check(path).returncode == 0:
-                print(f"error: a seeded fault was not found: {what}", file=sys.stderr)
-                return 1
+    spec = importlib.util.spec_from_file_location("generate_abi", generator)
+    generate_abi = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generate_abi)
+    seeded, text = 0, Path(kept).read_text(encoding="utf-8")
+    for what, changed in faults(json.loads(Path(manifest).read_text(encoding="utf-8"))):
+        seeded += 1
+        try:
+            unseen = generate_abi.javascript(changed) == text
+        except KeyError:  # a type that the generator does not know
+            unseen = False
+        if unseen:
+            print(f"error: a seeded fault was not found: {what}", file=sys.stderr)
+            return 1
     print(f"{seeded} seeded faults, all found")
     return 0 if seeded > 0 else 1
 

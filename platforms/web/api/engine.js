@@ -31,7 +31,7 @@ export class Engine {
     this.exports = exports;
     this.memory = new Memory(exports);
     this.version = this.memory.text(exports.dcloth_version());
-    /** @type {"wasm" | "scalar"} what the kernels run on; "scalar" is several times slower */
+    /** @type {"wasm" | "scalar"} what the kernels run on; "scalar" is about ten times slower */
     this.instructionSet = /** @type {"wasm" | "scalar"} */ (this.memory.text(exports.dcloth_isa_name()));
     /** Why the scalar module was taken, or "" where SIMD runs. Worth telling the user. */
     this.fallback = fallback;

@@ -47,7 +47,7 @@ export class Panel {
     const size = `${model.vertexCount.toLocaleString("en")} vertices each, ${model.precision}`;
     get("about").textContent = `${model.name}, ${size}; learned cloth on one thread of this page`;
     const slow = engine.instructionSet === "scalar";
-    get("isa").textContent = slow ? `scalar fallback (${engine.fallback}): several times slower` : "WebAssembly SIMD";
+    get("isa").textContent = slow ? `scalar fallback (${engine.fallback}): about ten times slower` : "WebAssembly SIMD";
     get("isa").classList.toggle("slow", slow);
   }
 
