@@ -6,6 +6,10 @@ function(dcloth_common target)
   target_compile_options(${target} PRIVATE
     $<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:-Wall;-Wextra;-Wshadow;-ffp-contract=off>
     $<$<CXX_COMPILER_ID:MSVC>:/W4;/fp:precise>)
+  if(EMSCRIPTEN AND DCLOTH_WASM_SIMD)  # kernels/dispatch.cc refuses to compile without
+    target_compile_options(${target} PRIVATE -msimd128)
+    target_compile_definitions(${target} PRIVATE DCLOTH_WASM_SIMD)
+  endif()
   if(DCLOTH_WARNINGS_AS_ERRORS)
     target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:-Werror> $<$<CXX_COMPILER_ID:MSVC>:/WX>)
   endif()
@@ -13,8 +17,12 @@ function(dcloth_common target)
     target_compile_options(${target} PRIVATE -fsanitize=${DCLOTH_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
     target_link_options(${target} PUBLIC -fsanitize=${DCLOTH_SANITIZE})
   endif()
+  set(relocatable ON)
+  if(EMSCRIPTEN)  # a module is linked as a whole
+    set(relocatable OFF)
+  endif()
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF C_STANDARD 99 C_EXTENSIONS OFF
-    POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden C_VISIBILITY_PRESET hidden)
+    POSITION_INDEPENDENT_CODE ${relocatable} CXX_VISIBILITY_PRESET hidden C_VISIBILITY_PRESET hidden)
 endfunction()
 
 function(dcloth_runtime target)

@@ -4,6 +4,11 @@
 #include "kernels/cpu.h"
 #include "kernels/kernels.h"
 
+// Highway falls back to emulation in silence where the compiler was not told of SIMD.
+#if defined(DCLOTH_WASM_SIMD) && !(HWY_TARGETS & HWY_WASM)
+#error "DCLOTH_WASM_SIMD is on, but no WebAssembly SIMD target is compiled: -msimd128 is missing"
+#endif
+
 namespace dcloth::kernels {
 
 #define DCLOTH_KERNEL_ENTRY(Function, member) Function,

@@ -23,11 +23,11 @@ constexpr size_t kLanes = HWY_LANES(float);
 constexpr size_t kVectors = kPanelColumns / kLanes;
 // Rows in flight, so that at least eight multiply-add chains hide the latency of one (4 cycles, two a cycle).
 constexpr size_t kRows = kVectors >= 8 ? 1 : 8 / kVectors;
-constexpr size_t kPrefetchBytes = 1536;
 
 // A prefetch may run past the end of the weights (it never faults), a pointer may not: hence the integer.
 HWY_INLINE void PrefetchAhead(const void* p) {
 #if HWY_ARCH_X86 || HWY_ARCH_ARM
+  constexpr size_t kPrefetchBytes = 1536;
   hwy::Prefetch(reinterpret_cast<const char*>(reinterpret_cast<uintptr_t>(p) + kPrefetchBytes));
 #else
   (void)p;

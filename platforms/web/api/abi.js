@@ -1,0 +1,210 @@
+// Made by platforms/web/generate_abi.py from engine/abi.json; a test compares. Not edited by hand.
+// Offsets are bytes on wasm32; the build checks them against the compiler's.
+
+export const DCLOTH_VERSION_MAJOR = 0;
+export const DCLOTH_VERSION_MINOR = 1;
+export const DCLOTH_VERSION_PATCH = 0;
+export const DCLOTH_ALIGNMENT = 64;
+export const DCLOTH_MAX_TICKS = 2;
+export const DCLOTH_OK = 0;
+export const DCLOTH_ERROR_ARGUMENT = 1;
+export const DCLOTH_ERROR_ALIGNMENT = 2;
+export const DCLOTH_ERROR_MEMORY = 3;
+export const DCLOTH_ERROR_FORMAT = 4;
+export const DCLOTH_ERROR_VERSION = 5;
+export const DCLOTH_ERROR_SEMANTICS = 6;
+export const DCLOTH_ERROR_POSE = 7;
+export const DCLOTH_ERROR_JOINTS = 8;
+export const DCLOTH_ERROR_MODEL = 9;
+export const DCLOTH_STAGES_STATIC = 1;
+export const DCLOTH_STAGES_SKELETON = 3;
+export const DCLOTH_STAGES_MESH = 7;
+export const DCLOTH_AXIS_X = 0;
+export const DCLOTH_AXIS_MINUS_X = 1;
+export const DCLOTH_AXIS_Y = 2;
+export const DCLOTH_AXIS_MINUS_Y = 3;
+export const DCLOTH_AXIS_Z = 4;
+export const DCLOTH_AXIS_MINUS_Z = 5;
+export const DCLOTH_JOINT_FRAMES_CONVERTED = 0;
+export const DCLOTH_JOINT_FRAMES_KEPT = 1;
+export const DCLOTH_FRAME_PIPELINED = 1;
+export const DCLOTH_FRAME_JUMPED = 2;
+export const DCLOTH_FRAME_HALF_RATE_MESH = 4;
+export const DCLOTH_FRAME_HOLD = 8;
+export const DCLOTH_FRAME_FREEZE_IDLE = 16;
+export const DCLOTH_FORMAT_FLOAT32 = 0;
+export const DCLOTH_FORMAT_FLOAT16 = 1;
+export const DCLOTH_OUTPUT_OUTSIDE_BODY = 1;
+export const DCLOTH_STEP_POSE = 0;
+export const DCLOTH_STEP_STATIC = 1;
+export const DCLOTH_STEP_SKELETON = 2;
+export const DCLOTH_STEP_MESH = 3;
+export const DCLOTH_STEP_DISPLACEMENT = 4;
+export const DCLOTH_STEP_SKINNING = 5;
+export const DCLOTH_STEP_NORMALS = 6;
+export const DCLOTH_STEP_PENETRATION = 7;
+export const DCLOTH_STEP_COUNT = 8;
+export const DCLOTH_RESTORE_OTHER_MODEL = 1;
+export const DCLOTH_LEVEL_FROZEN = 0;
+export const DCLOTH_LEVEL_STATIC = 1;
+export const DCLOTH_LEVEL_SKELETON = 2;
+export const DCLOTH_LEVEL_HALF_RATE_MESH = 3;
+export const DCLOTH_LEVEL_MESH = 4;
+export const DCLOTH_LEVEL_COUNT = 5;
+
+export const dcloth_cloth_info = Object.freeze({
+  bytes: 24,
+  struct_size: 0,
+  in_work: 4,
+  lag_seconds: 8,
+  tick_share: 12,
+  frozen: 16,
+  tick_waits: 20,
+});
+
+export const dcloth_error = Object.freeze({
+  bytes: 256,
+  struct_size: 0,
+  status: 4,
+  offset_bytes: 8,
+  text: 16,
+});
+
+export const dcloth_frame = Object.freeze({
+  bytes: 16,
+  struct_size: 0,
+  stages: 4,
+  seconds: 8,
+  flags: 12,
+});
+
+export const dcloth_model_info = Object.freeze({
+  bytes: 44,
+  struct_size: 0,
+  joint_count: 4,
+  vertex_count: 8,
+  triangle_count: 12,
+  stages: 16,
+  tick_seconds: 20,
+  format_major: 24,
+  format_minor: 28,
+  name: 32,
+  precision: 36,
+  triangles: 40,
+});
+
+export const dcloth_output = Object.freeze({
+  bytes: 72,
+  struct_size: 0,
+  vertex_count: 4,
+  positions: 8,
+  position_stride_bytes: 12,
+  normal_stride_bytes: 16,
+  normals: 20,
+  tangents: 24,
+  texture_coordinates: 28,
+  tangent_stride_bytes: 32,
+  texture_stride_bytes: 36,
+  position_format: 40,
+  normal_format: 44,
+  tangent_format: 48,
+  flags: 52,
+  bounds: 56,
+  scratch: 60,
+  scratch_size: 64,
+});
+
+export const dcloth_pose = Object.freeze({
+  bytes: 16,
+  struct_size: 0,
+  joint_count: 4,
+  joint_matrices: 8,
+  column_major: 12,
+});
+
+export const dcloth_scene_character = Object.freeze({
+  bytes: 60,
+  struct_size: 0,
+  top_level: 4,
+  cloth: 8,
+  importance: 12,
+  draw_microseconds: 16,
+  tick_microseconds: 20,
+  error_mm: 40,
+});
+
+export const dcloth_scene_choice = Object.freeze({
+  bytes: 28,
+  struct_size: 0,
+  level: 4,
+  stages: 8,
+  flags: 12,
+  ticks: 16,
+  microseconds: 20,
+  stale_seconds: 24,
+});
+
+export const dcloth_scene_frame = Object.freeze({
+  bytes: 16,
+  struct_size: 0,
+  seconds: 4,
+  budget_microseconds: 8,
+  spent_microseconds: 12,
+});
+
+export const dcloth_space = Object.freeze({
+  bytes: 24,
+  struct_size: 0,
+  left: 4,
+  up: 8,
+  forward: 12,
+  metres_per_unit: 16,
+  joint_frames: 20,
+});
+
+export const dcloth_timer = Object.freeze({
+  bytes: 80,
+  struct_size: 0,
+  now: 4,
+  context: 8,
+  elapsed: 16,
+});
+
+/**
+ * What the module exports; pointers and size_t are numbers.
+ * @typedef {Object} Exports
+ * @property {WebAssembly.Memory} memory
+ * @property {(alignment: number, size: number) => number} aligned_alloc
+ * @property {(address: number) => void} free
+ * @property {() => number} dcloth_web_clock_address
+ * @property {(cloth: number, names: number, count: number, error: number) => number} dcloth_cloth_bind_joints
+ * @property {(model: number, storage: number, storage_size: number, cloth: number, error: number)
+ *   => number} dcloth_cloth_create
+ * @property {(cloth: number, info: number) => number} dcloth_cloth_describe
+ * @property {(cloth: number) => number} dcloth_cloth_reset
+ * @property {(cloth: number, state: number, size: number, flags: number, error: number) => number} dcloth_cloth_restore
+ * @property {(cloth: number, state: number, size: number, error: number) => number} dcloth_cloth_save
+ * @property {(cloth: number, space: number, error: number) => number} dcloth_cloth_set_space
+ * @property {(cloth: number, pose: number, blend: number, output: number, timer: number) => number} dcloth_cloth_skin
+ * @property {(cloth: number) => number} dcloth_cloth_state_size
+ * @property {(model: number) => number} dcloth_cloth_storage_size
+ * @property {(cloth: number, pose: number, stages: number, timer: number) => number} dcloth_cloth_tick
+ * @property {(cloth: number, pose: number, frame: number, output: number, timer: number) => number} dcloth_cloth_update
+ * @property {() => number} dcloth_isa_name
+ * @property {(name: number) => number} dcloth_isa_select
+ * @property {(model: number) => number} dcloth_model_body_vertex_count
+ * @property {(model: number, info: number) => number} dcloth_model_describe
+ * @property {(model: number, index: number) => number} dcloth_model_joint_name
+ * @property {(bytes: number, size: number, storage: number, storage_size: number, model: number, error: number)
+ *   => number} dcloth_model_open
+ * @property {() => number} dcloth_model_storage_size
+ * @property {(output: number) => bigint} dcloth_output_scratch_size
+ * @property {(character_count: number, storage: number, storage_size: number, scene: number, error: number)
+ *   => number} dcloth_scene_create
+ * @property {(scene: number, index: number, choice: number) => number} dcloth_scene_get
+ * @property {(scene: number, frame: number, planned_microseconds: number) => number} dcloth_scene_plan
+ * @property {(scene: number, index: number, character: number) => number} dcloth_scene_set
+ * @property {(scene: number, index: number, importance: number) => number} dcloth_scene_set_importance
+ * @property {(character_count: number) => number} dcloth_scene_storage_size
+ * @property {() => number} dcloth_version
+ */

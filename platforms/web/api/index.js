@@ -1,0 +1,45 @@
+// dcloth for the web: learned cloth in WebAssembly. The contract of each call is dcloth.h's; memory is lent in here.
+import * as abi from "./abi.js";
+
+export { Engine, loadEngine } from "./engine.js";
+export { Model } from "./model.js";
+export { Cloth } from "./cloth.js";
+export { Scene } from "./scene.js";
+export { Timer, STEPS } from "./timer.js";
+export { DClothError } from "./error.js";
+export { hasSimd } from "./simd.js";
+
+/** Which stages run; fewer are a level of detail. */
+export const Stages = Object.freeze({
+  STATIC: abi.DCLOTH_STAGES_STATIC,
+  SKELETON: abi.DCLOTH_STAGES_SKELETON,
+  MESH: abi.DCLOTH_STAGES_MESH,
+});
+
+/** Of an update; to be combined by |. */
+export const FrameFlags = Object.freeze({
+  PIPELINED: abi.DCLOTH_FRAME_PIPELINED,
+  JUMPED: abi.DCLOTH_FRAME_JUMPED,
+  HALF_RATE_MESH: abi.DCLOTH_FRAME_HALF_RATE_MESH,
+  HOLD: abi.DCLOTH_FRAME_HOLD,
+  FREEZE_IDLE: abi.DCLOTH_FRAME_FREEZE_IDLE,
+});
+
+/** What a scene gives a character. */
+export const Levels = Object.freeze({
+  FROZEN: abi.DCLOTH_LEVEL_FROZEN,
+  STATIC: abi.DCLOTH_LEVEL_STATIC,
+  SKELETON: abi.DCLOTH_LEVEL_SKELETON,
+  HALF_RATE_MESH: abi.DCLOTH_LEVEL_HALF_RATE_MESH,
+  MESH: abi.DCLOTH_LEVEL_MESH,
+});
+
+/** Where the character's left, up or forward points. */
+export const Axis = Object.freeze({
+  X: abi.DCLOTH_AXIS_X,
+  MINUS_X: abi.DCLOTH_AXIS_MINUS_X,
+  Y: abi.DCLOTH_AXIS_Y,
+  MINUS_Y: abi.DCLOTH_AXIS_MINUS_Y,
+  Z: abi.DCLOTH_AXIS_Z,
+  MINUS_Z: abi.DCLOTH_AXIS_MINUS_Z,
+});

@@ -1,0 +1,117 @@
+import * as abi from "./abi.js";
+import { Cloth } from "./cloth.js";
+import { throwUnlessOk } from "./error.js";
+
+/** @typedef {import("./engine.js").Engine} Engine */
+
+/** A garment that was trained. Any number of cloths share one, and keep its memory until the last is disposed of. */
+export class Model {
+  #users = 1;
+  #disposed = false;
+  #bytes;
+  #storage = 0;
+
+  name = "";
+  /** "fp32", "fp16", "int8" */
+  precision = "";
+  /** Of the model file, "1.2" for instance. */
+  format = "";
+  jointCount = 0;
+  vertexCount = 0;
+  triangleCount = 0;
+  /** The DCLOTH_STAGES_* it holds. */
+  stages = 0;
+  tickSeconds = 0;
+  /** [triangleCount, 3], a copy */
+  triangles = new Uint16Array();
+
+  /**
+   * Use Engine.openModel.
+   * @param {Engine} engine
+   * @param {ArrayBuffer | ArrayBufferView} bytes
+   * @param {string} name
+   */
+  constructor(engine, bytes, name) {
+    const { memory, exports } = engine;
+    const source = ArrayBuffer.isView(bytes) ? new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength)
+      : new Uint8Array(bytes);
+    this.engine = engine;
+    this.address = 0;
+    this.#bytes = memory.lend(source.length);
+    try {
+      memory.u8.set(source, this.#bytes);
+      const storageSize = exports.dcloth_model_storage_size();
+      this.#storage = memory.lend(storageSize);
+      memory.withBlock(4, (result) => {
+        memory.check(name, (error) =>
+          exports.dcloth_model_open(this.#bytes, source.length, this.#storage, storageSize, result, error));
+        this.address = memory.u32[result / 4];
+      });
+    } catch (error) {
+      this.#giveBack();
+      throw error;
+    }
+    this.#describe();
+    /** In the order of a pose's matrices. */
+    this.jointNames = Array.from({ length: this.jointCount }, (_, i) =>
+      memory.text(exports.dcloth_model_joint_name(this.address, i)));
+    /** Whether `outsideBody` does anything. */
+    this.hasBody = exports.dcloth_model_body_vertex_count(this.address) > 0;
+    /** Bytes that each cloth takes. */
+    this.clothBytes = exports.dcloth_cloth_storage_size(this.address);
+  }
+
+  /**
+   * A garment on a character. Errors: DClothError; JOINTS lists the names that are missing.
+   * @param {import("./cloth.js").ClothOptions} [options]
+   */
+  createCloth(options) {
+    return new Cloth(this, options);
+  }
+
+  /** Its memory goes when the last of its cloths is disposed of too. */
+  dispose() {
+    if (this.#disposed) return;
+    this.#disposed = true;
+    this.release();
+  }
+
+  /** For cloths. */
+  retain() {
+    if (this.#disposed) throw new Error(`dcloth: model ${this.name} was disposed of`);
+    ++this.#users;
+  }
+
+  /** For cloths. */
+  release() {
+    if (--this.#users === 0) this.#giveBack();
+  }
+
+  #describe() {
+    const { memory, exports } = this.engine;
+    const info = abi.dcloth_model_info;
+    memory.withBlock(info.bytes, (at) => {
+      /** @param {number} offset */
+      const word = (offset) => memory.u32[(at + offset) / 4];
+      memory.u32[at / 4] = info.bytes;
+      throwUnlessOk(exports.dcloth_model_describe(this.address, at), "dcloth_model_describe");
+      this.name = memory.text(word(info.name));
+      this.precision = memory.text(word(info.precision));
+      this.format = `${word(info.format_major)}.${word(info.format_minor)}`;
+      this.jointCount = word(info.joint_count);
+      this.vertexCount = word(info.vertex_count);
+      this.triangleCount = word(info.triangle_count);
+      this.stages = word(info.stages);
+      this.tickSeconds = memory.f32[(at + info.tick_seconds) / 4];
+      const triangles = word(info.triangles);
+      this.triangles = new Uint16Array(memory.buffer.slice(triangles, triangles + 6 * this.triangleCount));
+    });
+  }
+
+  #giveBack() {
+    if (this.#storage !== 0) this.engine.memory.giveBack(this.#storage);
+    this.engine.memory.giveBack(this.#bytes);
+    this.#storage = 0;
+    this.address = 0;
+  }
+}

@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Builds the web package and page and tests them: `test_web.sh`, or `test_web.sh --only PATTERN` for the tests whose
+# files match (grep -E): module, api, types, output (against the native command line, in Node), page (in Chromium).
+# DCLOTH_TOOL names a built `dcloth`; without it, it is built. Pictures of the page: build-web/pictures.
+# Not part of scripts/test.sh: two more builds of the engine, and three.js and TypeScript come from npm.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+pattern=.
+if [ "${1:-}" = --only ]; then
+  pattern=${2:?test_web: --only needs a pattern, module for instance}
+  shift 2
+fi
+[ $# -eq 0 ] || { echo "test_web: unknown argument '$1'; allowed: --only PATTERN" >&2; exit 2; }
+
+folder=build-web
+scripts/install_dependencies.sh build web
+command -v chromium >/dev/null || scripts/install_dependencies.sh test
+python3 platforms/web/generate_abi.py engine/abi.json --js platforms/web/api/abi.js --check
+scripts/build_web.sh "$folder"
+
+# What the native engine draws, for the same model file.
+export DCLOTH_WEB_SITE=$PWD/$folder/site DCLOTH_WEB_NATIVE=$PWD/$folder/native DCLOTH_WEB_PICTURES=$PWD/$folder/pictures
+mkdir -p "$DCLOTH_WEB_NATIVE" "$DCLOTH_WEB_PICTURES"
+for sequence in models/skirt/sequences/*.safetensors; do
+  "${DCLOTH_TOOL:-build/dcloth}" run "$DCLOTH_WEB_SITE/garment/skirt.dcloth" "$sequence" \
+    -o "$DCLOTH_WEB_NATIVE/$(basename "$sequence")"
+done
+
+mapfile -t tests < <(printf '%s\n' tests/web/*_test.js | grep -E "tests/web/.*($pattern).*_test")
+[ ${#tests[@]} -gt 0 ] || { echo "test_web: no test's file matches '$pattern'" >&2; exit 2; }
+failed=()
+for test in "${tests[@]}"; do
+  echo "== $test"
+  node --expose-gc --test-reporter spec "$test" || failed+=("$test")
+done
+[ ${#failed[@]} -eq 0 ] || { echo "test_web: failed: ${failed[*]}" >&2; exit 1; }
+echo "test_web: ${#tests[@]} files passed"
