@@ -185,6 +185,45 @@ def animated(times, positions, nodes=None):
                                 "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}]}, binary)
 
 
+def skinned(pose=0.0):
+    """Two bones under a root that turns Z up to Y up and centimetres to metres; `pose` turns the lower one at rest."""
+    points = np.array([[0, 0, 100], [10, 0, 50], [-10, 0, 50]], "<f4")      # the mesh's own space
+    bind = np.tile(np.eye(4), (2, 1, 1))
+    bind[:, 2, 3] = [100, 50]
+    parts = [points.tobytes(), np.array([0, 1, 2], "<u2").tobytes() + bytes(2), np.array([[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]], "u1").tobytes(),
+             np.array([[1, 0, 0, 0]] * 3, "<f4").tobytes(), np.linalg.inv(bind).transpose(0, 2, 1).astype("<f4").tobytes()]
+    views, at = [], 0
+    for part in parts:
+        views.append({"buffer": 0, "byteOffset": at, "byteLength": len(part)})
+        at += len(part)
+    kinds = [(5126, 3, "VEC3"), (5123, 3, "SCALAR"), (5121, 3, "VEC4"), (5126, 3, "VEC4"), (5126, 2, "MAT4")]
+    return glb({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "buffers": [{"byteLength": at}],
+                "bufferViews": views,
+                "accessors": [{"bufferView": i, "componentType": c, "count": n, "type": t} for i, (c, n, t) in enumerate(kinds)],
+                "nodes": [{"name": "Root", "rotation": [-np.sqrt(0.5), 0, 0, np.sqrt(0.5)], "scale": [0.01] * 3, "children": [1, 3]},
+                          {"name": "Hips", "translation": [0, 0, 100], "children": [2]},
+                          {"name": "Leg", "translation": [0, 0, -50], "rotation": [np.sin(pose / 2), 0, 0, np.cos(pose / 2)]},
+                          {"name": "Skin", "mesh": 0, "skin": 0}],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}, "indices": 1}]}],
+                "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}]}, b"".join(parts))
+
+
+def test_a_root_that_turns_and_scales(dcloth, importing, tmp_path):
+    file, out = tmp_path / "a.glb", tmp_path / "b.safetensors"
+    file.write_bytes(skinned())
+    result = dcloth("body", file, "-o", out)
+    assert result.returncode == 0, result.stderr
+    tensors, metadata = safetensors_file.read(out)
+    names = json.loads(metadata["joint_names"])
+    eps = np.finfo(np.float32).eps
+    assert np.abs(tensors["body_vertices"] - [[0, 1, 0], [0.1, 0.5, 0], [-0.1, 0.5, 0]]).max() < 8 * eps
+    places = tensors["joint_bind"][[names.index("Hips"), names.index("Leg")], :3, 3]
+    assert np.abs(places - [[0, 1, 0], [0, 0.5, 0]]).max() < 8 * eps
+    assert np.abs(np.linalg.norm(tensors["joint_bind"][:, :3, :3], axis=1) - 1).max() < 8 * eps     # axes of length 1
+    file.write_bytes(skinned(pose=0.5))     # the bind pose alone says where the mesh is: in its own centimetres
+    refused(dcloth("body", file, "-o", tmp_path / "c.safetensors"), "joints that span 50 m", "--unit")
+
+
 def test_hostile_gltf(dcloth, importing, tmp_path):
     file, out = tmp_path / "a.glb", tmp_path / "s.safetensors"
 

@@ -7,12 +7,32 @@
 #include "tools/import/assimp_reader.h"
 
 namespace dcloth::tools {
+namespace {
 
-// glTF ignores the transform of a skinned mesh's node; FBX applies it.
+constexpr double kSamePose = 1e-4;  // metres, and of a matrix's own size
+
+}  // namespace
+
+// From a mesh's own space, in the pose it was bound in, to world. FBX applies the transform of the mesh's node. glTF
+// ignores it: there a bone's rest times its bind matrix is that map, the same for every bone where the nodes stand in
+// the bind pose (files whose root turns Z up or scales centimetres); where they stand in another pose the mesh is taken
+// as it is.
 Eigen::Matrix4d AssimpReader::MeshToWorld(const aiMesh& mesh) const {
-  const auto node = mesh_node_.find(&mesh);
-  if (file_.format == "glTF" || node == mesh_node_.end()) return Eigen::Matrix4d::Identity();
-  return rest_[node->second];
+  if (file_.format != "glTF") {
+    const auto node = mesh_node_.find(&mesh);
+    return node == mesh_node_.end() ? Eigen::Matrix4d::Identity() : rest_[node->second];
+  }
+  Eigen::Matrix4d first = Eigen::Matrix4d::Identity();
+  for (unsigned b = 0; b < mesh.mNumBones; ++b) {
+    const size_t node = NodeOf(mesh.mBones[b]->mName, "a bone");
+    const Eigen::Matrix4d map = rest_[node] * Matrix(mesh.mBones[b]->mOffsetMatrix, "a bind matrix");
+    if (b == 0) first = map;
+    const Eigen::Vector3d apart = (map - first).topRightCorner<3, 1>();
+    const double size = first.topLeftCorner<3, 3>().cwiseAbs().maxCoeff();
+    const bool turned = ((map - first).topLeftCorner<3, 3>().cwiseAbs().maxCoeff() > kSamePose * size);
+    if (turned || apart.norm() > kSamePose) return Eigen::Matrix4d::Identity();
+  }
+  return first.isIdentity(kSamePose) ? Eigen::Matrix4d::Identity() : first;
 }
 
 void AssimpReader::ReadBind(const aiMesh& mesh) {
