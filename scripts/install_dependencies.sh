@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_windows] [unity] [web] [npm]`; "build" when nothing is said.
+# [cross_windows] [unity] [web] [npm] [import]`; "build" when nothing is said.
 set -euo pipefail
 
 declare -A groups=(
@@ -13,6 +13,7 @@ declare -A groups=(
   [unity]="mono-mcs mono-runtime libmono-system-core4.0-cil libmono-2.0-dev libmonosgen-2.0-dev"
   [web]="emscripten binaryen nodejs"
   [npm]="npm"  # where nodejs comes without it
+  [import]="libassimp-dev"
   [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
 )
 packages=()

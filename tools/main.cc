@@ -1,4 +1,4 @@
-// dcloth: convert, inspect, run, profile and evaluate learned cloth.
+// dcloth: convert, inspect, run, profile and evaluate learned cloth; import what it is learned from and played on.
 #include <cstdio>
 #include <exception>
 #include <new>
@@ -7,6 +7,7 @@
 #include "converter/error.h"
 #include "dcloth/dcloth.h"
 #include "tools/commands.h"
+#include "tools/import/commands.h"
 
 namespace {
 
@@ -32,13 +33,15 @@ int main(int argc, char** argv) {
     AddRun(app, exit_code);
     AddProfile(app, exit_code);
     AddEvaluate(app, exit_code);
+    AddPoses(app, exit_code);
+    AddBody(app, exit_code);
     try {
       app.parse(argc, argv);
     } catch (const CLI::RequiredError& error) {
       // The parser asks for a command before it looks at a misspelt one.
       if (argc > 1 && app.get_subcommands().empty()) {
-        const std::string text =
-            std::string("no command '") + argv[1] + "'; there are convert, inspect, run, profile, evaluate";
+        const std::string text = std::string("no command '") + argv[1] +
+                                 "'; there are convert, inspect, run, profile, evaluate, poses, body";
         return Fail(text.c_str(), kExitBadInput);
       }
       app.exit(error);

@@ -10,6 +10,8 @@
 #include "converter/sequence.h"
 #include "tools/commands.h"
 #include "tools/html_report.h"
+#include "tools/mdd.h"
+#include "tools/obj.h"
 #include "tools/pc2.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
@@ -20,7 +22,7 @@ namespace dcloth::tools {
 namespace {
 
 struct Options {
-  std::filesystem::path model, sequence, output;
+  std::filesystem::path model, sequence, output, mesh;
   double fps = 0;  // 0: the tick rate
   std::string stages;
 };
@@ -93,11 +95,11 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
 
 int Run(const Options& options) {
   const std::string extension = options.output.extension().string();
-  if (extension != ".safetensors" && extension != ".pc2" && extension != ".html") {
+  if (extension != ".safetensors" && extension != ".pc2" && extension != ".mdd" && extension != ".html") {
     throw converter::Error({.path = options.output,
                             .tensor = {},
                             .found = "output ending '" + extension + "'",
-                            .expected = ".safetensors, .pc2 or .html",
+                            .expected = ".safetensors, .pc2, .mdd or .html",
                             .mend = "name the output accordingly"});
   }
   const converter::OpenModel model = OpenModelFile(options.model);
@@ -107,8 +109,14 @@ int Run(const Options& options) {
   const double fps = options.fps > 0 ? options.fps : TickRate(model);
   const Result result = Play(model, poses, fps, stages, converter::PathText(options.sequence));
   const size_t n = model.info().vertex_count;
+  if (!options.mesh.empty()) {
+    const auto first = std::span(result.positions).first(n * 3);
+    WriteObj(options.mesh, model.info().name, first, model.triangles());
+  }
   if (extension == ".pc2") {
     WritePc2(options.output, result.positions, result.frame_count, n);
+  } else if (extension == ".mdd") {
+    WriteMdd(options.output, result.positions, result.frame_count, n, fps);
   } else if (extension == ".html") {
     WritePage(options, model, PoseTrack(sequence, sequence.joint_names), fps, result);
   } else {
@@ -132,7 +140,9 @@ void AddRun(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("run", "Run a model over a sequence and write where the cloth goes");
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
-  command->add_option("-o,--output", options->output, "OUT.safetensors, OUT.pc2 or OUT.html")->required();
+  command->add_option("-o,--output", options->output, "OUT.safetensors, OUT.pc2, OUT.mdd or OUT.html")->required();
+  command->add_option("--mesh", options->mesh,
+                      "also write the garment's mesh (.obj, first frame): what a point cache is applied to");
   command
       ->add_option("--fps", options->fps,
                    "frames per second to draw; the model's tick rate when not given. Frame f is at f / R, tick k at\n"

@@ -35,6 +35,21 @@ def test_pc2_output(dcloth, files, tmp_path):
     assert np.array_equal(np.frombuffer(data[32:], np.float32).reshape(values.shape), values)
 
 
+def test_mdd_output_and_its_mesh(dcloth, files, tmp_path):
+    values, _ = positions(dcloth, tmp_path, files.model, files.walk, "--fps", "60")
+    out, mesh = tmp_path / "out.mdd", tmp_path / "out.obj"
+    assert dcloth("run", files.model, files.walk, "-o", out, "--mesh", mesh, "--fps", "60").returncode == 0
+    data = out.read_bytes()
+    samples, points = struct.unpack(">ii", data[:8])
+    assert (samples, points) == values.shape[:2] and len(data) == 8 + 4 * samples + 12 * points * samples
+    assert np.array_equal(np.frombuffer(data[8:8 + 4 * samples], ">f4"), (np.arange(samples) / 60).astype(np.float32))
+    assert np.array_equal(np.frombuffer(data[8 + 4 * samples:], ">f4").reshape(values.shape), values)
+    lines = [line.split() for line in mesh.read_text().split("\n")]
+    assert np.array_equal(np.array([w[1:] for w in lines if w[:1] == ["v"]], np.float32), values[0])
+    faces = safetensors_file.read(tmp_path / "out.safetensors")[0]["faces"]
+    assert np.array_equal(np.array([w[1:] for w in lines if w[:1] == ["f"]], int) - 1, faces)
+
+
 def test_repeatable(dcloth, files, tmp_path):
     first, _ = positions(dcloth, tmp_path, files.model, files.run)
     second, _ = positions(dcloth, tmp_path, files.model, files.run)

@@ -56,7 +56,7 @@ def test_output_into_no_folder(dcloth, files, tmp_path):
 
 
 def test_unknown_output_kind(dcloth, files, tmp_path):
-    refused(dcloth("run", files.model, files.walk, "-o", tmp_path / "x.abc"), ".abc", ".safetensors, .pc2 or .html")
+    refused(dcloth("run", files.model, files.walk, "-o", tmp_path / "x.abc"), ".abc", ".safetensors, .pc2, .mdd or .html")
     assert leftovers(tmp_path, set()) == []
 
 

@@ -74,7 +74,7 @@ def find(folder, kind, exclude=()):
 
 
 def load(paths, rig, character):
-    """Every clip and its mirror image, without residuals."""
+    """Every clip and, where the character has one, its mirror image, without residuals."""
     clips = []
     for path in paths:
         item = sequence.read(path)
@@ -83,7 +83,7 @@ def load(paths, rig, character):
             raise ValueError(f"{path}: joints or cloth vertices differ from the character's")
         if abs(item.fps - rig.rate) > 1e-6:
             raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
-        for mirrored in (False, True):
+        for mirrored in (False, True) if character.mirror is not None else (False,):
             clips.append(Clip(item.clip, path, mirrored,
                               load_pose(item, rig, character.joint_mirror, mirrored), rig.rate))
     return clips

@@ -34,7 +34,8 @@ def compact(item, hips="Hips"):
     """Tensors and metadata of a sequence: truth as F16 about truth_origin, the hips' position."""
     tensors = {"joint_matrices": item.joint_matrices.astype(np.float32)}
     if item.truth is not None:
-        origin = tensors["joint_matrices"][:, item.joint_names.index(hips), :3, 3].copy()
+        names = list(item.joint_names)
+        origin = tensors["joint_matrices"][:, names.index(hips) if hips in names else 0, :3, 3].copy()
         tensors["truth"] = (item.truth - origin[:, None]).astype(np.float16)
         tensors["truth_origin"] = origin
     return tensors, {"joint_names": json.dumps(list(item.joint_names)), "fps": f"{item.fps:g}",

@@ -29,9 +29,11 @@ class Character:
     body_weights: np.ndarray    # [b, J]
     template: np.ndarray        # [n, 3]
     faces: np.ndarray           # [c, 3]
-    mirror: np.ndarray          # [n]
+    mirror: np.ndarray          # [n]; None: the garment or the character has no mirror image
     collider: np.ndarray = field(repr=False, default=None)   # [b] bool
     parents: list = None        # [J] joint above each one, -1 at the root; None: not known
+    hips: str = "Hips"
+    feature_joints: tuple = features.SKIRT_JOINTS
 
 
 def mirrored_joints(names):
@@ -46,13 +48,18 @@ def read_character(path):
     try:
         names = json.loads(metadata["joint_names"])
         weights = tensors["body_weights"].astype(np.float64)
+        joint_mirror = None
+        if "mirror" in tensors:    # names that say no side, such as Mixamo's, come with the partners themselves
+            joint_mirror = json.loads(metadata["joint_mirror"]) if "joint_mirror" in metadata else mirrored_joints(names)
         return Character(
-            names, mirrored_joints(names), tensors["joint_bind"].astype(np.float64),
+            names, joint_mirror, tensors["joint_bind"].astype(np.float64),
             tensors["body_vertices"], tensors["body_faces"],
             (weights / weights.sum(1, keepdims=True)).astype(np.float32),
-            tensors["cloth_template"], tensors["cloth_faces"], tensors["mirror"],
+            tensors["cloth_template"], tensors["cloth_faces"], tensors.get("mirror"),
             tensors["body_collider"].astype(bool),
-            json.loads(metadata["parents"]) if "parents" in metadata else None)
+            json.loads(metadata["parents"]) if "parents" in metadata else None,
+            metadata.get("hips", "Hips"),
+            tuple(json.loads(metadata["feature_joints"])) if "feature_joints" in metadata else features.SKIRT_JOINTS)
     except (KeyError, ValueError) as error:
         raise safetensors_io.SafetensorsError(
             f"{path}: not a character: {error}; expected what simulate/run.py writes") from None
@@ -67,10 +74,10 @@ class Fit:
     initial_weights: np.ndarray     # [n, m] W_I
 
 
-def fit(character, hips="Hips", feature_joints=features.SKIRT_JOINTS, root_motion=True, rate=30.0,
-        threshold=0.05):
+def fit(character, hips=None, feature_joints=None, root_motion=True, rate=30.0, threshold=0.05):
     """Nearest points on the collider part of the skin, cloth bones and W_I."""
-    names = character.joint_names
+    names, hips = character.joint_names, hips or character.hips
+    feature_joints = feature_joints or character.feature_joints
     missing = [j for j in (hips, *feature_joints) if j not in names]
     if missing:
         raise ValueError(f"joints {missing} not in the character, which has {names}")

@@ -1,0 +1,254 @@
+#include "tools/import/assimp_reader.h"
+
+#include <assimp/config.h>
+#include <assimp/postprocess.h>
+
+#include <algorithm>
+#include <assimp/Importer.hpp>
+#include <cmath>
+
+#include "converter/error.h"
+#include "converter/file.h"
+#include "tools/import/file_system.h"
+
+namespace dcloth::tools {
+namespace {
+
+constexpr size_t kMaxNodes = 1 << 16, kMaxDepth = 1024, kMaxClips = 4096;
+constexpr uint32_t kMaxKeys = 1 << 22;  // of one kind of one node
+constexpr double kMaxNumber = 1e9, kMaxSeconds = 86400;
+
+std::string Lower(std::string text) {
+  for (char& c : text) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return text;
+}
+
+std::string FormatOf(const std::filesystem::path& path) {
+  const std::string extension = Lower(path.extension().string());
+  if (extension == ".glb" || extension == ".gltf") return "glTF";
+  if (extension == ".fbx") return "FBX";
+  if (extension == ".bvh") return "BVH";
+  throw converter::Error({.path = path,
+                          .tensor = {},
+                          .found = "a name ending '" + extension + "'",
+                          .expected = ".glb, .gltf, .fbx or .bvh",
+                          .mend = "export the character as glTF, FBX or BVH"});
+}
+
+}  // namespace
+
+AssimpReader::AssimpReader(const aiScene& scene, std::string format, const std::filesystem::path& path)
+    : scene_(scene) {
+  file_.path = path;
+  file_.format = std::move(format);
+  file_.upright.setIdentity();
+}
+
+void AssimpReader::Refuse(const std::string& found, const std::string& expected, const std::string& mend) const {
+  throw converter::Error({.path = file_.path, .tensor = {}, .found = found, .expected = expected, .mend = mend});
+}
+
+void AssimpReader::Number(double value, const std::string& where) const {
+  if (std::isfinite(value) && std::abs(value) <= kMaxNumber) return;
+  Refuse("the number " + std::to_string(value) + " in " + where, "numbers within 1e9", "the file is damaged");
+}
+
+Eigen::Matrix4d AssimpReader::Matrix(const aiMatrix4x4& matrix, const std::string& where) const {
+  Eigen::Matrix4d out;
+  for (int r = 0; r < 4; ++r) {
+    for (int c = 0; c < 4; ++c) {
+      out(r, c) = static_cast<double>(matrix[static_cast<unsigned>(r)][static_cast<unsigned>(c)]);
+      Number(out(r, c), where);
+    }
+  }
+  out.row(3) << 0, 0, 0, 1;
+  return out;
+}
+
+size_t AssimpReader::NodeOf(const aiString& name, const std::string& where) const {
+  const auto found = index_.find(name.C_Str());
+  if (found == index_.end()) {
+    Refuse(where + " for a node '" + name.C_Str() + "'", "a node of the file", "the file is damaged; export it again");
+  }
+  if (count_.at(found->first) > 1) {
+    Refuse(std::to_string(count_.at(found->first)) + " nodes called '" + found->first + "', of which " + where +
+               " means one",
+           "a name of its own for every bone", "rename them and export again");
+  }
+  return found->second;
+}
+
+void AssimpReader::ReadNodes() {
+  struct Waiting {
+    const aiNode* node;
+    int32_t parent;
+    size_t depth;
+  };
+  if (scene_.mRootNode == nullptr) Refuse("no nodes", "a skeleton");
+  std::vector<Waiting> waiting = {{scene_.mRootNode, -1, 1}};
+  while (!waiting.empty()) {  // not recursive: a hostile depth must not exhaust the stack
+    const Waiting next = waiting.back();
+    waiting.pop_back();
+    const std::string name = next.node->mName.C_Str();
+    if (file_.nodes.size() >= kMaxNodes) Refuse("more nodes", "at most " + std::to_string(kMaxNodes));
+    if (next.depth > kMaxDepth) Refuse("nodes nested deeper", "at most " + std::to_string(kMaxDepth) + " levels");
+    const size_t index = file_.nodes.size();
+    CharacterNode node;
+    node.name = name;
+    node.parent = next.parent;
+    node.local = Matrix(next.node->mTransformation, "the transform of '" + name + "'");
+    node.helper =
+        name.find("_$AssimpFbx$_") != std::string::npos || (file_.format == "BVH" && name.starts_with("EndSite"));
+    rest_.push_back(next.parent < 0 ? node.local
+                                    : Eigen::Matrix4d(rest_[static_cast<size_t>(next.parent)] * node.local));
+    file_.nodes.push_back(std::move(node));
+    index_.emplace(name, index);
+    ++count_[name];
+    for (unsigned i = 0; i < next.node->mNumMeshes; ++i) {
+      if (next.node->mMeshes[i] < scene_.mNumMeshes) mesh_node_.emplace(scene_.mMeshes[next.node->mMeshes[i]], index);
+    }
+    for (unsigned i = next.node->mNumChildren; i-- > 0;) {
+      if (next.node->mChildren[i] != nullptr) {
+        waiting.push_back({next.node->mChildren[i], static_cast<int32_t>(index), next.depth + 1});
+      }
+    }
+  }
+}
+
+// FBX says its axes and its unit; glTF has +Y up, +Z front and metres by definition; BVH says nothing.
+void AssimpReader::ReadSpace() {
+  if (file_.format == "glTF") file_.metres_per_unit = 1;
+  if (file_.format != "FBX" || scene_.mMetaData == nullptr) return;
+  double unit = 0;
+  float unit_f32 = 0;
+  if (!scene_.mMetaData->Get("UnitScaleFactor", unit) && scene_.mMetaData->Get("UnitScaleFactor", unit_f32)) {
+    unit = static_cast<double>(unit_f32);
+  }
+  if (unit != 0) {
+    if (!(unit > 1e-6 && unit < 1e6)) Refuse("UnitScaleFactor " + std::to_string(unit), "centimetres in a unit");
+    file_.metres_per_unit = unit / 100;
+  }
+  const char* const axes[3] = {"CoordAxis", "UpAxis", "FrontAxis"};
+  Eigen::Matrix3d upright = Eigen::Matrix3d::Zero();
+  for (int row = 0; row < 3; ++row) {
+    int32_t axis = -1, sign = 1;
+    if (!scene_.mMetaData->Get(axes[row], axis)) return;
+    scene_.mMetaData->Get(std::string(axes[row]) + "Sign", sign);
+    if (axis < 0 || axis > 2 || (sign != 1 && sign != -1)) {
+      Refuse(std::string(axes[row]) + " " + std::to_string(axis) + ", sign " + std::to_string(sign),
+             "0, 1 or 2; 1 or -1");
+    }
+    upright(row, axis) = sign;
+  }
+  if (std::abs(upright.determinant() - 1) > 1e-9) Refuse("axes that mirror or fall together", "right-handed axes");
+  file_.upright = upright;
+}
+
+NodeChannel AssimpReader::ReadChannel(const aiNodeAnim& channel, double ticks_per_second,
+                                      const std::string& clip) const {
+  const std::string where = "clip '" + clip + "', channel of '" + channel.mNodeName.C_Str() + "'";
+  NodeChannel out;
+  out.node = NodeOf(channel.mNodeName, "clip '" + clip + "' has a channel");
+  if (std::max({channel.mNumPositionKeys, channel.mNumRotationKeys, channel.mNumScalingKeys}) > kMaxKeys) {
+    Refuse("more keys in " + where, "at most " + std::to_string(kMaxKeys));
+  }
+  double last = -kMaxSeconds;
+  const auto seconds = [&](double ticks) {
+    const double at = ticks / ticks_per_second;
+    if (!(at >= last && at <= kMaxSeconds)) {
+      Refuse("a key at " + std::to_string(at) + " s in " + where, "times that ascend, within a day");
+    }
+    return last = at;
+  };
+  const auto vectors = [&](const aiVectorKey* keys, unsigned count, Keys<Eigen::Vector3d>* to) {
+    last = -kMaxSeconds;
+    for (unsigned i = 0; i < count; ++i) {
+      const aiVector3D& v = keys[i].mValue;
+      to->emplace_back(seconds(keys[i].mTime), Eigen::Vector3d(v.x, v.y, v.z));
+      for (int a = 0; a < 3; ++a) Number(to->back().second[a], where);
+    }
+  };
+  vectors(channel.mPositionKeys, channel.mNumPositionKeys, &out.positions);
+  vectors(channel.mScalingKeys, channel.mNumScalingKeys, &out.scales);
+  last = -kMaxSeconds;
+  for (unsigned i = 0; i < channel.mNumRotationKeys; ++i) {
+    const aiQuaternion& q = channel.mRotationKeys[i].mValue;
+    Eigen::Quaterniond value(q.w, q.x, q.y, q.z);
+    const double length = value.norm();
+    if (!std::isfinite(length) || length < 1e-3 || length > 1e3)
+      Refuse("a rotation of no direction in " + where, "unit quaternions");
+    value.coeffs() /= length;
+    out.rotations.emplace_back(seconds(channel.mRotationKeys[i].mTime), value);
+  }
+  return out;
+}
+
+CharacterClip AssimpReader::ReadClip(const aiAnimation& animation, size_t index) const {
+  CharacterClip clip;
+  clip.name = animation.mName.length != 0 ? animation.mName.C_Str() : "clip " + std::to_string(index);
+  double rate = animation.mTicksPerSecond;
+  // BVH has a frame time of six decimals: 0.033333 s means 30 Hz.
+  if (file_.format == "BVH" && std::abs(rate - std::round(rate)) < 1e-4 * rate) rate = std::round(rate);
+  if (!(rate > 0 && rate <= 1e12))
+    Refuse("clip '" + clip.name + "' at " + std::to_string(rate) + " ticks a second", "a positive rate");
+  clip.first_seconds = kMaxSeconds;
+  clip.last_seconds = -kMaxSeconds;
+  std::vector<bool> seen(file_.nodes.size());
+  for (unsigned i = 0; i < animation.mNumChannels; ++i) {
+    NodeChannel channel = ReadChannel(*animation.mChannels[i], rate, clip.name);
+    if (seen[channel.node])
+      Refuse("two channels of '" + file_.nodes[channel.node].name + "' in clip '" + clip.name + "'", "one a node");
+    seen[channel.node] = true;
+    const auto span = [&](const auto& keys) {
+      if (keys.empty()) return;
+      clip.first_seconds = std::min(clip.first_seconds, keys.front().first);
+      clip.last_seconds = std::max(clip.last_seconds, keys.back().first);
+    };
+    span(channel.positions);
+    span(channel.rotations);
+    span(channel.scales);
+    clip.channels.push_back(std::move(channel));
+  }
+  if (clip.last_seconds < clip.first_seconds) clip.first_seconds = clip.last_seconds = 0;
+  return clip;
+}
+
+CharacterFile AssimpReader::Read(bool meshes) {
+  ReadNodes();
+  ReadSpace();
+  if (scene_.mNumAnimations > kMaxClips) Refuse(std::to_string(scene_.mNumAnimations) + " clips", "at most 4096");
+  for (unsigned i = 0; i < scene_.mNumAnimations; ++i) file_.clips.push_back(ReadClip(*scene_.mAnimations[i], i));
+  for (unsigned i = 0; i < scene_.mNumMeshes; ++i) {
+    if (scene_.mMeshes[i]->mNumBones == 0) continue;
+    ReadBind(*scene_.mMeshes[i]);
+    if (meshes) ReadMesh(*scene_.mMeshes[i]);
+  }
+  return std::move(file_);
+}
+
+CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
+  const std::string format = FormatOf(path);
+  converter::ReadFile(path, uint64_t{1} << 30);  // its errors say more than assimp's
+  Assimp::Importer importer;
+  importer.SetIOHandler(new FolderFileSystem(path.parent_path()));  // the importer owns it
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_TEXTURES, false);
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_CAMERAS, false);
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_LIGHTS, false);
+  // BVH: no made-up mesh that shows the bones.
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
+  // Animation curves that never change still place their joint.
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_OPTIMIZE_EMPTY_ANIMATION_CURVES, false);
+  const aiScene* const scene = importer.ReadFile(path.string(), meshes ? unsigned{aiProcess_Triangulate} : 0);
+  if (scene == nullptr) {
+    throw converter::Error({.path = path,
+                            .tensor = {},
+                            .found = "a file that assimp refuses: " + std::string(importer.GetErrorString()),
+                            .expected = "a sound " + format + " file",
+                            .mend = "export it again"});
+  }
+  return AssimpReader(*scene, format, path).Read(meshes);
+}
+
+}  // namespace dcloth::tools

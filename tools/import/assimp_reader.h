@@ -1,0 +1,44 @@
+// What the parts of the assimp reader share: checked numbers, nodes by name.
+#ifndef DCLOTH_TOOLS_IMPORT_ASSIMP_READER_H_
+#define DCLOTH_TOOLS_IMPORT_ASSIMP_READER_H_
+
+#include <assimp/scene.h>
+
+#include <string>
+#include <unordered_map>
+
+#include "tools/import/character.h"
+
+namespace dcloth::tools {
+
+class AssimpReader {
+ public:
+  AssimpReader(const aiScene& scene, std::string format, const std::filesystem::path& path);
+
+  CharacterFile Read(bool meshes);
+
+ private:
+  [[noreturn]] void Refuse(const std::string& found, const std::string& expected, const std::string& mend = {}) const;
+  Eigen::Matrix4d Matrix(const aiMatrix4x4& matrix, const std::string& where) const;
+  void Number(double value, const std::string& where) const;  // finite and sane, or refused
+  size_t NodeOf(const aiString& name, const std::string& where) const;
+
+  void ReadNodes();
+  void ReadSpace();
+  CharacterClip ReadClip(const aiAnimation& animation, size_t index) const;
+  NodeChannel ReadChannel(const aiNodeAnim& channel, double ticks_per_second, const std::string& clip) const;
+  Eigen::Matrix4d MeshToWorld(const aiMesh& mesh) const;
+  void ReadBind(const aiMesh& mesh);
+  void ReadMesh(const aiMesh& mesh);
+
+  const aiScene& scene_;
+  CharacterFile file_;
+  std::unordered_map<std::string, size_t> index_;  // the first node of a name
+  std::unordered_map<std::string, size_t> count_;  // nodes of a name
+  std::unordered_map<const aiMesh*, size_t> mesh_node_;
+  std::vector<Eigen::Matrix4d> rest_;  // nodes to world, without animation
+};
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_IMPORT_ASSIMP_READER_H_

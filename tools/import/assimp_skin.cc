@@ -1,0 +1,104 @@
+// The skin: which pose it was bound in, its vertices and weights.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "tools/import/assimp_reader.h"
+
+namespace dcloth::tools {
+namespace {
+
+constexpr double kSamePose = 1e-4;  // metres, and of a matrix's own size
+
+}  // namespace
+
+// From a mesh's own space, in the pose it was bound in, to world. FBX applies the transform of the mesh's node. glTF
+// ignores it: there a bone's rest times its bind matrix is that map, the same for every bone where the nodes stand in
+// the bind pose (files whose root turns Z up or scales centimetres); where they stand in another pose the mesh is taken
+// as it is.
+Eigen::Matrix4d AssimpReader::MeshToWorld(const aiMesh& mesh) const {
+  if (file_.format != "glTF") {
+    const auto node = mesh_node_.find(&mesh);
+    return node == mesh_node_.end() ? Eigen::Matrix4d::Identity() : rest_[node->second];
+  }
+  Eigen::Matrix4d first = Eigen::Matrix4d::Identity();
+  for (unsigned b = 0; b < mesh.mNumBones; ++b) {
+    const size_t node = NodeOf(mesh.mBones[b]->mName, "a bone");
+    const Eigen::Matrix4d map = rest_[node] * Matrix(mesh.mBones[b]->mOffsetMatrix, "a bind matrix");
+    if (b == 0) first = map;
+    const Eigen::Vector3d apart = (map - first).topRightCorner<3, 1>();
+    const double size = first.topLeftCorner<3, 3>().cwiseAbs().maxCoeff();
+    const bool turned = ((map - first).topLeftCorner<3, 3>().cwiseAbs().maxCoeff() > kSamePose * size);
+    if (turned || apart.norm() > kSamePose) return Eigen::Matrix4d::Identity();
+  }
+  return first.isIdentity(kSamePose) ? Eigen::Matrix4d::Identity() : first;
+}
+
+void AssimpReader::ReadBind(const aiMesh& mesh) {
+  const Eigen::Matrix4d to_world = MeshToWorld(mesh);
+  const std::string name = mesh.mName.C_Str();
+  for (unsigned b = 0; b < mesh.mNumBones; ++b) {
+    const aiBone& bone = *mesh.mBones[b];
+    const size_t node = NodeOf(bone.mName, "a bone of mesh '" + name + "'");
+    const Eigen::Matrix4d offset = Matrix(bone.mOffsetMatrix, "the bind matrix of '" + file_.nodes[node].name + "'");
+    if (std::abs(offset.topLeftCorner<3, 3>().determinant()) < 1e-12) {
+      Refuse("a bind matrix without volume at bone '" + file_.nodes[node].name + "'", "an invertible one");
+    }
+    const Eigen::Matrix4d bind = to_world * offset.inverse();
+    std::optional<Eigen::Matrix4d>& known = file_.nodes[node].bind;
+    // Meshes of one skeleton agree, or no pose fits the file.
+    if (known && (*known - bind).cwiseAbs().maxCoeff() > 1e-3 * std::max(1.0, bind.cwiseAbs().maxCoeff())) {
+      Refuse("two bind poses of bone '" + file_.nodes[node].name + "', another in mesh '" + name + "'", "one bind pose",
+             "bind all meshes in the same pose, or export the body alone");
+    }
+    known = bind;
+  }
+}
+
+void AssimpReader::ReadMesh(const aiMesh& mesh) {
+  SkinnedMesh out;
+  out.name = mesh.mName.C_Str();
+  if (mesh.mNumVertices > (1u << 24) || mesh.mNumFaces > (1u << 25))
+    Refuse("a mesh '" + out.name + "' beyond 2^24 vertices", "a smaller one");
+  const Eigen::Matrix4d to_world = MeshToWorld(mesh);
+  // Readers cut a mesh at every face; vertices on the same place are one again.
+  std::map<std::array<ai_real, 3>, uint32_t> place;
+  std::vector<uint32_t> vertex_of(mesh.mNumVertices);
+  for (unsigned i = 0; i < mesh.mNumVertices; ++i) {
+    const aiVector3D& v = mesh.mVertices[i];
+    for (const ai_real x : {v.x, v.y, v.z}) Number(static_cast<double>(x), "vertices of mesh '" + out.name + "'");
+    const auto [at, fresh] = place.try_emplace({v.x, v.y, v.z}, static_cast<uint32_t>(out.positions.size()));
+    if (fresh) out.positions.emplace_back((to_world * Eigen::Vector4d(v.x, v.y, v.z, 1)).head<3>());
+    vertex_of[i] = at->second;
+  }
+  for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
+    const aiFace& face = mesh.mFaces[f];
+    if (face.mNumIndices != 3) continue;  // points and lines have no surface
+    std::array<uint32_t, 3> corner;
+    for (unsigned k = 0; k < 3; ++k) {
+      if (face.mIndices[k] >= mesh.mNumVertices)
+        Refuse("a face of mesh '" + out.name + "' beyond its vertices", "indices below the vertex count");
+      corner[k] = vertex_of[face.mIndices[k]];
+    }
+    if (corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) continue;
+    out.triangles.insert(out.triangles.end(), corner.begin(), corner.end());
+  }
+  std::map<std::pair<uint32_t, uint32_t>, float> weights;  // (vertex, node): copies of a vertex agree
+  for (unsigned b = 0; b < mesh.mNumBones; ++b) {
+    const aiBone& bone = *mesh.mBones[b];
+    const auto node = static_cast<uint32_t>(NodeOf(bone.mName, "a bone of mesh '" + out.name + "'"));
+    for (unsigned w = 0; w < bone.mNumWeights; ++w) {
+      const aiVertexWeight& weight = bone.mWeights[w];
+      if (weight.mVertexId >= mesh.mNumVertices || !std::isfinite(weight.mWeight) || weight.mWeight < 0) {
+        Refuse("a weight of bone '" + file_.nodes[node].name + "' that is negative, not finite or of no vertex",
+               "sound weights");
+      }
+      if (weight.mWeight > 0) weights[{vertex_of[weight.mVertexId], node}] = static_cast<float>(weight.mWeight);
+    }
+  }
+  for (const auto& [key, weight] : weights) out.influences.push_back({key.first, key.second, weight});
+  file_.meshes.push_back(std::move(out));
+}
+
+}  // namespace dcloth::tools

@@ -1,0 +1,70 @@
+// An animated, skinned character as a file tells it: nodes, keys, the skin's bind pose. In the file's own axes and
+// unit.
+#ifndef DCLOTH_TOOLS_IMPORT_CHARACTER_H_
+#define DCLOTH_TOOLS_IMPORT_CHARACTER_H_
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace dcloth::tools {
+
+struct CharacterNode {
+  std::string name;
+  int32_t parent = -1;                  // -1 at the root; parents stand before their children
+  Eigen::Matrix4d local;                // to the parent's space, without animation
+  std::optional<Eigen::Matrix4d> bind;  // to world, in the pose the skin was bound in; bones of a skin only
+  bool helper = false;                  // a step of another node's transform, not a joint of its own
+};
+
+template <typename Value>
+using Keys = std::vector<std::pair<double, Value>>;  // seconds, ascending
+
+struct NodeChannel {
+  size_t node = 0;
+  Keys<Eigen::Vector3d> positions, scales;
+  Keys<Eigen::Quaterniond> rotations;  // of length 1
+};
+
+struct CharacterClip {
+  std::string name;
+  std::vector<NodeChannel> channels;
+  double first_seconds = 0, last_seconds = 0;  // of the keys
+};
+
+struct SkinInfluence {
+  uint32_t vertex = 0;
+  uint32_t node = 0;
+  float weight = 0;
+};
+
+struct SkinnedMesh {
+  std::string name;
+  std::vector<Eigen::Vector3d> positions;  // world, in the bind pose
+  std::vector<uint32_t> triangles;         // [c, 3]
+  std::vector<SkinInfluence> influences;
+};
+
+struct CharacterFile {
+  std::filesystem::path path;
+  std::string format;  // "glTF", "FBX" or "BVH"
+  std::vector<CharacterNode> nodes;
+  std::vector<CharacterClip> clips;
+  std::vector<SkinnedMesh> meshes;
+  std::optional<double> metres_per_unit;  // where the file says so
+  Eigen::Matrix3d upright;                // the file's axes to +Y up, +Z front
+};
+
+// Reads .gltf, .glb, .fbx or .bvh; other files are opened only where the first one names them and only in its folder.
+// What comes back is checked: finite numbers, keys in order, counts, depth, names. `meshes` false leaves meshes out.
+// Throws converter::Error; also in a build without assimp.
+CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes);
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_IMPORT_CHARACTER_H_

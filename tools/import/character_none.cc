@@ -1,0 +1,15 @@
+// In place of character_assimp.cc where assimp was not found.
+#include "converter/error.h"
+#include "tools/import/character.h"
+
+namespace dcloth::tools {
+
+CharacterFile ReadCharacter(const std::filesystem::path& path, bool) {
+  throw converter::Error({.path = path,
+                          .tensor = {},
+                          .found = "a dcloth built without assimp",
+                          .expected = "one built with it, to read glTF, FBX and BVH",
+                          .mend = "install assimp's development files (Debian: libassimp-dev) and build again"});
+}
+
+}  // namespace dcloth::tools

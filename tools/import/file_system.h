@@ -1,0 +1,28 @@
+// What assimp may open: regular files of bounded size in one folder.
+#ifndef DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_
+#define DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_
+
+#include <assimp/IOStream.hpp>
+#include <assimp/IOSystem.hpp>
+#include <filesystem>
+
+namespace dcloth::tools {
+
+class FolderFileSystem : public Assimp::IOSystem {
+ public:
+  explicit FolderFileSystem(const std::filesystem::path& folder);
+
+  bool Exists(const char* file) const override;
+  char getOsSeparator() const override { return '/'; }
+  Assimp::IOStream* Open(const char* file, const char* mode) override;  // null where not allowed
+  void Close(Assimp::IOStream* stream) override;
+
+ private:
+  bool Inside(const std::filesystem::path& file) const;
+
+  std::filesystem::path folder_;
+};
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_

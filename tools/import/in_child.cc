@@ -1,0 +1,66 @@
+#include "tools/import/in_child.h"
+
+#include <cstdio>
+#include <string>
+
+#include "converter/error.h"
+
+#if defined(__unix__) || defined(__APPLE__)
+#include <sys/resource.h>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#endif
+
+namespace dcloth::tools {
+
+#if defined(__unix__) || defined(__APPLE__)
+namespace {
+
+constexpr rlim_t kMaxBytes = rlim_t{16} << 30;
+constexpr rlim_t kMaxSeconds = 300;  // of processor time
+
+void Limit(int what, rlim_t value) {
+  rlimit limit;
+  if (getrlimit(what, &limit) != 0) return;
+  if (limit.rlim_max != RLIM_INFINITY && value > limit.rlim_max) value = limit.rlim_max;
+  limit.rlim_cur = value;
+  setrlimit(what, &limit);
+}
+
+}  // namespace
+
+std::optional<int> InChild(const std::filesystem::path& input) {
+  std::fflush(nullptr);
+  const pid_t child = fork();
+  if (child < 0) return std::nullopt;
+  if (child == 0) {
+    Limit(RLIMIT_CORE, 0);
+    Limit(RLIMIT_AS, kMaxBytes);
+    Limit(RLIMIT_CPU, kMaxSeconds);
+    return std::nullopt;
+  }
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (WIFEXITED(status)) return WEXITSTATUS(status);
+  const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+  throw converter::Error(
+      {.path = input,
+       .tensor = {},
+       .found = signal == SIGXCPU ? "a file that " + std::to_string(kMaxSeconds) + " s of reading did not get through"
+                                  : "a file on which the reader crashed (signal " + std::to_string(signal) + ")",
+       .expected = "a sound glTF, FBX or BVH file",
+       .mend = "the file is damaged or too large; export it again, with the skeleton and its animation alone"});
+}
+
+#else
+
+std::optional<int> InChild(const std::filesystem::path&) { return std::nullopt; }
+
+#endif
+
+}  // namespace dcloth::tools

@@ -1,0 +1,17 @@
+// Third-party readers may crash or never end on a damaged file: the work is done in a child process.
+#ifndef DCLOTH_TOOLS_IMPORT_IN_CHILD_H_
+#define DCLOTH_TOOLS_IMPORT_IN_CHILD_H_
+
+#include <filesystem>
+#include <optional>
+
+namespace dcloth::tools {
+
+// On POSIX forks: returns nothing in the child, which goes on with the command under limits of memory and time, and its
+// exit code in the parent. Throws converter::Error in the parent when a signal ended the child. Elsewhere returns
+// nothing and guards nothing.
+std::optional<int> InChild(const std::filesystem::path& input);
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_IMPORT_IN_CHILD_H_

@@ -1,0 +1,155 @@
+#include "tools/import/joint_map.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
+#include <unordered_map>
+#include <utility>
+
+#include "converter/error.h"
+#include "converter/file.h"
+
+namespace dcloth::tools {
+namespace {
+
+// "mixamorig:LeftUpLeg" and "left_up_leg" are the same word.
+std::string Plain(const std::string& name) {
+  const size_t colon = name.rfind(':');
+  std::string plain;
+  for (const char c : name.substr(colon == std::string::npos ? 0 : colon + 1)) {
+    if (c >= 'A' && c <= 'Z') plain += static_cast<char>(c - 'A' + 'a');
+    if ((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || static_cast<unsigned char>(c) >= 0x80) plain += c;
+  }
+  return plain;
+}
+
+size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), size_t{0});
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t corner = std::exchange(row[0], i);
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t swapped = corner + (a[i - 1] != b[j - 1]);
+      corner = row[j];
+      row[j] = std::min({swapped, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row[b.size()];
+}
+
+}  // namespace
+
+JointMap ReadJointMap(const std::filesystem::path& path) {
+  const converter::AlignedBytes bytes = converter::ReadFile(path, uint64_t{1} << 20);
+  const auto refuse = [&](const std::string& found) {
+    throw converter::Error({.path = path,
+                            .tensor = {},
+                            .found = found,
+                            .expected = "a JSON object {\"joint of the garment\": \"node of the file\", ...}",
+                            .mend = {}});
+  };
+  const auto* const text = reinterpret_cast<const char*>(bytes.data());
+  // Arrays and objects in the values are refused before they can nest deeper than the stack is.
+  bool nested = false;
+  const auto parsed = nlohmann::json::parse(
+      text, text + bytes.size(),
+      [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json&) {
+        nested |= depth > 0 && (event == nlohmann::json::parse_event_t::object_start ||
+                                event == nlohmann::json::parse_event_t::array_start);
+        return !nested;
+      },
+      false);
+  if (nested || !parsed.is_object()) refuse(nested ? "a list or an object inside the map" : "no JSON object");
+  JointMap map;
+  for (const auto& [joint, node] : parsed.items()) {
+    if (!node.is_string()) refuse("joint '" + joint + "' without a name in quotes");
+    map.emplace(joint, node.get<std::string>());
+  }
+  return map;
+}
+
+std::vector<std::string> JointsOf(const CharacterFile& file, const JointMap& map) {
+  std::map<std::string, std::string> joint_of;
+  for (const auto& [joint, node] : map) joint_of.emplace(node, joint);
+  std::vector<bool> wanted(file.nodes.size());
+  bool skin = false;
+  for (size_t i = 0; i < file.nodes.size(); ++i) skin |= wanted[i] = file.nodes[i].bind.has_value();
+  if (!skin) {
+    for (const CharacterClip& clip : file.clips) {
+      for (const NodeChannel& channel : clip.channels) wanted[channel.node] = true;
+    }
+  }
+  std::vector<std::string> joints;
+  for (size_t i = 0; i < file.nodes.size(); ++i) {
+    const auto named = joint_of.find(file.nodes[i].name);
+    if ((!wanted[i] && named == joint_of.end()) || file.nodes[i].helper) continue;
+    joints.push_back(named == joint_of.end() ? file.nodes[i].name : named->second);
+  }
+  return joints;
+}
+
+std::vector<size_t> FindJoints(const CharacterFile& file, const JointMap& map, std::span<const std::string> joints) {
+  std::unordered_map<std::string, std::vector<size_t>> index;
+  std::vector<std::string> held;
+  for (size_t i = 0; i < file.nodes.size(); ++i) {
+    if (file.nodes[i].helper) continue;
+    index[file.nodes[i].name].push_back(i);
+    held.push_back(file.nodes[i].name);
+  }
+  std::vector<size_t> nodes;
+  std::string missing;
+  for (const std::string& joint : joints) {
+    const auto mapped = map.find(joint);
+    const std::string& name = mapped == map.end() ? joint : mapped->second;
+    const auto found = index.find(name);
+    if (found == index.end()) {
+      missing += (missing.empty() ? "'" : "; '") + joint + (mapped == map.end() ? "'" : "' (mapped to '" + name + "')");
+      const std::vector<std::string> nearest = NearestNames(name, held, 3);
+      for (size_t k = 0; k < nearest.size(); ++k) missing += (k == 0 ? ", closest are '" : "', '") + nearest[k];
+      if (!nearest.empty()) missing += "'";
+      continue;
+    }
+    if (found->second.size() > 1) {
+      throw converter::Error({.path = file.path,
+                              .tensor = {},
+                              .found = std::to_string(found->second.size()) + " nodes called '" + name + "'",
+                              .expected = "one, for the joint '" + joint + "'",
+                              .mend = "rename them and export again"});
+    }
+    nodes.push_back(found->second.front());
+  }
+  if (!missing.empty()) {
+    throw converter::Error(
+        {.path = file.path,
+         .tensor = {},
+         .found = "no node for the joints " + missing,
+         .expected = "a node for every joint of the garment",
+         .mend = "name the nodes in a mapping file, {\"joint\": \"node\", ...}, and give it with --map"});
+  }
+  return nodes;
+}
+
+std::vector<std::string> NearestNames(const std::string& name, std::span<const std::string> held, size_t count) {
+  const std::string plain = Plain(name);
+  std::set<std::pair<size_t, std::string>> ranked;  // distance, name
+  for (const std::string& other : held) {
+    const std::string word = Plain(other);
+    if (word.empty() || word.size() > 256 || plain.size() > 256) continue;
+    ranked.emplace(EditDistance(plain, word), other);
+  }
+  std::vector<std::string> nearest;
+  for (const auto& [distance, other] : ranked) {
+    // More letters changed than the shorter word has: no likeness at all.
+    if (nearest.size() == count || distance >= std::max<size_t>(plain.size(), 1)) break;
+    nearest.push_back(other);
+  }
+  return nearest;
+}
+
+std::string JsonList(std::span<const std::string> names) {
+  return nlohmann::json(std::vector<std::string>(names.begin(), names.end()))
+      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+}  // namespace dcloth::tools
