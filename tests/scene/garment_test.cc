@@ -165,32 +165,48 @@ TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
   EXPECT_EQ(figures[DCLOTH_LEVEL_MESH].to_mesh_mm, 0);
 }
 
-// A character stands at the end of each clip for eight seconds, then walks the clip's second half backwards; the garment
-// freezes, and stays within a millimetre of the one that does not, then and after.
+struct Rest {
+  double frozen_after = -1;             // seconds, below 0 for never
+  double at_rest_mm = 0, awake_mm = 0;  // to the garment that never froze, of the vertex farthest off
+};
+
+// A character stands at frame `stop` of a clip for eight seconds, then walks back.
+Rest StandAt(const Garment& garment, const Clip& clip, size_t stop) {
+  Rest rest;
+  Character idle(garment.model(kPrecision)), twin(garment.model(kPrecision));
+  const size_t back = std::min(stop, size_t{75}), still = stop + 240;
+  for (size_t tick = stop - back; tick < still + back; ++tick) {
+    const size_t at = tick < still ? std::min(tick, stop) : stop - (tick - still);
+    const std::vector<float> pose = Flat(clip.motion[at]);
+    idle.Update(pose, kTick, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE);
+    twin.Update(pose, kTick, DCLOTH_STAGES_MESH, 0);
+    const double off = DistanceMm(idle.positions().data(), twin.positions().data(), idle.positions().size()).largest;
+    if (idle.Describe().frozen != 0) {
+      if (rest.frozen_after < 0) rest.frozen_after = static_cast<double>(tick - stop) / 30;
+      rest.at_rest_mm = std::max(rest.at_rest_mm, off);
+    } else {
+      rest.awake_mm = std::max(rest.awake_mm, off);
+    }
+  }
+  return rest;
+}
+
+// At the end of a clip, where a character stands, the garment freezes. In the middle of a step it may creep on for long
+// and stay awake (the skirt in the middle of a run: fifteen seconds and more, at up to 1.5 mm a second). Wherever it
+// freezes, it stays within a millimetre of the one that does not, then and after.
 TEST_P(GarmentSceneTest, IdleStaysNear) {
   for (const Clip& clip : garment().clips) {
-    Character idle(garment().model(kPrecision)), twin(garment().model(kPrecision));
-    const size_t count = clip.motion.size(), start = count / 2, stop = count - 1, still = stop + 240;
-    double frozen_after = -1, at_rest = 0, awake = 0;
-    for (size_t tick = start; tick < still + count / 2; ++tick) {
-      const size_t at = tick < still ? std::min(tick, stop) : stop - (tick - still);
-      const std::vector<float> pose = Flat(clip.motion[at]);
-      idle.Update(pose, kTick, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE);
-      twin.Update(pose, kTick, DCLOTH_STAGES_MESH, 0);
-      const double off = DistanceMm(idle.positions().data(), twin.positions().data(), idle.positions().size()).largest;
-      if (idle.Describe().frozen != 0) {
-        if (frozen_after < 0) frozen_after = static_cast<double>(tick - stop) / 30;
-        at_rest = std::max(at_rest, off);
-      } else {
-        awake = std::max(awake, off);
-      }
+    for (size_t quarter = 1; quarter <= 4; ++quarter) {
+      const size_t stop = clip.motion.size() * quarter / 4 - (quarter == 4 ? 1 : 0);
+      const Rest rest = StandAt(garment(), clip, stop);
+      std::printf("%s, stands at frame %zu: frozen after %.2f s, at rest up to %.3f mm off, awake %.3f mm\n",
+                  clip.name.c_str(), stop, rest.frozen_after, rest.at_rest_mm, rest.awake_mm);
+      EXPECT_LE(rest.at_rest_mm, 1);
+      EXPECT_LE(rest.awake_mm, 1);
+      if (quarter < 4) continue;
+      EXPECT_GE(rest.frozen_after, 0) << "never frozen";
+      EXPECT_LE(rest.frozen_after, 5);
     }
-    std::printf("%s: frozen after %.2f s, at rest up to %.3f mm off, awake %.3f mm\n", clip.name.c_str(), frozen_after,
-                at_rest, awake);
-    EXPECT_GE(frozen_after, 0) << "never frozen";
-    EXPECT_LE(frozen_after, 5);
-    EXPECT_LE(at_rest, 1);
-    EXPECT_LE(awake, 1);
   }
 }
 

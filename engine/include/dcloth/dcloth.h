@@ -175,9 +175,10 @@ enum {
    * displacement is drawn, before the first tick the garment without any. */
   DCLOTH_FRAME_HOLD = 8,
   /* Freeze while idle. After half a second (15 ticks) in which no joint moved by more than 0.5 mm or turned by more
-   * than a thousandth, and no vertex by more than 0.05 mm along an axis from tick to tick, ticks stop and frames cost
-   * drawing only. The first frame with time whose pose has moved that far, that jumped, or that asks for other stages
-   * has its tick at once. A frame without the flag wakes too. */
+   * than a thousandth, and no vertex by more than 0.05 mm along an axis, neither from tick to tick nor in all, ticks
+   * stop and frames cost drawing only; the last of those ticks costs a basis sum more. The first frame with time whose
+   * pose has moved that far, that jumped, or that asks for other stages has its tick at once. A frame without the flag
+   * wakes too. */
   DCLOTH_FRAME_FREEZE_IDLE = 16
 };
 typedef struct dcloth_frame {
@@ -327,7 +328,7 @@ DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
  * Saved bytes hold all that the frames to come depend on, a tick in work included: a cloth that takes them goes on
  * to the bit as the one that was saved would have, on the same instruction set. Joint binding and space are the
  * host's and not among them. They are little-endian and laid out the same on every platform and instruction set;
- * their version is 2, and a release that cannot read one refuses it with VERSION.
+ * their version is 3, and a release that cannot read one refuses it with VERSION.
  *
  * Pause: do not update, or save, give the memory back, create and restore later. The first update's `seconds` is the
  *   frame time as if nothing had happened in between; where the character was moved, add DCLOTH_FRAME_JUMPED.
