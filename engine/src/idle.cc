@@ -55,12 +55,12 @@ bool DisplacementIsNearStart(Cloth* cloth) {
   for (size_t row = 0; row < view.basis.rows; ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
   const LinearProduct product = {&view.basis, c, view.basis.rows, Activation::kNone, cloth->quantized, nullptr};
   const float scale = QuantizeInput(kernels, product);
-  const float origin[kPanels * kernels::kPanelColumns] = {};
+  static constexpr float kOrigin[kPanels * kernels::kPanelColumns] = {};
   for (size_t begin = 0; begin < panels; begin += kPanels) {
     const size_t count = panels - begin < kPanels ? panels - begin : kPanels;
     alignas(64) float moved[kPanels * kernels::kPanelColumns];
     ApplyPanelsTo(kernels, product, scale, begin, count, moved);
-    if (!AreNear(moved, origin, count * kernels::kPanelColumns)) return false;
+    if (!AreNear(moved, kOrigin, count * kernels::kPanelColumns)) return false;
   }
   return true;
 }
@@ -72,9 +72,7 @@ bool IsNearStart(Cloth* cloth) {
 
 }  // namespace
 
-size_t IdleStartFloats(const format::ModelView& model) {
-  return IncrementCount(model) + model.displacement.basis.rows;
-}
+size_t IdleStartFloats(const format::ModelView& model) { return IncrementCount(model) + model.displacement.basis.rows; }
 
 bool IsStill(const Cloth& cloth, const Affine* pose) {
   bool still = true;
