@@ -7,7 +7,7 @@ declare -A groups=(
   [build]="ca-certificates g++ cmake ninja-build libhwy-dev libflatbuffers-dev flatbuffers-compiler nlohmann-json3-dev
            libeigen3-dev libcli11-dev zlib1g-dev python3"
   [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
-          chromium binutils clang libclang-rt-dev"
+          chromium binutils clang libclang-rt-dev pkg-config"
   [cross_aarch64]="g++-aarch64-linux-gnu qemu-user googletest"
   [cross_windows]="g++-mingw-w64-x86-64-posix libz-mingw-w64-dev wine wine64 googletest"
   [unity]="mono-mcs mono-runtime libmono-system-core4.0-cil libmono-2.0-dev libmonosgen-2.0-dev"

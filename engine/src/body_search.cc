@@ -6,8 +6,10 @@ namespace dcloth::engine {
 namespace {
 
 constexpr uint32_t kMaxSteps = 8;
-constexpr double kSame = 1e-9;       // of squared distances to one point over two faces, which round apart
-constexpr double kTouching = 1e-14;  // of a face's area: a squared distance below it gives no direction
+constexpr double kSame = 1e-9;  // of squared distances to one point over two faces, which round apart
+constexpr double kClearlyFurther = 1e-6;
+constexpr size_t kMostSeen = 1 + 3 * kMaxSteps;  // vertices that a walk looks around
+constexpr double kTouching = 1e-14;              // of a face's area: a squared distance below it gives no direction
 
 struct Vec {
   double x, y, z;
@@ -41,10 +43,14 @@ class Walk {
  public:
   Walk(const PosedBody& posed, Vec point) : posed_(posed), point_(point) {}
 
-  // True where a face around `vertex` is nearer than all before.
+  // True where a face around `vertex` is nearer than all before. A vertex that was looked around has nothing new.
   bool LookAround(uint32_t vertex) {
     const format::BodyView& body = *posed_.body;
     bool nearer = false;
+    for (size_t i = 0; i < seen_count_; ++i) {
+      if (seen_[i] == vertex) return false;
+    }
+    if (seen_count_ < kMostSeen) seen_[seen_count_++] = vertex;
     for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) nearer |= LookAt(body.columns[i]);
     return nearer;
   }
@@ -76,8 +82,12 @@ class Walk {
     const Vec area = Cross(b - a, c - a);
     const double square = Dot(area, area);
     if (!(square > 0)) return false;
+    // The face's plane alone is further than what was found.
+    const double height = Dot(area, point_ - a);
+    if (found_ && height * height > squared_ * square * (1 + kClearlyFurther)) return false;
     const Vec closest = ClosestOnTriangle(point_, a, b, c), away = point_ - closest;
     const double squared = Dot(away, away);
+    if (found_ && squared > squared_ * (1 + kSame)) return false;
     const Vec normal = (posed_.outward / std::sqrt(square)) * area;
     const double square_on = Dot(normal, away);
     const bool nearer = !found_ ? squared == squared : squared < squared_ * (1 - kSame);
@@ -98,6 +108,8 @@ class Walk {
   double squared_ = 0, square_on_ = 0, extent_ = 0;
   uint32_t face_ = 0;
   bool found_ = false;
+  size_t seen_count_ = 0;
+  uint32_t seen_[kMostSeen];
 };
 
 }  // namespace
@@ -108,7 +120,7 @@ ClosestPoint SearchBody(const PosedBody& posed, uint32_t start, const double poi
   for (uint32_t step = 0; step < kMaxSteps && walk.found(); ++step) {
     const uint16_t* corners = posed.body->faces + size_t{3} * walk.face();
     bool nearer = false;
-    for (size_t c = 0; c < 3; ++c) nearer |= corners[c] != start && walk.LookAround(corners[c]);
+    for (size_t c = 0; c < 3; ++c) nearer |= walk.LookAround(corners[c]);
     if (!nearer) break;
   }
   return walk.Result();

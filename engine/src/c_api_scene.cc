@@ -2,7 +2,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "dcloth/dcloth.h"
+#include "dcloth/dcloth_scene.h"
 #include "engine/src/float_environment.h"
 #include "engine/src/lent_memory.h"
 #include "engine/src/scene.h"

@@ -5,6 +5,7 @@
 
 #include "engine/src/coefficients.h"
 #include "engine/src/displacement.h"
+#include "engine/src/idle.h"
 #include "engine/src/isa.h"
 #include "engine/src/normals.h"
 #include "engine/src/skinning.h"
@@ -47,6 +48,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.pose_before = arena.Take<Affine>(model.joint_count);
   placed.pose_now = arena.Take<Affine>(model.joint_count);
   placed.idle_pose = arena.Take<Affine>(model.joint_count);
+  placed.idle_start = arena.Take<float>(IdleStartFloats(model));
   placed.matrices = arena.Take<float>(size_t{12} * model.static_stage.bone_count);
   placed.features = arena.Take<float>(model.features.length);
   placed.hidden = arena.Take<float>(kernels::PaddedColumns(model.static_stage.hidden.columns));

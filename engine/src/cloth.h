@@ -53,6 +53,7 @@ struct Cloth {
   Affine* pose_before;  // [joint_count], the pose of the last update
   Affine* pose_now;     // [joint_count], the pose of this one
   Affine* idle_pose;    // [joint_count], of the tick since which the pose has not moved
+  float* idle_start;    // D and basis coefficients of the first of the idle ticks, see idle.h
   float* matrices;      // [m, 12], scratch of a frame
   float* features;      // x [d], kept from tick to tick
   float* hidden;        // [padded width] of the static stage

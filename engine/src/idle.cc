@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <cstring>
 
+#include "engine/src/coefficients.h"
 #include "engine/src/displacement.h"
+#include "engine/src/isa.h"
 
 namespace dcloth::engine {
 namespace {
@@ -24,7 +26,53 @@ bool IsSettled(const Cloth& cloth) {
           AreNear(cloth.displacement[now], cloth.displacement[before], DisplacementFloats(*cloth.model)));
 }
 
+size_t IncrementCount(const format::ModelView& model) { return size_t{3} * model.static_stage.bone_count; }
+
+// Rows of the basis that the newest tick used.
+size_t RowsUsed(const Cloth& cloth) {
+  return RunsSkeleton(cloth.plan)
+             ? DisplacementProduct(*cloth.model, cloth.plan.stages, cloth.coefficients, nullptr, nullptr).row_count
+             : 0;
+}
+
+void RememberStart(Cloth* cloth) {
+  const format::ModelView& model = *cloth->model;
+  const size_t increments = IncrementCount(model), rows = RowsUsed(*cloth);
+  std::memcpy(cloth->idle_start, cloth->increments[cloth->newest], increments * sizeof(float));
+  float* const c = cloth->idle_start + increments;
+  std::memcpy(c, BasisCoefficients(model, cloth->coefficients), rows * sizeof(float));
+  std::memset(c + rows, 0, (model.displacement.basis.rows - rows) * sizeof(float));
+}
+
+// How far c has come, times the basis, a few panels at a time. Spends what was remembered of the start.
+bool DisplacementIsNearStart(Cloth* cloth) {
+  constexpr size_t kPanels = 16;
+  const kernels::KernelTable& kernels = ActiveKernels();
+  const format::DisplacementView& view = cloth->model->displacement;
+  const float* now = BasisCoefficients(*cloth->model, cloth->coefficients);
+  float* const c = cloth->idle_start + IncrementCount(*cloth->model);
+  const size_t used = RowsUsed(*cloth), panels = kernels::PanelCount(view.basis.columns);
+  for (size_t row = 0; row < view.basis.rows; ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
+  const LinearProduct product = {&view.basis, c, view.basis.rows, Activation::kNone, cloth->quantized, nullptr};
+  const float scale = QuantizeInput(kernels, product);
+  static constexpr float kOrigin[kPanels * kernels::kPanelColumns] = {};
+  for (size_t begin = 0; begin < panels; begin += kPanels) {
+    const size_t count = panels - begin < kPanels ? panels - begin : kPanels;
+    alignas(64) float moved[kPanels * kernels::kPanelColumns];
+    ApplyPanelsTo(kernels, product, scale, begin, count, moved);
+    if (!AreNear(moved, kOrigin, count * kernels::kPanelColumns)) return false;
+  }
+  return true;
+}
+
+bool IsNearStart(Cloth* cloth) {
+  return AreNear(cloth->increments[cloth->newest], cloth->idle_start, IncrementCount(*cloth->model)) &&
+         (cloth->displacement[cloth->newest] == nullptr || DisplacementIsNearStart(cloth));
+}
+
 }  // namespace
+
+size_t IdleStartFloats(const format::ModelView& model) { return IncrementCount(model) + model.displacement.basis.rows; }
 
 bool IsStill(const Cloth& cloth, const Affine* pose) {
   bool still = true;
@@ -48,9 +96,11 @@ void CountTickBegun(Cloth* cloth, const Affine* pose) {
 void CountTickDone(Cloth* cloth) {
   if (!IsSettled(*cloth)) {
     cloth->idle_ticks = 0;
-  } else if (cloth->idle_ticks < kIdleTicks) {
-    ++cloth->idle_ticks;
+    return;
   }
+  if (IsFrozen(*cloth)) return;  // this tick was begun before
+  if (cloth->idle_ticks == 0) RememberStart(cloth);
+  if (++cloth->idle_ticks == kIdleTicks && !IsNearStart(cloth)) cloth->idle_ticks = 0;
 }
 
 }  // namespace dcloth::engine

@@ -38,6 +38,10 @@ float QuantizeInput(const kernels::KernelTable& kernels, const LinearProduct& pr
 void ApplyPanels(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
                  size_t count);
 
+// The same into `out`, which has room for these panels alone; y is not used.
+void ApplyPanelsTo(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
+                   size_t count, float* out);
+
 // The whole product at once.
 void ApplyLinear(const kernels::KernelTable& kernels, const LinearProduct& product);
 

@@ -17,7 +17,8 @@ constexpr int kMaxPushes = 4;
 constexpr double kPushedFar = 0.99;    // of the clearance: rounded to floats, a vertex that was pushed stays put
 constexpr float kNoGroup = 1e18f;      // where groups lie that only fill a row up
 constexpr float kRounding = 1.00001f;  // of a bound
-constexpr float kPlaneMargin = 0.01f;  // of the clearance, for the rounding of heights
+constexpr float kFar = 1e18f;          // squared
+constexpr float kThird = 0.33334f;
 
 size_t Groups(const BodyView& body) { return (body.vertex_count + kNearestGroup - 1) / kNearestGroup; }
 
@@ -47,16 +48,20 @@ void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& mode
   for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i) memory.normals[i] = -memory.normals[i];
 }
 
-// Planes over the faces around each vertex; returns the slack of the search: the squared distance of a point to the
-// nearest corner of its closest face is at most that to the surface and slack^2, as every point of a triangle is within
-// longest edge / sqrt(3) of a corner.
-float PlaceOffsets(const BodyView& body, float clearance, const BodyMemory& memory) {
-  for (size_t i = 0; i < body.vertex_count; ++i) memory.offsets[i] = -3e38f;
-  float longest = 0;
+// Planes over the faces around each vertex, and its slack: the squared distance of a point to the nearest corner of its
+// closest face is at most that to the surface and slack^2, as every point of a triangle is within longest edge /
+// sqrt(3) of a corner. Rejected: one slack for the whole body, its longest edge's, which makes most of the waist
+// suspect.
+void PlaceFaces(const BodyView& body, float clearance, const BodyMemory& memory) {
+  for (size_t i = 0; i < body.vertex_count; ++i) {
+    memory.offsets[i] = -3e38f;
+    memory.slacks[i] = 0;
+  }
   for (size_t f = 0; f < body.face_count; ++f) {
     const uint16_t* face = body.faces + 3 * f;
     const float* p[3] = {memory.positions + size_t{3} * face[0], memory.positions + size_t{3} * face[1],
                          memory.positions + size_t{3} * face[2]};
+    float longest = 0;
     for (size_t c = 0; c < 3; ++c) {
       const float* n = memory.normals + size_t{3} * face[c];
       float highest = memory.offsets[face[c]];
@@ -70,51 +75,42 @@ float PlaceOffsets(const BodyView& body, float clearance, const BodyMemory& memo
       const float squared = edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2];
       longest = squared > longest ? squared : longest;
     }
+    const float slack = longest < kFar ? kThird * longest : kFar;
+    for (size_t c = 0; c < 3; ++c) {
+      float& widest = memory.slacks[face[c]];
+      widest = slack > widest ? slack : widest;
+    }
   }
   for (size_t i = 0; i < body.vertex_count; ++i) memory.offsets[i] += clearance;
-  const double slack = std::sqrt(static_cast<double>(longest) / 3);
-  return slack < 1e9 ? static_cast<float>(slack) : 1e9f;
 }
 
-// Centre, sphere and normal cone of a group whose sites are in place.
-void PlaceBounds(const float* site, float margin, float* bounds, size_t stride) {
+// The sphere of a group whose sites are in place, and its slack.
+void PlaceBounds(const float* site, float* bounds, size_t stride) {
   const auto at = [&](size_t row, size_t k) { return site[row * kNearestGroup + k]; };
-  float centre[3], axis[3] = {}, length = 0;
+  float centre[3], furthest = 0, slack = 0;
   for (size_t c = 0; c < 3; ++c) {
     float low = at(c, 0), high = low;
     for (size_t k = 0; k < kNearestGroup; ++k) {
       low = at(c, k) < low ? at(c, k) : low;
       high = at(c, k) > high ? at(c, k) : high;
-      axis[c] += at(3 + c, k);
     }
     centre[c] = 0.5f * low + 0.5f * high;
-    length += axis[c] * axis[c];
+    bounds[(kernels::kCentre + c) * stride] = centre[c];
   }
-  const float scale = length > 0 ? static_cast<float>(1 / std::sqrt(static_cast<double>(length))) : 0.0f;
-  float furthest = 0, widest = 0, rise = -3e38f;
-  for (float& value : axis) value *= scale;
   for (size_t k = 0; k < kNearestGroup; ++k) {
-    float apart = 0, spread = 0, over = at(6, k);
+    float apart = 0;
     for (size_t c = 0; c < 3; ++c) {
-      const float d = at(c, k) - centre[c], e = at(3 + c, k) - axis[c];
+      const float d = at(c, k) - centre[c];
       apart += d * d;
-      spread += e * e;
-      over -= at(3 + c, k) * centre[c];
     }
     furthest = apart > furthest ? apart : furthest;
-    widest = spread > widest ? spread : widest;
-    rise = over > rise ? over : rise;
-  }
-  for (size_t c = 0; c < 3; ++c) {
-    bounds[(kernels::kCentre + c) * stride] = centre[c];
-    bounds[(kernels::kAxis + c) * stride] = axis[c];
+    slack = at(7, k) > slack ? at(7, k) : slack;
   }
   bounds[kernels::kRadius * stride] = static_cast<float>(std::sqrt(static_cast<double>(furthest))) * kRounding;
-  bounds[kernels::kSpread * stride] = static_cast<float>(std::sqrt(static_cast<double>(widest))) * kRounding;
-  bounds[kernels::kRise * stride] = rise + margin;
+  bounds[kernels::kSlack * stride] = static_cast<float>(std::sqrt(static_cast<double>(slack))) * kRounding;
 }
 
-void PlaceSites(const BodyView& body, float margin, const BodyMemory& memory) {
+void PlaceSites(const BodyView& body, const BodyMemory& memory) {
   const size_t groups = Groups(body), stride = kernels::NearestBoundStride(groups), b = body.vertex_count;
   for (size_t g = 0; g < groups; ++g) {
     float* site = memory.sites + g * kNearestSiteFloats * kNearestGroup;
@@ -125,8 +121,9 @@ void PlaceSites(const BodyView& body, float margin, const BodyMemory& memory) {
         site[(3 + c) * kNearestGroup + k] = memory.normals[3 * i + c];
       }
       site[6 * kNearestGroup + k] = memory.offsets[i];
+      site[7 * kNearestGroup + k] = memory.slacks[i];
     }
-    PlaceBounds(site, margin, memory.bounds + g, stride);
+    PlaceBounds(site, memory.bounds + g, stride);
   }
   for (size_t g = groups; g < stride; ++g) {
     for (size_t row = 0; row < kernels::kNearestBounds; ++row) memory.bounds[row * stride + g] = 0;
@@ -166,6 +163,7 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.positions = arena->Take<float>(3 * b);
   memory.normals = arena->Take<float>(3 * b);
   memory.offsets = arena->Take<float>(b);
+  memory.slacks = arena->Take<float>(b);
   memory.sites = arena->Take<float>(groups * kNearestSiteFloats * kNearestGroup);
   memory.bounds = arena->Take<float>(kernels::kNearestBounds * kernels::NearestBoundStride(groups));
   memory.nearest = arena->Take<uint16_t>(model.vertex_count);
@@ -180,8 +178,8 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   const double units_per_metre = 1 / space.metres_per_unit;
   const double clearance = static_cast<double>(body.clearance) * units_per_metre;
   PoseBody(kernels, model, space, bound, memory);
-  const float slack = PlaceOffsets(body, static_cast<float>(clearance), memory);
-  PlaceSites(body, kPlaneMargin * static_cast<float>(clearance), memory);
+  PlaceFaces(body, static_cast<float>(clearance), memory);
+  PlaceSites(body, memory);
   kernels::NearestJob job = {};
   job.points = surface.positions;
   job.point_stride_bytes = surface.position_stride_bytes;
@@ -190,7 +188,6 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   job.bounds = memory.bounds;
   job.groups = Groups(body);
   job.reach = static_cast<float>(static_cast<double>(body.reach) * units_per_metre);
-  job.slack = slack;
   job.nearest = memory.nearest;
   job.suspect = memory.suspect;
   kernels.nearest(job);

@@ -11,11 +11,12 @@ namespace dcloth::engine {
 
 // Scratch of a frame; all null where the model has no body.
 struct BodyMemory {
-  float* matrices;    // [joint_count, 12]
-  float* positions;   // [b, 3] posed
-  float* normals;     // [b, 3]
-  float* offsets;     // [b] of planes that lie over all faces around a vertex by the clearance
-  float* sites;       // see kernels::NearestJob
+  float* matrices;   // [joint_count, 12]
+  float* positions;  // [b, 3] posed
+  float* normals;    // [b, 3]
+  float* offsets;    // [b] of planes that lie over all faces around a vertex by the clearance
+  float* slacks;     // [b] squared, see PlaceFaces
+  float* sites;      // see kernels::NearestJob
   float* bounds;
   uint16_t* nearest;  // [n]
   uint16_t* suspect;  // [n]

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "dcloth/dcloth_scene.h"
 #include "engine/src/cloth.h"
 
 namespace dcloth::engine {

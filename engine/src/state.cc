@@ -5,6 +5,7 @@
 
 #include "engine/format/checksum.h"
 #include "engine/src/coefficients.h"
+#include "engine/src/idle.h"
 #include "engine/src/state_check.h"
 #include "engine/src/state_layout.h"
 #include "engine/src/tick_work.h"
@@ -20,7 +21,7 @@ using format::Diagnostic;
 using format::ModelView;
 using format::Text;
 
-static_assert(sizeof(StateHead) == 200 && offsetof(StateHead, joint_count) == 32 &&
+static_assert(sizeof(StateHead) == 208 && offsetof(StateHead, joint_count) == 32 &&
                   offsetof(StateHead, tick_count) == 64 && offsetof(StateHead, since) == 96,
               "the same on every platform");
 
@@ -55,13 +56,14 @@ StateHead HeadOf(const Cloth& cloth) {
   std::memcpy(head.position, cloth.root.position, sizeof(head.position));
   std::memcpy(head.velocity, cloth.root.velocity, sizeof(head.velocity));
   head.yaw_rate = cloth.root.yaw_rate;
+  head.idle_floats = cloth.idle_ticks != 0 && !IsFrozen(cloth) ? IdleStartFloats(model) : 0;
   return head;
 }
 
 TickPlan PlanOf(const StateHead& head) { return {head.stages, static_cast<MeshTurn>(head.mesh_turn)}; }
 
 StatePosition PositionOf(const StateHead& head) {
-  return {head.tick_count, PlanOf(head), static_cast<TickPart>(head.part), head.items_done};
+  return {head.tick_count, PlanOf(head), static_cast<TickPart>(head.part), head.items_done, head.idle_floats};
 }
 
 size_t SizeOf(const StateHead& head, const StateSpans& spans) {
@@ -126,6 +128,10 @@ void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
   for (uint32_t i = 0; i < spans.count; ++i) {
     const StateSpan& span = spans.spans[i];
     const size_t row_bytes = span.columns * sizeof(float);
+    if (span.data == nullptr) {
+      from += span.rows * row_bytes;
+      continue;
+    }
     for (size_t row = 0; row < span.rows; ++row, from += row_bytes)
       std::memcpy(span.data + row * span.stride, from, row_bytes);
   }
@@ -188,6 +194,10 @@ bool RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth
   std::memset(cloth->coefficients, 0, CoefficientFloats(*cloth->model) * sizeof(float));  // padding is read as zero
   TakeHead(head, cloth);
   TakeNumbers(begin, head, cloth);
+  // Coefficients are the file's own: with another one the half second begins anew.
+  const ModelView& model = *cloth->model;
+  const bool own = head.identity == ModelIdentity(model) && head.idle_floats == IdleStartFloats(model);
+  if (head.idle_floats != 0 && !own) cloth->idle_ticks = 0;
   ClampFeatures(*cloth);
   ResumeTick(cloth, static_cast<TickPart>(head.part), head.items_done);
   return true;

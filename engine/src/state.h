@@ -14,7 +14,7 @@
 namespace dcloth::engine {
 
 constexpr uint8_t kStateMagic[4] = {'D', 'C', 'L', 'S'};
-constexpr uint32_t kStateVersion = 2;
+constexpr uint32_t kStateVersion = 3;
 
 struct StateHead {
   uint8_t magic[4];
@@ -30,6 +30,7 @@ struct StateHead {
   float tick_share;
   double since, waited, lag, older_step;
   double heading[2], position[3], velocity[3], yaw_rate;
+  uint64_t idle_floats;  // of Cloth::idle_start; 0 where none of the next ticks looks at it
 };
 
 constexpr size_t kStateSummedFrom = offsetof(StateHead, size);

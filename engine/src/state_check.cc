@@ -17,6 +17,7 @@ using format::Text;
 
 constexpr double kLargestPose = 1e3 * static_cast<double>(kMaxPoseMagnitude);  // in the largest unit
 constexpr double kLargestDouble = static_cast<double>(kLargestFloat);
+constexpr uint64_t kMostIdleFloats = uint64_t{1} << 24;
 constexpr char kDamaged[] = "the bytes are damaged; reset the cloth instead";
 
 // A place in the head, for messages.
@@ -60,6 +61,9 @@ bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* di
     return FailCount(DCLOTH_FIELD(mesh_turn), head.mesh_turn, "0, up to 3 with the mesh stage", diagnostic);
   if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
     return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
+  const bool counting = head.idle_ticks != 0 && head.idle_ticks != kIdleTicks;
+  if (counting ? head.idle_floats - 1 >= kMostIdleFloats : head.idle_floats != 0)
+    return FailCount(DCLOTH_FIELD(idle_floats), head.idle_floats, "1 to 2^24 while it counts, else 0", diagnostic);
   const TickPlan plan = {head.stages, static_cast<MeshTurn>(head.mesh_turn)};
   const uint64_t items = TickItems(model, plan, static_cast<TickPart>(head.part));
   if (head.part != kDone ? head.items_done >= items : head.items_done != 0)
@@ -135,7 +139,7 @@ bool CheckShared(const Shared& shared, const char* fix, Diagnostic* diagnostic) 
 bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnostic* diagnostic) {
   constexpr char kComplete[] = "is the saved state complete?";
   if (size < sizeof(StateHead)) {
-    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 200",
+    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 208",
                                  kComplete);
   }
   std::memcpy(head, bytes, sizeof(StateHead));
@@ -145,7 +149,7 @@ bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnos
   }
   if (head->version != kStateVersion) {
     return diagnostic->FailCount(DCLOTH_ERROR_VERSION, offsetof(StateHead, version), nullptr, head->version,
-                                 " as the version of the state", "2", "reset the cloth instead");
+                                 " as the version of the state", "3", "reset the cloth instead");
   }
   if (head->size != size) {
     char allowed[32];
@@ -184,6 +188,12 @@ bool CheckStateModel(const StateHead& head, const ModelView& model, bool other_m
   if (head.tick_rate != model.tick_rate) {
     const Path path = {nullptr, "tick_rate"};
     return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, tick_rate), &path, "another rate", "the model's",
+                            kFix);
+  }
+  // Another rank's are passed over.
+  if (!other_model && head.idle_floats != 0 && head.idle_floats != IdleStartFloats(model)) {
+    const Path path = {nullptr, "idle_floats"};
+    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, idle_floats), &path, "another count", "the model's",
                             kFix);
   }
   if (head.identity != identity && head.part != static_cast<uint32_t>(TickPart::kDone)) {

@@ -1,6 +1,7 @@
 #include "engine/src/state_layout.h"
 
 #include "engine/src/coefficients.h"
+#include "engine/src/idle.h"
 #include "engine/src/tick_work.h"
 
 namespace dcloth::engine {
@@ -28,6 +29,10 @@ void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
     }
     if (AtHalfRate(at.plan))
       AddRow("mesh_before", cloth.mesh_before, model.mesh_stage.coefficients.columns, spans);
+  }
+  if (at.idle_floats != 0) {
+    const bool own = at.idle_floats == IdleStartFloats(model);
+    AddRow("idle_start", own ? cloth.idle_start : nullptr, static_cast<size_t>(at.idle_floats), spans);
   }
   // A tick in work fills the oldest slot, whose rest a frame may still draw.
   const uint32_t slots = at.part == TickPart::kDone ? at.tick_count : kTickSlots;

@@ -24,18 +24,19 @@ struct StatePosition {
   TickPlan plan;
   TickPart part;
   uint32_t items_done;
+  uint64_t idle_floats;  // of Cloth::idle_start, of this model or another one
 };
 
 // A matrix of floats in the cloth's memory; in a saved state its rows follow each other.
 struct StateSpan {
   const char* name;
-  float* data;
+  float* data;                   // null where what is saved is of no use to the cloth
   size_t rows, columns, stride;  // floats from row to row
   float largest;                 // magnitude allowed
 };
 
 struct StateSpans {
-  static constexpr uint32_t kMost = 21;  // features, h, 8 layers, Q, 2 a slot, and up to 3 of a tick in work
+  static constexpr uint32_t kMost = 22;  // features, h, 8 layers, Q, idle start, 2 a slot, up to 3 of a tick in work
 
   StateSpan spans[kMost];
   uint32_t count = 0;

@@ -6,14 +6,9 @@ namespace {
 
 struct Search {
   float point[3];
-  float nearest_squared, suspect_squared;
-  float limit;  // no site further than this can matter
+  float nearest_squared, suspect_excess;  // squared distances, less slack^2 for the suspect
   uint16_t nearest, suspect;
 };
-
-float Limit(const NearestJob& job, float nearest_squared) {
-  return SquareRoot(nearest_squared + job.slack * job.slack);
-}
 
 float SquaredDistance(const NearestJob& job, const float* point, size_t group) {
   const size_t stride = NearestBoundStride(job.groups);
@@ -38,12 +33,12 @@ void LookInto(const NearestJob& job, size_t group, Search* search) {
       search->nearest_squared = squared;
       search->nearest = index;
     }
-    if (height < site[6 * kNearestGroup] && squared < search->suspect_squared) {
-      search->suspect_squared = squared;
+    const float excess = squared - site[7 * kNearestGroup];
+    if (height < site[6 * kNearestGroup] && excess < search->suspect_excess) {
+      search->suspect_excess = excess;
       search->suspect = index;
     }
   }
-  search->limit = Limit(job, search->nearest_squared);
 }
 
 float Bound(const NearestJob& job, size_t row, size_t group) {
@@ -51,15 +46,9 @@ float Bound(const NearestJob& job, size_t row, size_t group) {
 }
 
 bool MayMatter(const NearestJob& job, const Search& search, float squared, size_t group) {
-  const float bound = search.limit + Bound(job, kRadius, group);
+  const float slack = Bound(job, kSlack, group);
+  const float bound = SquareRoot(search.nearest_squared + slack * slack) + Bound(job, kRadius, group);
   return squared <= bound * bound;
-}
-
-bool MayLieUnder(const NearestJob& job, const float* point, float squared, size_t group) {
-  float height = -Bound(job, kRise, group);
-  for (size_t c = 0; c < 3; ++c) height += Bound(job, kAxis + c, group) * (point[c] - Bound(job, kCentre + c, group));
-  const float spread = Bound(job, kSpread, group);
-  return !(height > 0 && height * height > spread * spread * squared);
 }
 
 // The group with the nearest centre: it rules out most of the others.
@@ -75,14 +64,6 @@ size_t FirstGroup(const NearestJob& job, const float* point) {
   return first;
 }
 
-bool AnySuspect(const NearestJob& job, const Search& search) {
-  for (size_t g = 0; g < job.groups; ++g) {
-    const float squared = SquaredDistance(job, search.point, g);
-    if (MayMatter(job, search, squared, g) && MayLieUnder(job, search.point, squared, g)) return true;
-  }
-  return false;
-}
-
 }  // namespace
 
 void Nearest(const NearestJob& job) {
@@ -90,16 +71,13 @@ void Nearest(const NearestJob& job) {
     const auto* bytes = reinterpret_cast<const char*>(job.points) + i * job.point_stride_bytes;
     const auto* point = reinterpret_cast<const float*>(bytes);
     job.nearest[i] = job.suspect[i] = kNoSite;
-    Search search = {{point[0], point[1], point[2]}, job.reach * job.reach, 3e38f, 0, kNoSite, kNoSite};
-    search.limit = Limit(job, search.nearest_squared);
+    Search search = {{point[0], point[1], point[2]}, job.reach * job.reach, 3e38f, kNoSite, kNoSite};
     const size_t first = FirstGroup(job, search.point);
     LookInto(job, first, &search);
-    if (!AnySuspect(job, search)) continue;
     for (size_t g = 0; g < job.groups; ++g) {
       if (g != first && MayMatter(job, search, SquaredDistance(job, search.point, g), g)) LookInto(job, g, &search);
     }
-    const float furthest = search.nearest_squared + job.slack * job.slack;
-    if (search.nearest == kNoSite || !(search.suspect_squared <= furthest)) continue;
+    if (search.nearest == kNoSite || !(search.suspect_excess <= search.nearest_squared)) continue;
     job.nearest[i] = search.nearest;
     job.suspect[i] = search.suspect;
   }

@@ -1,10 +1,12 @@
 // Lanes are points, or groups where a whole block of points is held against many. A block looks into the group with the
-// nearest centre, then asks whether any group in reach may hold a suspect; only then it looks into all that may matter.
-// Rejected: looking into all that may matter at once, three times the work; a descent along the
-// body's edges from a stored start, which stays on the limb it starts from (NETWORK.md, "Penetration").
-#include "kernels/simd.h"
-
+// nearest centre, then into all that may still matter. Rejected, all slower on the bundled skirt: to ask first whether
+// any group may hold a suspect, by a cone around its normals (three blocks of four are looked into all the same);
+// groups of eight sites; patches of several blocks with a list of groups of their own (along a garment's rings they are
+// too long to rule anything out); Highway's CompressStore, whose table is copied to the stack in every call. And a
+// descent along the body's edges from a stored start, which stays on the limb it starts from (NETWORK.md,
+// "Penetration").
 #include "kernels/nearest/nearest.h"
+#include "kernels/simd.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/nearest/nearest_vector.cc"
@@ -25,8 +27,8 @@ using V = hn::Vec<decltype(d)>;
 
 struct Block {
   V x, y, z;
-  V nearest_squared, suspect_squared;
-  V nearest, suspect;  // as floats, exact up to 2^24; -1 for none
+  V nearest_squared, suspect_excess;  // squared distances, less slack^2 for the suspect
+  V nearest, suspect;                 // as floats, exact up to 2^24; -1 for none
 };
 
 HWY_INLINE V SquaredDistance(V x, V y, V z) { return hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z))); }
@@ -34,7 +36,7 @@ HWY_INLINE V SquaredDistance(V x, V y, V z) { return hn::MulAdd(x, x, hn::MulAdd
 HWY_INLINE void LookInto(const NearestJob& job, size_t group, Block* block) {
   const float* site = job.sites + group * kNearestSiteFloats * kNearestGroup;
   const V x = block->x, y = block->y, z = block->z;
-  V nearest_squared = block->nearest_squared, suspect_squared = block->suspect_squared;
+  V nearest_squared = block->nearest_squared, suspect_excess = block->suspect_excess;
   V nearest = block->nearest, suspect = block->suspect;
   V index = hn::Set(d, static_cast<float>(group * kNearestGroup));
   const V one = hn::Set(d, 1.0f);
@@ -42,16 +44,17 @@ HWY_INLINE void LookInto(const NearestJob& job, size_t group, Block* block) {
     const auto at = [&](size_t row) { return hn::Set(d, site[row * kNearestGroup]); };
     const V squared = SquaredDistance(hn::Sub(x, at(0)), hn::Sub(y, at(1)), hn::Sub(z, at(2)));
     const V height = hn::MulAdd(at(3), x, hn::MulAdd(at(4), y, hn::Mul(at(5), z)));
+    const V excess = hn::Sub(squared, at(7));
     const auto nearer = hn::Lt(squared, nearest_squared);
-    const auto suspicious = hn::And(hn::Lt(height, at(6)), hn::Lt(squared, suspect_squared));
+    const auto suspicious = hn::And(hn::Lt(height, at(6)), hn::Lt(excess, suspect_excess));
     nearest_squared = hn::IfThenElse(nearer, squared, nearest_squared);
     nearest = hn::IfThenElse(nearer, index, nearest);
-    suspect_squared = hn::IfThenElse(suspicious, squared, suspect_squared);
+    suspect_excess = hn::IfThenElse(suspicious, excess, suspect_excess);
     suspect = hn::IfThenElse(suspicious, index, suspect);
     index = hn::Add(index, one);
   }
   block->nearest_squared = nearest_squared;
-  block->suspect_squared = suspect_squared;
+  block->suspect_excess = suspect_excess;
   block->nearest = nearest;
   block->suspect = suspect;
 }
@@ -76,28 +79,27 @@ HWY_INLINE Ball BallAround(const Block& block) {
   return ball;
 }
 
-// Row of the bounds of as many groups as there are lanes.
+// Rows of the bounds of as many groups as there are lanes.
 struct Groups {
   const float* bounds;
   size_t stride;
   HWY_INLINE V At(size_t row) const { return hn::LoadU(d, bounds + row * stride); }
 };
 
-HWY_INLINE V FromCentre(const Groups& groups, const Ball& ball) {
-  return SquaredDistance(hn::Sub(ball.x, groups.At(kCentre)), hn::Sub(ball.y, groups.At(kCentre + 1)),
-                         hn::Sub(ball.z, groups.At(kCentre + 2)));
-}
-
-// The group with the nearest centre: it rules out most of the others.
-HWY_INLINE size_t FirstGroup(const NearestJob& job, const Ball& ball) {
+// The group with the nearest centre: it rules out most of the others. Fills in how far each centre is from the ball's.
+HWY_INLINE size_t FirstGroup(const NearestJob& job, const Ball& ball, float* squared_distances) {
   const size_t stride = NearestBoundStride(job.groups), lanes = hn::Lanes(d);
   V least = hn::Set(d, 3e38f), first = hn::Zero(d), index = hn::Iota(d, 0.0f);
+  const V step = hn::Set(d, static_cast<float>(lanes));
   for (size_t g = 0; g < job.groups; g += lanes) {
-    const V squared = FromCentre({job.bounds + g, stride}, ball);
+    const Groups groups = {job.bounds + g, stride};
+    const V squared = SquaredDistance(hn::Sub(ball.x, groups.At(kCentre)), hn::Sub(ball.y, groups.At(kCentre + 1)),
+                                      hn::Sub(ball.z, groups.At(kCentre + 2)));
+    hn::Store(squared, d, squared_distances + g);
     const auto nearer = hn::Lt(squared, least);
     least = hn::IfThenElse(nearer, squared, least);
     first = hn::IfThenElse(nearer, index, first);
-    index = hn::Add(index, hn::Set(d, static_cast<float>(lanes)));
+    index = hn::Add(index, step);
   }
   const V best = hn::MinOfLanes(d, least);
   const V candidates = hn::IfThenElse(hn::Eq(least, best), first, hn::Set(d, 1e9f));
@@ -105,63 +107,38 @@ HWY_INLINE size_t FirstGroup(const NearestJob& job, const Ball& ball) {
   return found < static_cast<float>(job.groups) ? static_cast<size_t>(found) : 0;
 }
 
-// Groups that a point within `limit` of the ball's points may be nearest in; with `under` only those below one of whose
-// planes such a point may lie.
-HWY_INLINE size_t GroupsAround(const NearestJob& job, const Ball& ball, float limit, bool under, uint16_t* found) {
+// Groups that may matter to points of the ball whose nearest site is at most sqrt(`nearest_squared`) off.
+HWY_INLINE size_t GroupsAround(const NearestJob& job, const Ball& ball, const float* squared_distances,
+                               float nearest_squared, uint16_t* found) {
   const size_t stride = NearestBoundStride(job.groups), lanes = hn::Lanes(d);
-  const V reach = hn::Set(d, (limit + ball.radius) * 1.00001f), radius = hn::Set(d, ball.radius);
+  const V nearest = hn::Set(d, nearest_squared), radius = hn::Set(d, ball.radius), more = hn::Set(d, 1.00001f);
+  const V reach = hn::Mul(hn::Add(hn::Sqrt(nearest), radius), more);
   size_t count = 0;
   for (size_t g = 0; g < job.groups; g += lanes) {
     const Groups groups = {job.bounds + g, stride};
-    const V squared = FromCentre(groups, ball), bound = hn::Add(groups.At(kRadius), reach);
-    auto wanted = hn::Le(squared, hn::Mul(bound, bound));
-    if (hn::AllFalse(d, wanted)) continue;
-    if (under) {
-      const V x = hn::Sub(ball.x, groups.At(kCentre)), y = hn::Sub(ball.y, groups.At(kCentre + 1));
-      const V z = hn::Sub(ball.z, groups.At(kCentre + 2));
-      const V across = hn::MulAdd(groups.At(kAxis + 1), y, hn::Mul(groups.At(kAxis + 2), z));
-      const V along = hn::MulAdd(groups.At(kAxis), x, across);
-      const V lowest = hn::Sub(along, hn::MulAdd(groups.At(kSpread), hn::Add(hn::Sqrt(squared), radius), radius));
-      wanted = hn::And(wanted, hn::Not(hn::Gt(lowest, groups.At(kRise))));
-    }
-    HWY_ALIGN float flags[kMaxLanes];
-    hn::Store(hn::IfThenElseZero(wanted, hn::Set(d, 1.0f)), d, flags);
-    for (size_t k = 0; k < lanes; ++k) {
-      found[count] = static_cast<uint16_t>(g + k);
-      count += flags[k] != 0;
-    }
+    const V squared = hn::Load(d, squared_distances + g), slack = groups.At(kSlack);
+    const V rough = hn::Add(hn::Add(groups.At(kRadius), slack), reach);  // sqrt(a^2 + b^2) is at most a + b
+    if (hn::AllFalse(d, hn::Le(squared, hn::Mul(rough, rough)))) continue;
+    const V limit = hn::Add(hn::Sqrt(hn::MulAdd(slack, slack, nearest)), radius);
+    const V bound = hn::MulAdd(limit, more, groups.At(kRadius));
+    uint8_t bits[8] = {};
+    hn::StoreMaskBits(d, hn::Le(squared, hn::Mul(bound, bound)), bits);
+    for (uint32_t left = bits[0] | static_cast<uint32_t>(bits[1]) << 8; left != 0; left &= left - 1)
+      found[count++] = static_cast<uint16_t>(g + hwy::Num0BitsBelowLS1Bit_Nonzero32(left));
   }
   return count;
 }
 
-HWY_INLINE V Limit(const NearestJob& job, V nearest_squared) {
-  return hn::Sqrt(hn::Add(nearest_squared, hn::Set(d, job.slack * job.slack)));
-}
-
-// Lanes whose points the group may matter to; with `under` only those that may lie under one of its planes.
-HWY_INLINE bool MayMatter(const NearestJob& job, const Block& block, V limit, size_t group, bool under) {
+// Whether there are lanes whose points the group may matter to.
+HWY_INLINE bool MayMatter(const NearestJob& job, const Block& block, size_t group) {
   const float* bounds = job.bounds + group;
   const size_t stride = NearestBoundStride(job.groups);
   const auto at = [&](size_t row) { return hn::Set(d, bounds[row * stride]); };
   const V x = hn::Sub(block.x, at(kCentre)), y = hn::Sub(block.y, at(kCentre + 1));
-  const V z = hn::Sub(block.z, at(kCentre + 2));
-  const V squared = SquaredDistance(x, y, z), bound = hn::Add(limit, at(kRadius));
-  auto wanted = hn::Le(squared, hn::Mul(bound, bound));
-  if (under) {
-    const V along = hn::MulAdd(at(kAxis), x, hn::MulAdd(at(kAxis + 1), y, hn::Mul(at(kAxis + 2), z)));
-    const V lowest = hn::Sub(along, hn::Mul(at(kSpread), hn::Sqrt(squared)));
-    wanted = hn::And(wanted, hn::Not(hn::Gt(lowest, at(kRise))));
-  }
-  return !hn::AllFalse(d, wanted);
-}
-
-HWY_INLINE bool AnySuspect(const NearestJob& job, const Block& block, const Ball& ball, V limit, float furthest,
-                           uint16_t* room) {
-  const size_t count = GroupsAround(job, ball, furthest, true, room);
-  for (size_t r = 0; r < count; ++r) {
-    if (MayMatter(job, block, limit, room[r], true)) return true;
-  }
-  return false;
+  const V z = hn::Sub(block.z, at(kCentre + 2)), slack = at(kSlack);
+  const V squared = SquaredDistance(x, y, z);
+  const V bound = hn::Add(hn::Sqrt(hn::MulAdd(slack, slack, block.nearest_squared)), at(kRadius));
+  return !hn::AllFalse(d, hn::Le(squared, hn::Mul(bound, bound)));
 }
 
 HWY_INLINE void SearchBlock(const NearestJob& job, size_t begin, size_t count) {
@@ -174,23 +151,25 @@ HWY_INLINE void SearchBlock(const NearestJob& job, size_t begin, size_t count) {
   }
   for (size_t k = 0; k < count; ++k) job.nearest[begin + k] = job.suspect[begin + k] = kNoSite;
   const V none = hn::Set(d, -1.0f);
-  Block block = {hn::Load(d, lanes[0]), hn::Load(d, lanes[1]), hn::Load(d, lanes[2]), hn::Set(d, job.reach * job.reach),
-                 hn::Set(d, 3e38f), none, none};
+  Block block = {hn::Load(d, lanes[0]),
+                 hn::Load(d, lanes[1]),
+                 hn::Load(d, lanes[2]),
+                 hn::Set(d, job.reach * job.reach),
+                 hn::Set(d, 3e38f),
+                 none,
+                 none};
   const Ball ball = BallAround(block);
-  const size_t first = FirstGroup(job, ball);
+  HWY_ALIGN float squared_distances[kMaxNearestGroups];
+  const size_t first = FirstGroup(job, ball, squared_distances);
   LookInto(job, first, &block);
-  V limit = Limit(job, block.nearest_squared);
-  const float furthest = hn::GetLane(hn::MaxOfLanes(d, limit));
-  uint16_t groups[kMaxNearestGroups + kMaxLanes];
-  if (!AnySuspect(job, block, ball, limit, furthest, groups)) return;
-
-  const size_t around = GroupsAround(job, ball, furthest, false, groups);
+  uint16_t groups[kMaxNearestGroups];
+  const float furthest = hn::GetLane(hn::MaxOfLanes(d, block.nearest_squared));
+  const size_t around = GroupsAround(job, ball, squared_distances, furthest, groups);
   for (size_t r = 0; r < around; ++r) {
-    if (groups[r] == first || !MayMatter(job, block, limit, groups[r], false)) continue;
-    LookInto(job, groups[r], &block);
-    limit = Limit(job, block.nearest_squared);
+    const size_t group = groups[r];
+    if (group != first && MayMatter(job, block, group)) LookInto(job, group, &block);
   }
-  const auto near_enough = hn::Le(block.suspect_squared, hn::Mul(limit, limit));
+  const auto near_enough = hn::Le(block.suspect_excess, block.nearest_squared);
   const auto found = hn::And(near_enough, hn::Ge(block.nearest, hn::Zero(d)));
   hn::Store(hn::IfThenElse(found, block.nearest, none), d, lanes[0]);
   hn::Store(hn::IfThenElse(found, block.suspect, none), d, lanes[1]);

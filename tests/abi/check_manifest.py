@@ -2,10 +2,11 @@
 """Checks the C ABI against its manifest: every function with its signature, every struct with sizes and offsets, every
 constant with its value, every symbol of the library.
 
-Usage: check_manifest.py HEADER MANIFEST CC [--symbols NM LIBRARY] [--write | --faults]
+Usage: check_manifest.py FOLDER MANIFEST CC [--symbols NM LIBRARY] [--write | --faults]
 
-HEADER is parsed for what it declares and compiled with CC for what that means in bytes. --write makes the manifest anew: a
-change of the ABI is then a change in its diff. --faults seeds faults into copies of the header, each of which must be found.
+FOLDER holds the public headers, every *.h: parsed for what they declare, compiled with CC as C99, each also alone, for what
+that means in bytes. --write makes the manifest anew: a change of the ABI is then a change in its diff. --faults seeds faults
+into copies of the headers, each of which must be found.
 Bindings in other languages are checked against the same file. Offsets are those of 64-bit targets.
 """
 import argparse
@@ -16,7 +17,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-# Text of the header, what replaces it. Each breaks a binding that was built before.
+# Text of one of the headers, what replaces it. Each breaks a binding that was built before.
 FAULTS = [
     ("  uint32_t column_major;         /*", "  uint64_t column_major;         /*"),
     ("  uint32_t joint_count;          /* dcloth_model_info", "  int32_t joint_count;          /* dcloth_model_info"),
@@ -31,8 +32,13 @@ FAULTS = [
     ("DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);", ""),
     ("dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend",
      "dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, double blend"),
+    ('#include "dcloth/dcloth.h"\n', ""),
     ("DCLOTH_API const char* dcloth_version(void);",
      "DCLOTH_API const char* dcloth_version(void);\nDCLOTH_API int32_t dcloth_more(void);"),
+    ("  float spent_microseconds;   /*", "  double spent_microseconds;   /*"),
+    ("  DCLOTH_LEVEL_SKELETON,\n", ""),
+    ("dcloth_scene_set_importance(dcloth_scene* scene, uint32_t index, float importance);",
+     "dcloth_scene_set_importance(dcloth_scene* scene, float importance, uint32_t index);"),
 ]
 
 
@@ -53,8 +59,8 @@ def field(declaration):
     return fold(plain[1]), plain[2]
 
 
-def parse(header):
-    text = re.sub(r"/\*.*?\*/", " ", header, flags=re.DOTALL)
+def parse(headers):
+    text = re.sub(r"/\*.*?\*/", " ", "\n".join(headers.values()), flags=re.DOTALL)
     macros = re.findall(r"^#define (DCLOTH_\w+) +\d+$", re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE), re.MULTILINE)
     structs = {}
     for name, body in re.findall(r"typedef struct (\w+) \{(.*?)\}", text, re.DOTALL):
@@ -68,9 +74,17 @@ def parse(header):
     return macros + constants, structs, functions
 
 
-def measure(header, names, structs, cc):
-    """Bytes and values, by a program that includes the header."""
-    lines = ['#include "dcloth/dcloth.h"', "#include <stdio.h>", "int main(void) {"]
+def write_headers(headers, folder):
+    include = Path(folder) / "dcloth"
+    include.mkdir()
+    for name, text in headers.items():
+        (include / name).write_text(text, encoding="utf-8")
+
+
+def measure(headers, names, structs, cc):
+    """Bytes and values, by a program that includes the headers."""
+    includes = [f'#include "dcloth/{name}"' for name in headers]
+    lines = [*includes, "#include <stdio.h>", "int main(void) {"]
     lines += [f'  printf("c {n} %lld\\n", (long long)({n}));' for n in names]
     for struct, fields in structs.items():
         lines.append(f'  printf("s {struct} %zu\\n", sizeof({struct}));')
@@ -79,9 +93,7 @@ def measure(header, names, structs, cc):
                          f"sizeof((({struct}*)0)->{name}));")
     lines += ['  printf("p pointer %zu\\n", sizeof(void*));', "  return 0;", "}"]
     with tempfile.TemporaryDirectory() as folder:
-        include = Path(folder) / "dcloth"
-        include.mkdir()
-        (include / "dcloth.h").write_text(header, encoding="utf-8")
+        write_headers(headers, folder)
         source, program = Path(folder) / "measure.c", Path(folder) / "measure"
         source.write_text("\n".join(lines) + "\n", encoding="utf-8")
         subprocess.run([cc, "-std=c99", "-I", folder, source, "-o", program], check=True)
@@ -89,9 +101,22 @@ def measure(header, names, structs, cc):
     return {line.split()[1]: [int(x) for x in line.split()[2:]] for line in printed.splitlines()}
 
 
-def describe(header, cc):
-    names, structs, functions = parse(header)
-    found = measure(header, names, structs, cc)
+def alone_faults(headers, cc):
+    """Headers that are not valid C99 when nothing is included before them."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_headers(headers, folder)
+        for name in headers:
+            done = subprocess.run([cc, "-std=c99", "-Wall", "-Wpedantic", "-Wstrict-prototypes", "-Werror", "-fsyntax-only",
+                                   "-x", "c", "-I", folder, "-"], input=f'#include "dcloth/{name}"\nint main(void);\n',
+                                  capture_output=True, text=True, check=False)
+            if done.returncode != 0:
+                errors = [line for line in done.stderr.splitlines() if "error:" in line]
+                yield f"{name}: no C99 of its own: {(errors or [done.stderr])[0]}"
+
+
+def describe(headers, cc):
+    names, structs, functions = parse(headers)
+    found = measure(headers, names, structs, cc)
     return {
         "pointer_bytes": found["pointer"][0],
         "functions": dict(sorted(functions.items())),
@@ -120,7 +145,7 @@ def differences(expected, found, path=""):
         return lines
     if isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
         return [line for i, (a, b) in enumerate(zip(expected, found)) for line in differences(a, b, f"{path}[{i}]")]
-    return [] if expected == found else [f"{path}: manifest says {expected!r}, the header {found!r}"]
+    return [] if expected == found else [f"{path}: manifest says {expected!r}, the headers {found!r}"]
 
 
 def rules(found):
@@ -140,23 +165,23 @@ def symbol_faults(functions, nm, library):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("header", type=Path)
+    parser.add_argument("folder", type=Path)
     parser.add_argument("manifest", type=Path)
     parser.add_argument("cc")
     parser.add_argument("--symbols", nargs=2, metavar=("NM", "LIBRARY"))
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--faults", action="store_true")
     options = parser.parse_args()
-    header = options.header.read_text(encoding="utf-8")
-    found = describe(header, options.cc)
+    headers = {path.name: path.read_text(encoding="utf-8") for path in sorted(options.folder.glob("*.h"))}
+    found = describe(headers, options.cc)
     if options.write:
         options.manifest.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     expected = json.loads(options.manifest.read_text(encoding="utf-8"))
-    faults = differences(expected, found) + list(rules(found))
+    faults = differences(expected, found) + list(rules(found)) + list(alone_faults(headers, options.cc))
     if options.symbols:
         faults += symbol_faults(found["functions"], *options.symbols)
     counts = {key: len(found[key]) for key in ("functions", "structs", "constants")}
-    print(f"{options.header}: " + ", ".join(f"{n} {key}" for key, n in counts.items()))
+    print(f"{', '.join(headers)}: " + ", ".join(f"{n} {key}" for key, n in counts.items()))
     if min(counts.values()) == 0:
         faults.append("nothing was parsed")
     for line in faults:
@@ -166,11 +191,12 @@ def main():
         return 1
     if options.faults:
         for before, after in FAULTS:
-            if header.count(before) != 1:
-                print(f"error: the fault {before!r} no longer fits the header once", file=sys.stderr)
+            if sum(text.count(before) for text in headers.values()) != 1:
+                print(f"error: the fault {before!r} no longer fits the headers once", file=sys.stderr)
                 return 1
-            seeded = describe(header.replace(before, after), options.cc)
-            lines = differences(expected, seeded) + list(rules(seeded))
+            changed = {name: text.replace(before, after) for name, text in headers.items()}
+            seeded = describe(changed, options.cc)
+            lines = differences(expected, seeded) + list(rules(seeded)) + list(alone_faults(changed, options.cc))
             print(f"seeded: {lines[0] if lines else 'NOT FOUND: ' + before!r}")
             if not lines:
                 return 1

@@ -1,10 +1,11 @@
-/* A host in C99: opens the model given as argument, lends memory, runs a second of frames. Knows dcloth.h and nothing else. */
+/* A host in C99: opens the model given as argument, lends memory, runs a second of frames, alone and in a
+ * scene. Knows the public headers and nothing else. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "dcloth/dcloth.h"
+#include "dcloth/dcloth_scene.h"
 
 enum { FRAMES = 60 };
 

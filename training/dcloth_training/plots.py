@@ -42,3 +42,19 @@ def bars(table, path):
     figure.tight_layout()
     figure.savefig(path, dpi=80)
     pyplot.close(figure)
+
+
+def levels(rows, path):
+    """rows [(level, milliseconds, millimetres)], the first at the bottom: two panels of bars side by side."""
+    pyplot, (figure, axes) = _axes(2, (9, 0.8 + 0.4 * len(rows)))
+    for axis, column, label in ((axes[0][0], 1, "a tick and its drawing, ms"), (axes[0][1], 2, "mean error, mm")):
+        bars_ = axis.barh([row[0] for row in rows], [row[column] for row in rows])
+        axis.bar_label(bars_, fmt="%.2f" if column == 1 else "%.1f", padding=3, fontsize=8)
+        axis.set(xlabel=label)
+        axis.margins(x=0.15)
+        axis.grid(axis="x", alpha=0.3)
+    axes[0][1].set_yticklabels([])
+    figure.tight_layout()
+    pyplot.rcParams["svg.hashsalt"] = "levels"  # the same figures make the same file
+    figure.savefig(path, metadata={"Date": None} if str(path).endswith(".svg") else None)
+    pyplot.close(figure)

@@ -1,12 +1,12 @@
-// dcloth for C++17: the C ABI of dcloth.h with types in place of pointers and struct sizes. Nothing here allocates,
-// throws or owns: bytes and storage stay the host's and outlive what is opened in them.
+// dcloth for C++17: the C ABI of dcloth.h and dcloth_scene.h with types in place of pointers and struct sizes. Nothing
+// here allocates, throws or owns: bytes and storage stay the host's and outlive what is opened in them.
 #ifndef DCLOTH_DCLOTH_HPP_
 #define DCLOTH_DCLOTH_HPP_
 
 #include <cstddef>
 #include <cstdint>
 
-#include "dcloth/dcloth.h"
+#include "dcloth/dcloth_scene.h"
 
 namespace dcloth {
 

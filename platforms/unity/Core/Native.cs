@@ -3,8 +3,8 @@ using System.Runtime.InteropServices;
 
 namespace DCloth
 {
-    /// <summary>The C ABI of dcloth.h, one to one: names, order and meaning are the header's. Nothing here is
-    /// marshalled: every parameter is a number or a pointer. Checked against engine/abi.json.</summary>
+    /// <summary>The C ABI of dcloth.h and dcloth_scene.h, one to one: names, order and meaning are the headers'.
+    /// Nothing here is marshalled: every parameter is a number or a pointer. Checked against engine/abi.json.</summary>
     public static unsafe partial class Native
     {
         // Players that allow no libraries of their own link dcloth into the program (libdcloth.a in Plugins).

@@ -1,5 +1,11 @@
 // DCLOTH_FRAME_FREEZE_IDLE: a garment at rest costs drawing only, wakes at once and does not pop.
 #include "engine/src/idle.h"
+
+#include <functional>
+
+#include "engine/src/coefficients.h"
+#include "engine/src/displacement.h"
+#include "engine/src/isa.h"
 #include "tests/unit/engine/allocation_trap.h"
 #include "tests/unit/engine/update_fixture.h"
 
@@ -152,6 +158,120 @@ TEST_F(IdleTest, NothingPops) {
     EXPECT_GE(since_waking, 0) << "never woke";
     EXPECT_LE(resting, 2 * std::sqrt(3.0) * static_cast<double>(engine::kSettledMetres));
     EXPECT_LE(waking, moving * 1.1 + 2 * std::sqrt(3.0) * static_cast<double>(engine::kSettledMetres));
+  }
+}
+
+// The count alone, on ticks made here: the pose stands still and one row of the basis goes its way.
+class IdleCountTest : public ::testing::TestWithParam<ModelSpec> {
+ protected:
+  static constexpr int kNever = 1000;
+
+  // The tick after which the cloth is frozen. In tick t the vertex that row `row` moves farthest is at way(t) along an
+  // axis, in metres.
+  int FreezesAfter(size_t row, const std::function<double(int)>& way) {
+    OwnedCloth owned(opened_);
+    auto* cloth = reinterpret_cast<engine::Cloth*>(owned.get());
+    const format::ModelView& model = *cloth->model;
+    auto* c = const_cast<float*>(engine::BasisCoefficients(model, cloth->coefficients));
+    const double per_metre = 1 / Reach(cloth, c, row);
+    const std::vector<engine::Affine> pose(model.joint_count);
+    for (int tick = 1; tick < kNever; ++tick) {
+      c[row] = static_cast<float>(way(tick) * per_metre);
+      cloth->newest = (cloth->newest + 1) % engine::kTickSlots;
+      cloth->tick_count = std::min(cloth->tick_count + 1, engine::kTickSlots);
+      Displace(cloth);
+      engine::CountTickBegun(cloth, pose.data());
+      engine::CountTickDone(cloth);
+      if (engine::IsFrozen(*cloth)) return tick;
+    }
+    return kNever;
+  }
+
+  const ModelSpec spec_ = GetParam();
+  const TestModel model_ = BuildModel(spec_);
+  const OpenedModel opened_{model_};
+
+ private:
+  static void Displace(engine::Cloth* cloth) {
+    engine::ApplyLinear(engine::ActiveKernels(),
+                        engine::DisplacementProduct(*cloth->model, kAll, cloth->coefficients, cloth->quantized,
+                                                    cloth->displacement[cloth->newest]));
+  }
+  static double Reach(engine::Cloth* cloth, float* c, size_t row) {
+    c[row] = 1;
+    Displace(cloth);
+    float reach = 0;
+    for (size_t i = 0; i < engine::DisplacementFloats(*cloth->model); ++i)
+      reach = std::max(reach, std::fabs(cloth->displacement[cloth->newest][i]));
+    return static_cast<double>(reach);
+  }
+};
+
+TEST_P(IdleCountTest, CreepsAndSwingsStayAwake) {
+  // The first tick has none before it to be compared with, so the fifteen begin with the second.
+  constexpr int kSoonest = 1 + static_cast<int>(engine::kIdleTicks), kSteps = static_cast<int>(engine::kIdleTicks) - 1;
+  constexpr double kLimit = static_cast<double>(engine::kSettledMetres), kAway = 0.02;
+  const size_t rows = model_.numbers.basis.rows;
+  ASSERT_GT(rows, 2u);
+  for (const size_t row : {size_t{0}, rows - 2}) {
+    const auto creep = [&](double metres) {
+      return FreezesAfter(row, [&](int tick) { return kAway + metres * tick; });
+    };
+    EXPECT_EQ(creep(0), kSoonest);
+    EXPECT_EQ(creep(0.8 * kLimit), kNever) << "1.2 mm in a second";
+    EXPECT_EQ(creep(-1.2 * kLimit / kSteps), kNever) << "0.13 mm in a second";
+    EXPECT_EQ(creep(0.8 * kLimit / kSteps), kSoonest);
+    EXPECT_EQ(FreezesAfter(row, [&](int tick) { return kAway + (tick % 2 == 0 ? 0.4 : -0.4) * kLimit; }), kSoonest)
+        << "a tremble that leads nowhere";
+    EXPECT_EQ(FreezesAfter(row, [&](int tick) { return kAway + 1e-3 * std::sin(0.4 * tick); }), kNever) << "a swing";
+    const int stopped = FreezesAfter(row, [&](int tick) { return kAway + 0.5 * kLimit * std::min(tick, 40); });
+    EXPECT_GE(stopped, 40 + kSoonest - 2);
+    EXPECT_LE(stopped, 40 + 2 * kSoonest) << "a half second that crept, and one that did not";
+  }
+}
+
+std::vector<ModelSpec> Precisions() {
+  std::vector<ModelSpec> specs;
+  for (const format::DType precision : {format::DType_F32, format::DType_F16, format::DType_I8}) {
+    for (const uint32_t rank : {0u, 8u}) {
+      ModelSpec spec;
+      spec.precision = precision;
+      spec.rank = rank;
+      specs.push_back(spec);
+    }
+  }
+  return specs;
+}
+INSTANTIATE_TEST_SUITE_P(Models, IdleCountTest, ::testing::ValuesIn(Precisions()));
+
+// A state saved within the half second freezes in the same frame as the one that went on, to the bit. One of another
+// rank and precision takes it too, and counts anew.
+TEST_F(IdleTest, SavedWhileItCounts) {
+  ModelSpec other_spec;
+  other_spec.rank = 8;
+  other_spec.precision = format::DType_I8;
+  const TestModel other_model = BuildModel(other_spec);
+  const OpenedModel other(other_model);
+  OwnedCloth cloth(opened_);
+  Settle(&cloth, 1 / 30.0f);
+  ASSERT_EQ(Update(&cloth, Pose(2), 1 / 30.0f), DCLOTH_OK) << "wakes";
+  for (int counted = 1; counted < 20; ++counted) {
+    ASSERT_EQ(Update(&cloth, Pose(2), 1 / 30.0f, kFreeze), DCLOTH_OK);
+    std::vector<uint8_t> state(dcloth_cloth_state_size(cloth.get()));
+    ASSERT_EQ(dcloth_cloth_save(cloth.get(), state.data(), state.size(), nullptr), DCLOTH_OK);
+    OwnedCloth restored(opened_), elsewhere(other);
+    ASSERT_EQ(dcloth_cloth_restore(restored.get(), state.data(), state.size(), 0, nullptr), DCLOTH_OK) << counted;
+    dcloth_error error = EmptyError();
+    ASSERT_EQ(dcloth_cloth_restore(elsewhere.get(), state.data(), state.size(), DCLOTH_RESTORE_OTHER_MODEL, &error),
+              DCLOTH_OK)
+        << error.text;
+    EXPECT_EQ(Frozen(&elsewhere), Frozen(&cloth));
+    int frames = counted;
+    for (; !Frozen(&restored); ++frames) ASSERT_EQ(Update(&restored, Pose(2), 1 / 30.0f, kFreeze), DCLOTH_OK);
+    EXPECT_EQ(frames, std::max(counted, static_cast<int>(engine::kIdleTicks))) << counted;
+    for (frames = 0; !Frozen(&elsewhere) && frames < 200; ++frames)
+      ASSERT_EQ(Update(&elsewhere, Pose(2), 1 / 30.0f, kFreeze), DCLOTH_OK);
+    EXPECT_LT(frames, 200) << "never frozen";
   }
 }
 

@@ -5,7 +5,9 @@ namespace {
 
 // Sites in lumps of 16 that overlap, with planes through or near them, as the job wants them.
 struct Sites {
-  Sites(size_t wanted, Random* random) : count(wanted), groups((wanted + kNearestGroup - 1) / kNearestGroup) {
+  // Slacks are up to `slack`.
+  Sites(size_t wanted, float slack, Random* random)
+      : count(wanted), groups((wanted + kNearestGroup - 1) / kNearestGroup) {
     for (size_t s = 0; s < count; ++s) {
       if (s % kNearestGroup == 0) {
         for (float& c : lump) c = random->Uniform(-1.0f, 1.0f);
@@ -22,6 +24,8 @@ struct Sites {
         height += double{normal[3 * s + c]} * position[3 * s + c];
       }
       offset.push_back(static_cast<float>(height));
+      const float own = slack * random->Uniform(0.0f, 1.0f);
+      slack_squared.push_back(own * own);
     }
     const size_t stride = NearestBoundStride(groups);
     packed.resize(groups * kNearestSiteFloats * kNearestGroup);
@@ -35,38 +39,30 @@ struct Sites {
         for (size_t c = 0; c < 3; ++c) to[c * kNearestGroup] = position[3 * s + c];
         for (size_t c = 0; c < 3; ++c) to[(3 + c) * kNearestGroup] = normal[3 * s + c];
         to[6 * kNearestGroup] = offset[s];
+        to[7 * kNearestGroup] = slack_squared[s];
       }
       Bound(g, &bounds[g], stride);
     }
   }
 
-  // The first site is as good a centre, and its normal as good an axis, as any.
+  // The first site is as good a centre as any.
   void Bound(size_t g, float* to, size_t stride) {
     const size_t first = g * kNearestGroup;
-    double radius = 0, spread = 0, rise = -1e9;
+    double radius = 0, widest = 0;
     for (size_t s = first; s < std::min(first + kNearestGroup, count); ++s) {
-      double apart = 0, turned = 0, over = offset[s];
-      for (size_t c = 0; c < 3; ++c) {
-        apart += std::pow(double{position[3 * s + c]} - position[3 * first + c], 2);
-        turned += std::pow(double{normal[3 * s + c]} - normal[3 * first + c], 2);
-        over -= double{normal[3 * s + c]} * position[3 * first + c];
-      }
+      double apart = 0;
+      for (size_t c = 0; c < 3; ++c) apart += std::pow(double{position[3 * s + c]} - position[3 * first + c], 2);
       radius = std::max(radius, std::sqrt(apart));
-      spread = std::max(spread, std::sqrt(turned));
-      rise = std::max(rise, over);
+      widest = std::max(widest, std::sqrt(double{slack_squared[s]}));
     }
-    for (size_t c = 0; c < 3; ++c) {
-      to[(kCentre + c) * stride] = position[3 * first + c];
-      to[(kAxis + c) * stride] = normal[3 * first + c];
-    }
+    for (size_t c = 0; c < 3; ++c) to[(kCentre + c) * stride] = position[3 * first + c];
     to[kRadius * stride] = static_cast<float>(radius * 1.00001);
-    to[kSpread * stride] = static_cast<float>(spread * 1.00001);
-    to[kRise * stride] = static_cast<float>(rise + 1e-5);
+    to[kSlack * stride] = static_cast<float>(widest * 1.00001);
   }
 
   size_t count, groups;
   float lump[3] = {};
-  std::vector<float> position, normal, offset, packed, bounds;
+  std::vector<float> position, normal, offset, slack_squared, packed, bounds;
 };
 
 class NearestTest : public KernelTest {
@@ -75,25 +71,26 @@ class NearestTest : public KernelTest {
     SCOPED_TRACE(testing::Message() << table().name << " points " << points << " sites " << site_count << " stride "
                                     << stride_floats << " reach " << reach << " slack " << slack);
     Random random(static_cast<uint32_t>(points * 131 + site_count * 7 + stride_floats));
-    const Sites sites(site_count, &random);
+    const Sites sites(site_count, slack, &random);
     const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
     GuardedBuffer<float> at((points - 1) * stride_floats + 3);
     for (size_t i = 0; i < points; ++i) {
       for (size_t c = 0; c < 3; ++c) at[i * stride_floats + c] = random.Uniform(-1.3f, 1.3f);
     }
     GuardedBuffer<uint16_t> nearest(points), suspect(points);
-    table().nearest({at.data(), 4 * stride_floats, points, packed.data(), bounds.data(), sites.groups, reach, slack,
+    table().nearest({at.data(), 4 * stride_floats, points, packed.data(), bounds.data(), sites.groups, reach,
                      nearest.data(), suspect.data()});
     ASSERT_TRUE(nearest.SlackUntouched() && suspect.SlackUntouched());
-    for (size_t i = 0; i < points; ++i) CheckPoint(sites, &at[i * stride_floats], reach, slack, nearest[i], suspect[i]);
+    for (size_t i = 0; i < points; ++i) CheckPoint(sites, &at[i * stride_floats], reach, nearest[i], suspect[i]);
   }
 
   // A squared distance has a rounded difference, product and two sums: at most gamma(5) off; a height three products
   // and two sums. Two distances compared may both be off.
-  void CheckPoint(const Sites& sites, const float* v, double reach, double slack, uint16_t nearest, uint16_t suspect) {
+  void CheckPoint(const Sites& sites, const float* v, double reach, uint16_t nearest, uint16_t suspect) {
     const double most = 1 + 2 * Gamma(8);
-    std::vector<double> squared(sites.count), above(sites.count), doubt(sites.count);
-    double least = 1e30, sure = 1e30;
+    std::vector<double> squared(sites.count), above(sites.count), doubt(sites.count), excess(sites.count),
+        doubt_of_excess(sites.count);
+    double least = 1e30, sure = 1e30;  // of the excess of suspects, at its most
     for (size_t s = 0; s < sites.count; ++s) {
       above[s] = -sites.offset[s];
       for (size_t c = 0; c < 3; ++c) {
@@ -103,13 +100,14 @@ class NearestTest : public KernelTest {
         doubt[s] += Gamma(4) * std::fabs(product);
       }
       least = std::min(least, squared[s]);
-      if (above[s] < -doubt[s]) sure = std::min(sure, squared[s]);
+      excess[s] = squared[s] - double{sites.slack_squared[s]};
+      doubt_of_excess[s] = (most - 1) * (squared[s] + double{sites.slack_squared[s]});
+      if (above[s] < -doubt[s]) sure = std::min(sure, excess[s] + doubt_of_excess[s]);
     }
-    const double bound = least + slack * slack;
     ASSERT_EQ(nearest == kNoSite, suspect == kNoSite);
     if (suspect == kNoSite) {
       const bool in_reach = least * most < reach * reach;
-      ASSERT_FALSE(in_reach && sure * most < bound) << "a suspect was missed";
+      ASSERT_FALSE(in_reach && sure < least / most) << "a suspect was missed";
       ++(in_reach ? clear_ : none_);
       return;
     }
@@ -118,8 +116,8 @@ class NearestTest : public KernelTest {
     ASSERT_LE(least, reach * reach * most);
     ASSERT_LT(suspect, sites.count);
     ASSERT_LE(above[suspect], doubt[suspect]);
-    ASSERT_LE(squared[suspect], bound * most);
-    ASSERT_LE(squared[suspect], sure * most);
+    ASSERT_LE(excess[suspect], least * most + doubt_of_excess[suspect]);
+    ASSERT_LE(excess[suspect], sure + doubt_of_excess[suspect]);
     ++suspects_;
     if (suspect != nearest) ++others_;
   }
@@ -149,13 +147,13 @@ TEST_P(NearestTest, ReachAndSlackFromNothingToEverything) {
 
 TEST_P(NearestTest, PointsThatAreNoNumbersHaveNoSite) {
   Random random(5);
-  const Sites sites(64, &random);
+  const Sites sites(64, 0.1f, &random);
   std::vector<float> at(3 * 40, 0.0f);
   at[3 * 7 + 1] = NAN;
   at[3 * 30] = INFINITY;
   std::vector<uint16_t> nearest(40, 1), suspect(40, 1);
-  table().nearest({at.data(), 12, 40, sites.packed.data(), sites.bounds.data(), sites.groups, 9.0f, 0.1f,
-                   nearest.data(), suspect.data()});
+  table().nearest({at.data(), 12, 40, sites.packed.data(), sites.bounds.data(), sites.groups, 9.0f, nearest.data(),
+                   suspect.data()});
   for (size_t i : {size_t{7}, size_t{30}}) {
     EXPECT_EQ(nearest[i], kNoSite) << i;
     EXPECT_EQ(suspect[i], kNoSite) << i;

@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""Draws the levels of detail of a garment, cost beside error, and writes them into a page's table.
+
+Usage: levels_document.py LEVELS.json --garment NAME --picture OUT.svg --page PAGE.md
+
+LEVELS.json is what scene_garment_test writes into the file that DCLOTH_LEVELS_JSON names. In PAGE.md the rows between
+"<!-- levels -->" and "<!-- /levels -->" are replaced.
+"""
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "training"))
+from dcloth_training import plots  # noqa: E402
+
+BEGIN, END = "<!-- levels -->\n", "<!-- /levels -->\n"
+# What runs, and which steps of a profile that is.
+ROWS = {
+    "frozen": ("drawing; the static stage once a second", "none"),
+    "static": ("pivots follow the pose, no dynamics", "`pose` + `static` of a profile"),
+    "skeleton": ("swing and drape", "+ `skeleton` + `displacement`"),
+    "half rate mesh": ("wrinkles from every second tick, one tick late", "every second one without `mesh`"),
+    "mesh": ("everything", "all"),
+}
+
+
+def read(path, garment):
+    reports = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    for report in reports:
+        if report["garment"] == garment:
+            missing = set(ROWS) - {level["name"] for level in report["levels"]}
+            if missing:
+                raise ValueError(f"{path}: garment '{garment}' lacks the levels {', '.join(sorted(missing))}")
+            return report
+    raise ValueError(f"{path}: no garment '{garment}'; found: {', '.join(r['garment'] for r in reports) or 'none'}")
+
+
+def table(report):
+    lines = ["| level | what runs | cost of a tick | error | distance to mesh | tick |", "|---|---|---|---|---|---|"]
+    mesh_us = report["levels"][-1]["tick_us"]
+    for level in report["levels"]:
+        name = level["name"]
+        what, cost = ROWS[name]
+        tick = {"frozen": "0", "half rate mesh": f"{level['tick_us']:.0f} and {mesh_us:.0f} µs"}.get(
+            name, f"{level['tick_us']:.0f} µs")
+        distance = "0" if name == "mesh" else f"{level['to_mesh_mm']:.2f} mm"
+        lines.append(f"| {name} | {what} | {cost} | {level['error_mm']:.1f} mm | {distance} | {tick} |")
+    lines.append(f"| idle, at any level | drawing, until the pose moves | none | {report['idle_mm']:.1f} mm where the clips "
+                 "end | – | 0 |")
+    lines.append("")
+    lines.append(f"Drawing takes {report['draw_us']:.0f} µs more in each frame, at every level. int8, {report['isa']}, one "
+                 "thread, on the bundled sequences;\nerrors are mean vertex distances to the simulation.")
+    return "\n".join(lines) + "\n"
+
+
+def picture(report, path):
+    """Milliseconds of a tick with its drawing, and millimetres, a row for each level."""
+    rows = [("idle", report["draw_us"] * 1e-3, report["idle_mm"])]
+    for level in report["levels"]:
+        tick_us = 0 if level["name"] == "frozen" else level["mean_tick_us"]
+        rows.append((level["name"], (report["draw_us"] + tick_us) * 1e-3, level["error_mm"]))
+    plots.levels(rows, path)
+
+
+def replace(page, path, text):
+    if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(BEGIN) > page.index(END):
+        raise ValueError(f"{path}: needs one {BEGIN.strip()} and, after it, one {END.strip()}")
+    return page[:page.index(BEGIN) + len(BEGIN)] + text + page[page.index(END):]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("levels", type=Path)
+    parser.add_argument("--garment", required=True)
+    parser.add_argument("--picture", type=Path, required=True)
+    parser.add_argument("--page", type=Path, required=True)
+    options = parser.parse_args()
+    try:
+        report = read(options.levels, options.garment)
+        page = replace(options.page.read_text(encoding="utf-8"), options.page, table(report))
+    except (OSError, ValueError, KeyError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    picture(report, options.picture)
+    part = options.page.with_name(options.page.name + ".part")
+    part.write_text(page, encoding="utf-8")
+    os.replace(part, options.page)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
