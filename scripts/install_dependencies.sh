@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_windows] [unity]`; "build" when nothing is said.
+# [cross_windows] [unity] [bench]`; "build" when nothing is said.
 set -euo pipefail
 
 declare -A groups=(
@@ -11,6 +11,7 @@ declare -A groups=(
   [cross_aarch64]="g++-aarch64-linux-gnu qemu-user googletest"
   [cross_windows]="g++-mingw-w64-x86-64-posix libz-mingw-w64-dev wine wine64 googletest"
   [unity]="mono-mcs mono-runtime libmono-system-core4.0-cil libmono-2.0-dev libmonosgen-2.0-dev"
+  [bench]="libbenchmark-dev python3-venv python3-numpy python3-scipy python3-torch libopenblas0-pthread"
   [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
 )
 packages=()

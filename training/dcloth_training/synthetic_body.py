@@ -1,4 +1,4 @@
-"""A made-up character for synthetic.py: 52 joints (22 of the body, 30 of the fingers), tubes for skin, smooth motion."""
+"""A made-up character for synthetic.py: 52 joints (22 of the body, 30 of the fingers), tubes for skin, motion."""
 import numpy as np
 
 # Name, parent, offset from it in metres; the left half, mirrored below.
