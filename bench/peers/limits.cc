@@ -14,8 +14,10 @@ namespace {
 
 using dcloth::tools::NowNanoseconds;
 
-constexpr int kPasses = 5;
-constexpr size_t kPiece = (1u << 20) / sizeof(uint64_t);  // read in far less time than a scheduler's slice
+// Pieces far shorter than a scheduler's slice, so that a busy machine interrupts few of them.
+constexpr int kReadPasses = 5;
+constexpr size_t kPiece = (1u << 20) / sizeof(uint64_t);
+constexpr int kFmaPasses = 200;
 
 volatile uint64_t sink;
 
@@ -34,7 +36,7 @@ uint64_t Sum(const uint64_t* data, size_t count) {
 #if defined(__x86_64__)
 // Twelve chains: four cycles of latency at up to three multiply-adds a cycle.
 constexpr size_t kChains = 12;
-constexpr size_t kSteps = 2'000'000;
+constexpr size_t kSteps = 100'000;
 
 __attribute__((target("avx2,fma"))) double FmaLanes256() {
   __m256 sums[kChains];
@@ -70,7 +72,7 @@ __attribute__((target("avx512f"))) double FmaLanes512() {
 double peers_read_rate(uint64_t bytes) {
   const std::vector<uint64_t> data(bytes / sizeof(uint64_t), 1);
   std::vector<double> rates;
-  for (int pass = 0; pass < kPasses; ++pass) {
+  for (int pass = 0; pass < kReadPasses; ++pass) {
     for (size_t at = 0; at + kPiece <= data.size(); at += kPiece) {
       const uint64_t start = NowNanoseconds();
       sink = Sum(data.data() + at, kPiece);
@@ -87,7 +89,7 @@ double peers_fma_rate(uint32_t bits) {
   if (bits == 256 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) run = FmaLanes256;
   if (bits == 512 && __builtin_cpu_supports("avx512f")) run = FmaLanes512;
   double best = 0;
-  for (int pass = 0; run != nullptr && pass < kPasses; ++pass) {
+  for (int pass = 0; run != nullptr && pass < kFmaPasses; ++pass) {
     const uint64_t start = NowNanoseconds();
     const double lanes = run();
     const auto spent = static_cast<double>(NowNanoseconds() - start);

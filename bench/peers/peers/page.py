@@ -107,12 +107,13 @@ def network_rows(results):
     for name, row in results["rows"].items():
         error, floor = row["error_mm"], sum(results["floor_ms"][row["precision"]].values())
         yield [name, f"{row['weight_bytes'] / 1e6:.1f}", f"{error['mean']:.4f}", f"{error['max']:.4f}",
-               _three(row["warm"], "network"), _three(row["cold"], "network"), _ratio(results, row, "warm"),
+               _three(row["warm"], "network"), _three(row["cold"], "network"),
+               " / ".join(_ms(row[t]["network"]["least"]) for t in TEMPERATURES), _ratio(results, row, "warm"),
                _ratio(results, row, "cold"), "–" if "," in name else f"{floor / row['cold']['network']['p50']:.0%}"]
 
 
-NETWORK_HEADER = ["", "MB", "mm mean", "mm max", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms", "ratio warm",
-                  "ratio cold", "limit"]
+NETWORK_HEADER = ["", "MB", "mm mean", "mm max", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms",
+                  "least warm / cold", "ratio warm", "ratio cold", "limit"]
 
 
 def _frames(results):
@@ -163,7 +164,8 @@ def _machine(results):
             "looks do not."]
     if used > QUIET_CORES:
         text.append(f"**The machine was not quiet: others used {used:.1f} of its {m['cores']} cores. These times prove "
-                    "that the bench runs; they are no result. Run it again on an idle machine.**")
+                    "that the bench runs; they are no result: a tick that is interrupted counts with the interruption, "
+                    "and only the least times come near those of an idle machine. Run it again on one.**")
     else:
         text.append(f"Others used {used:.2f} of {m['cores']} cores meanwhile. The run took {results['seconds']:.0f} s.")
     return "\n".join(text)
