@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_windows] [unity] [web] [npm] [import]`; "build" when nothing is said.
+# [cross_windows] [unity] [web] [npm] [import] [bench]`; "build" when nothing is said.
 set -euo pipefail
 
 declare -A groups=(
@@ -14,6 +14,7 @@ declare -A groups=(
   [web]="emscripten binaryen nodejs"
   [npm]="npm"  # where nodejs comes without it
   [import]="libassimp-dev"
+  [bench]="libbenchmark-dev python3-venv python3-numpy python3-scipy python3-torch libopenblas0-pthread"
   [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
 )
 packages=()

@@ -1,0 +1,46 @@
+"""Everybody who takes part, and why the others do not."""
+import importlib
+import os
+import subprocess
+
+from .engine_peer import EnginePeer
+
+# Name -> module, class, arguments. ONNX Runtime's float32 is what ratios are to.
+PEERS = {"ONNX Runtime fp32": ("onnxruntime_peer", "OnnxRuntimePeer", {}),
+         "ONNX Runtime int8": ("onnxruntime_peer", "OnnxRuntimePeer", {"int8": True}),
+         "OpenVINO fp32": ("openvino_peer", "OpenVinoPeer", {}),
+         "LiteRT fp32": ("litert_peer", "LiteRtPeer", {}),
+         "LiteRT int8": ("litert_peer", "LiteRtPeer", {"int8": True}),
+         "PyTorch fp32": ("torch_peer", "TorchPeer", {}),
+         "ncnn fp32": ("ncnn_peer", "NcnnPeer", {})}
+BASELINE = "ONNX Runtime fp32"
+BASELINE_INT8 = "ONNX Runtime int8"
+PRECISIONS = ("fp32", "fp16", "int8")
+# As many rows as the peers' basis has, or as few as the stacked basis' numerical rank, which is exact but for rounding.
+RANKS = {"": "full", ", exact rank": "exact"}
+
+
+def engines(library, convert, bundle, sequence, folder):
+    """{name: EnginePeer} of models converted here and now."""
+    made = {}
+    for suffix, rank in RANKS.items():
+        for precision in PRECISIONS:
+            path = os.path.join(folder, f"{rank}-{precision}.dcloth")
+            command = [convert, "convert", bundle, "-o", path, "--precision", precision, "--rank", rank]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise RuntimeError(f"{' '.join(command)}: exit {done.returncode}\n{done.stderr}")
+            made[f"dcloth {precision}{suffix}"] = EnginePeer(library, path, sequence, precision)
+    return made
+
+
+def peers(case, folder, say):
+    """({name: peer}, {name: why it is absent})."""
+    made, absent = {}, {}
+    for name, (module, kind, arguments) in PEERS.items():
+        say(f"{name}: trying its graphs")
+        try:
+            made[name] = getattr(importlib.import_module(f".{module}", __package__), kind)(case, folder, **arguments)
+        except Exception as error:    # not installed, or refuses the graphs: said in the page, the others go on
+            absent[name] = f"{type(error).__name__}: {error}".splitlines()[0][:300]
+    return made, absent

@@ -1,0 +1,68 @@
+"""What the machine is, what it can do at most and how busy it was: printed beside every time."""
+import os
+import platform
+import subprocess
+import sys
+
+
+def cpu_name():
+    with open("/proc/cpuinfo", encoding="utf-8") as info:
+        for line in info:
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or "unknown CPU"
+
+
+def pin(core):
+    """Keep this process on one core, the last it may use when `core` is None -> the core."""
+    allowed = sorted(os.sched_getaffinity(0))
+    core = allowed[-1] if core is None else core
+    if core not in allowed:
+        raise ValueError(f"--core {core}: allowed are {allowed}")
+    os.sched_setaffinity(0, {core})
+    return core
+
+
+def compiler(build):
+    """The compiler that the build folder's cache names."""
+    with open(os.path.join(build, "CMakeCache.txt"), encoding="utf-8") as cache:
+        path = next((line.split("=", 1)[1].strip() for line in cache if line.startswith("CMAKE_CXX_COMPILER:")), "c++")
+    done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+    return done.stdout.splitlines()[0] if done.stdout else path
+
+
+def busy():
+    """Seconds of processor time that all processes of the machine have used, and seconds of all cores."""
+    with open("/proc/stat", encoding="ascii") as stat:
+        ticks = [int(v) for v in stat.readline().split()[1:9]]
+    hertz = os.sysconf("SC_CLK_TCK")
+    return (sum(ticks) - ticks[3] - ticks[4]) / hertz, sum(ticks) / hertz
+
+
+class Neighbours:
+    """How much of the other cores and of this one others used, between construction and share()."""
+
+    def __init__(self):
+        self._busy, self._all = busy()
+        self._own = os.times()
+
+    def share(self):
+        """Processor time of others, in cores."""
+        now_busy, now_all = busy()
+        own = os.times()
+        mine = sum(own[:4]) - sum(self._own[:4])
+        elapsed = (now_all - self._all) / os.cpu_count()
+        return max(0.0, (now_busy - self._busy - mine) / max(elapsed, 1e-9))
+
+
+def describe(library, core, build):
+    return {"cpu": cpu_name(), "core": core, "cores": os.cpu_count(), "system": platform.platform(),
+            "compiler": compiler(build), "python": sys.version.split()[0], "isa": library.isa().decode(),
+            "evicted_bytes": library.evicted_bytes()}
+
+
+def limits(library):
+    """Of this core: GB/s from memory, 1e9 float32 multiply-adds a second by vector width."""
+    fma = {str(bits): library.fma_rate(bits) for bits in (256, 512)}
+    return {"read_gbps": library.read_rate(library.evicted_bytes()),
+            "fma_gmacs": {bits: rate for bits, rate in fma.items() if rate}}

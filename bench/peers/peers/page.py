@@ -1,0 +1,208 @@
+"""The results as a Markdown page and as a table for the terminal."""
+from .contestants import BASELINE
+from .measure import FLOAT32_LIMIT_MM, INT8_LIMIT_SHARE
+from .peer import NETWORK
+from .verdicts import best_peers, goals, losses
+
+QUIET_CORES = 0.1    # what others may use before times mean nothing
+TEMPERATURES = ("warm", "cold")
+PAGE = """\
+# dcloth and general runtimes on the same network
+
+Written by `bench/peers/run.sh`, the one command that repeats all of it; do not edit.
+
+{machine}
+
+## Network
+
+{network}
+
+{best}
+
+**Network** is the static stage, the GRU, the graph layers with the vertex MLP, and the sum over the stacked basis.
+dcloth's rows include more: checks of the pose, heading frame, features, and the posed body points that the graph
+layers read; peers get both ready-made. A peer's stages are graphs of their own, inputs and outputs bound or copied
+outside the timed part, each called from Python (2 to 10 us a call, more after the caches were emptied). dcloth is
+timed in C++, through its C ABI.
+
+**Warm**: a tick right after another of the same contestant. **Cold**: caches emptied before the tick by reading
+{evicted:.0f} MB. All take turns tick by tick, in rotating order, on core {core}, one thread, batch 1; {warm_ticks}
+timed ticks a row warm, {cold_ticks} cold. **Error**: distance of vertices to PyTorch in float64 on the same
+weights, over {frames} ticks from a reset, compared before anything is timed. A float32 contestant more than {limit}
+mm off anywhere is left out, and an int8 one whose mean error is above {share:.0%} of the mean displacement
+({displacement:.0f} mm). **Ratio**: the network of {baseline} over the row's, p50 to p50. **Limit**: the share of
+the core's limit that is reached cold: the row's weights read once from memory plus the multiply-adds of the graph
+layers, in float32 at the widest vectors, over the network's p50.
+
+"Exact rank": the stacked basis in as many rows as it has numerical rank, which the converter does by default where
+that saves bytes, and which S and M that start from the components of one residual allow. The peers could be given
+the same basis; their displacement stage would shrink in proportion.
+
+## Whole frame
+
+{frame}
+
+With skinning and, for dcloth alone, normals; dcloth skins with 8 influences a vertex, peers with one dense product.
+Ratios here: {baseline}'s network alone over dcloth's whole frame.
+
+## Stage by stage
+
+{stages}
+
+## Where dcloth's time goes
+
+{where}
+
+Limit: that stage's weights read once from memory, and for the mesh stage the multiply-adds of its graph layers,
+both at the rates above. {vectors}
+
+## Against the goals
+
+{goals}
+
+Whole frames of dcloth against the peer's network. The weights are seeded, not trained: what a bound in millimetres
+allows beyond exact rewrites is measured on trained garments, by `dcloth evaluate`.
+
+## Losses
+
+{losses}
+
+## Versions
+
+{versions}
+
+## Graphs tried
+
+The fastest of each stage runs; least of four calls, in cache.
+
+{tried}
+
+## Left out
+
+{absent}
+"""
+
+
+def _ms(value):
+    return f"{value:.3f}" if value < 0.1 else f"{value:.2f}" if value < 100 else f"{value:.0f}"
+
+
+def _three(timed, part):
+    return " / ".join(_ms(timed[part][q]) for q in ("p50", "p95", "p99")) if part in timed else "–"
+
+
+def _table(header, rows):
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
+
+
+def _ratio(results, row, temperature, part="network"):
+    base = results["rows"].get(BASELINE)
+    if base is None or part not in row[temperature]:
+        return "–"
+    return f"{base[temperature]['network']['p50'] / row[temperature][part]['p50']:.2f}x"
+
+
+def network_rows(results):
+    for name, row in results["rows"].items():
+        error, floor = row["error_mm"], sum(results["floor_ms"][row["precision"]].values())
+        yield [name, f"{row['weight_bytes'] / 1e6:.1f}", f"{error['mean']:.4f}", f"{error['max']:.4f}",
+               _three(row["warm"], "network"), _three(row["cold"], "network"),
+               " / ".join(_ms(row[t]["network"]["least"]) for t in TEMPERATURES), _ratio(results, row, "warm"),
+               _ratio(results, row, "cold"), "–" if "," in name else f"{floor / row['cold']['network']['p50']:.0%}"]
+
+
+NETWORK_HEADER = ["", "MB", "mm mean", "mm max", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms",
+                  "least warm / cold", "ratio warm", "ratio cold", "limit"]
+
+
+def _frames(results):
+    rows = [[name, *(_three(row[t], "frame") for t in TEMPERATURES),
+             *(_ratio(results, row, t, "frame") if row["engine"] else "–" for t in TEMPERATURES)]
+            for name, row in results["rows"].items() if "frame" in row["warm"]]
+    return _table(["", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms", "ratio warm", "ratio cold"], rows)
+
+
+def _stages(results):
+    stages = ("pose", *NETWORK, "skinning", "normals")
+    rows = [[name, *(" / ".join(_ms(row[t][s]["p50"]) if s in row[t] else "–" for t in TEMPERATURES) for s in stages)]
+            for name, row in results["rows"].items()]
+    return _table(["p50 warm / cold, ms", *stages], rows)
+
+
+def _where(results):
+    """Each stage of the engine beside the least it could take, cold."""
+    rows = []
+    for name, row in results["rows"].items():
+        if row["engine"] and "," not in name:
+            cold, floors = row["cold"], results["floor_ms"][row["precision"]]
+            cells = [f"{cold[s]['p50']:.2f} ({cold[s]['p50'] / cold['frame']['p50']:.0%} of the frame), limit "
+                     f"{floors[s]:.2f} ({floors[s] / cold[s]['p50']:.0%})" for s in NETWORK[1:]]
+            rows.append([name, f"{cold['frame']['p50']:.2f}", *cells])
+    return _table(["ms, cold p50", "frame", "skeleton", "mesh", "displacement"], rows)
+
+
+def _vectors(results):
+    """What the arithmetic of the graph layers takes in vectors of each width."""
+    layers = results["multiply_adds"]["layers"]
+    widths = ", ".join(f"{layers / rate * 1e-6:.2f} ms in {bits}-bit vectors"
+                       for bits, rate in results["limits"]["fma_gmacs"].items())
+    return (f"The {layers / 1e6:.0f} M multiply-adds of the graph layers take at least {widths}; dcloth's kernels "
+            f"here: {results['machine']['isa']}.")
+
+
+def _machine(results):
+    m, limits, used = results["machine"], results["limits"], results["others_used_cores"]
+    fma = ", ".join(f"{rate:.0f} GMAC/s in {bits}-bit vectors" for bits, rate in limits["fma_gmacs"].items())
+    sizes = ", ".join(f"{k} {v}" for k, v in results["garment"].items() if k != "parameters")
+    megabytes = 4e-6 * results["garment"]["parameters"]
+    text = [f"{results['date']}, {m['cpu']}, core {m['core']} of {m['cores']}, {m['system']}; engine built by "
+            f"{m['compiler']}, its kernels chose {m['isa']}; Python {m['python']}.",
+            f"Limits of the core, measured in this run: {limits['read_gbps']:.1f} GB/s from memory, {fma}, float32.",
+            f"Garment: preset '{results['preset']}' of `dcloth_training.synthetic` ({sizes}; {megabytes:.1f} MB of "
+            "float32 weights in a tick), seeded weights, not trained: times and differences to float64 mean something, "
+            "looks do not."]
+    if used > QUIET_CORES:
+        text.append(f"**The machine was not quiet: others used {used:.1f} of its {m['cores']} cores. These times prove "
+                    "that the bench runs; they are no result: a tick that is interrupted counts with the interruption, "
+                    "and only the least times come near those of an idle machine. Run it again on one.**")
+    else:
+        text.append(f"Others used {used:.2f} of {m['cores']} cores meanwhile. The run took {results['seconds']:.0f} s.")
+    return "\n".join(text)
+
+
+def _tried(results):
+    def outcome(ms):
+        return f"{_ms(ms)} ms" if isinstance(ms, float) else f"does not run: {ms}".replace("|", "/")
+
+    rows = [[name, stage, graph, outcome(ms)]
+            for name, row in results["rows"].items() for stage, graph, ms in row["tried"] if stage in NETWORK[1:3]]
+    return _table(["peer", "stage", "graph", "time"], rows)
+
+
+def _list(lines):
+    return "\n".join(f"- {line}" for line in lines) or "None."
+
+
+def markdown(results):
+    rows = results["rows"]
+    ticks = {t: min((row[t]["ticks"] for row in rows.values()), default=0) for t in TEMPERATURES}
+    versions = [f"{name}: {row['version']}" + (f"; {row['note']}" if row["note"] else "")
+                for name, row in rows.items() if not row["engine"]]
+    return PAGE.format(
+        machine=_machine(results), network=_table(NETWORK_HEADER, network_rows(results)), frame=_frames(results),
+        stages=_stages(results), where=_where(results), vectors=_vectors(results), best=best_peers(results),
+        losses=losses(results),
+        goals=_table(["goal", "asked for", "warm", "cold", ""], goals(results)), versions=_list(versions),
+        tried=_tried(results), absent=_list(f"{name}: {why}" for name, why in results["absent"].items()),
+        evicted=results["machine"]["evicted_bytes"] / 1e6, core=results["machine"]["core"], frames=results["frames"],
+        warm_ticks=ticks["warm"], cold_ticks=ticks["cold"], limit=FLOAT32_LIMIT_MM, share=INT8_LIMIT_SHARE,
+        displacement=results["displacement_mm"], baseline=BASELINE)
+
+
+def terminal(results):
+    rows = [NETWORK_HEADER, *network_rows(results)]
+    widths = [max(len(str(row[i])) for row in rows) for i in range(len(NETWORK_HEADER))]
+    lines = ["  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows]
+    left_out = [f"left out: {name}: {why}" for name, why in results["absent"].items()]
+    return "\n".join([_machine(results), "", *lines, *left_out])
