@@ -10,6 +10,7 @@
 #define HWY_TARGET_INCLUDE "kernels/nearest/nearest_vector.cc"
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
+#include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -29,7 +30,7 @@ struct Block {
   V nearest, suspect;  // as floats, exact up to 2^24; -1 for none
 };
 
-HWY_INLINE V SquaredDistance(V x, V y, V z) { return hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z))); }
+HWY_INLINE V SquaredDistance(V x, V y, V z) { return MultiplyAdd(x, x, MultiplyAdd(y, y, hn::Mul(z, z))); }
 
 HWY_INLINE void LookInto(const NearestJob& job, size_t group, Block* block) {
   const float* site = job.sites + group * kNearestSiteFloats * kNearestGroup;
@@ -41,7 +42,7 @@ HWY_INLINE void LookInto(const NearestJob& job, size_t group, Block* block) {
   for (size_t k = 0; k < kNearestGroup; ++k, ++site) {
     const auto at = [&](size_t row) { return hn::Set(d, site[row * kNearestGroup]); };
     const V squared = SquaredDistance(hn::Sub(x, at(0)), hn::Sub(y, at(1)), hn::Sub(z, at(2)));
-    const V height = hn::MulAdd(at(3), x, hn::MulAdd(at(4), y, hn::Mul(at(5), z)));
+    const V height = MultiplyAdd(at(3), x, MultiplyAdd(at(4), y, hn::Mul(at(5), z)));
     const auto nearer = hn::Lt(squared, nearest_squared);
     const auto suspicious = hn::And(hn::Lt(height, at(6)), hn::Lt(squared, suspect_squared));
     nearest_squared = hn::IfThenElse(nearer, squared, nearest_squared);
@@ -119,9 +120,9 @@ HWY_INLINE size_t GroupsAround(const NearestJob& job, const Ball& ball, float li
     if (under) {
       const V x = hn::Sub(ball.x, groups.At(kCentre)), y = hn::Sub(ball.y, groups.At(kCentre + 1));
       const V z = hn::Sub(ball.z, groups.At(kCentre + 2));
-      const V across = hn::MulAdd(groups.At(kAxis + 1), y, hn::Mul(groups.At(kAxis + 2), z));
-      const V along = hn::MulAdd(groups.At(kAxis), x, across);
-      const V lowest = hn::Sub(along, hn::MulAdd(groups.At(kSpread), hn::Add(hn::Sqrt(squared), radius), radius));
+      const V across = MultiplyAdd(groups.At(kAxis + 1), y, hn::Mul(groups.At(kAxis + 2), z));
+      const V along = MultiplyAdd(groups.At(kAxis), x, across);
+      const V lowest = hn::Sub(along, MultiplyAdd(groups.At(kSpread), hn::Add(hn::Sqrt(squared), radius), radius));
       wanted = hn::And(wanted, hn::Not(hn::Gt(lowest, groups.At(kRise))));
     }
     HWY_ALIGN float flags[kMaxLanes];
@@ -148,7 +149,7 @@ HWY_INLINE bool MayMatter(const NearestJob& job, const Block& block, V limit, si
   const V squared = SquaredDistance(x, y, z), bound = hn::Add(limit, at(kRadius));
   auto wanted = hn::Le(squared, hn::Mul(bound, bound));
   if (under) {
-    const V along = hn::MulAdd(at(kAxis), x, hn::MulAdd(at(kAxis + 1), y, hn::Mul(at(kAxis + 2), z)));
+    const V along = MultiplyAdd(at(kAxis), x, MultiplyAdd(at(kAxis + 1), y, hn::Mul(at(kAxis + 2), z)));
     const V lowest = hn::Sub(along, hn::Mul(at(kSpread), hn::Sqrt(squared)));
     wanted = hn::And(wanted, hn::Not(hn::Gt(lowest, at(kRise))));
   }

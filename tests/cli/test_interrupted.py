@@ -158,7 +158,8 @@ def test_killed_at_random_times(binary, files, tmp_path):
     generator = random.Random(5)
     killed = 0
     for turn in range(60):
-        convert = subprocess.Popen([binary, "convert", files.bundle, "--precision", ("fp32", "int8")[turn % 2], "-o", out])
+        convert = subprocess.Popen([binary, "convert", files.bundle, "--precision", ("fp32", "int8")[turn % 2],
+                                    "-o", out])
         time.sleep(generator.uniform(0, 1.2 * whole_time))
         convert.kill()
         killed += convert.wait() == -signal.SIGKILL
