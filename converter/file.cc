@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <string>
 #include <system_error>
 
@@ -137,13 +138,16 @@ class Temporary {
     }
   }
 
-  void Commit(const fs::path& target, fs::perms keep) {
+  void Finish(const fs::path& target, fs::perms keep) {
     if (Flush(file_) != 0) Refuse(target, "a failed flush: " + Reason(errno), "check the disk");
     const int file = file_;
     file_ = -1;
     if (Close(file) != 0) Refuse(target, "a failed close: " + Reason(errno), "check the disk");
     std::error_code ignored;
     if (keep != fs::perms::unknown) fs::permissions(path_, keep, ignored);
+  }
+
+  void Replace(const fs::path& target) {
     std::string reason;
     if (!Rename(path_, target, &reason)) Refuse(target, "that it cannot be replaced: " + reason, "check its directory");
     path_.clear();
@@ -197,7 +201,24 @@ void WriteFileAtomically(const fs::path& path, std::span<const std::span<const s
   const fs::path target = Target(path, &keep);
   Temporary temporary(target);
   for (const std::span<const std::byte> piece : pieces) temporary.Write(path, piece);
-  temporary.Commit(target, keep);
+  temporary.Finish(target, keep);
+  temporary.Replace(target);
+}
+
+void WriteFilesAtomically(std::span<const NewFile> files) {
+  struct Prepared {
+    fs::path target;
+    std::unique_ptr<Temporary> temporary;
+  };
+  std::vector<Prepared> prepared;
+  for (const NewFile& file : files) {
+    fs::perms keep = fs::perms::unknown;
+    const fs::path target = Target(file.path, &keep);
+    prepared.push_back({target, std::make_unique<Temporary>(target)});
+    prepared.back().temporary->Write(file.path, file.bytes);
+    prepared.back().temporary->Finish(target, keep);
+  }
+  for (const Prepared& file : prepared) file.temporary->Replace(file.target);
 }
 
 void WriteFileAtomically(const fs::path& path, std::span<const std::byte> bytes) {

@@ -37,6 +37,15 @@ AlignedBytes ReadFile(const std::filesystem::path& path, uint64_t limit_bytes = 
 void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::span<const std::byte>> pieces);
 void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
+struct NewFile {
+  std::filesystem::path path;
+  std::span<const std::byte> bytes;
+};
+
+// The same for several files: every one of them lies on the disk before the first is renamed, so that a full disk or a
+// target that cannot be written loses none of the old ones. Throws Error.
+void WriteFilesAtomically(std::span<const NewFile> files);
+
 }  // namespace dcloth::converter
 
 #endif  // DCLOTH_CONVERTER_FILE_H_

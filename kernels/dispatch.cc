@@ -18,6 +18,12 @@ namespace dcloth::kernels {
   DCLOTH_KERNEL_LIST(DCLOTH_DECLARE_KERNEL)                                    \
   constexpr KernelTable kTable = {label, DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
   }
+// The functions of `of` under another name.
+#define DCLOTH_KERNEL_ALIAS(of, space, label)                                      \
+  namespace space {                                                                \
+  using namespace of;                                                              \
+  constexpr KernelTable kTable = {label, DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
+  }
 
 #if HWY_TARGETS & HWY_AVX3
 DCLOTH_KERNEL_TABLE(N_AVX3, "avx3")
@@ -35,6 +41,14 @@ DCLOTH_KERNEL_TABLE(N_NEON, "neon")
 DCLOTH_KERNEL_TABLE(N_WASM, "wasm")
 #endif
 DCLOTH_KERNEL_TABLE(scalar, "scalar")
+// 128-bit vectors, nothing fused: the same operations in the same order everywhere (multiply_add-inl.h).
+#if HWY_TARGETS & HWY_SSE4
+DCLOTH_KERNEL_ALIAS(N_SSE4, reproducible, "reproducible")
+#elif (HWY_TARGETS & HWY_NEON) && HWY_ARCH_ARM_A64
+DCLOTH_KERNEL_TABLE(N_NEON_SPLIT, "reproducible")
+#elif HWY_TARGETS & HWY_WASM
+DCLOTH_KERNEL_ALIAS(N_WASM, reproducible, "reproducible")
+#endif
 
 namespace {
 
@@ -43,7 +57,7 @@ struct Choice {
   const KernelTable* table;
 };
 
-// Best first; scalar, which every CPU runs, last.
+// Best first; then the reproducible one; scalar, which every CPU runs, last.
 constexpr Choice kChoices[] = {
 #if HWY_TARGETS & HWY_AVX3
     {kCpuAvx3, &N_AVX3::kTable},
@@ -59,6 +73,13 @@ constexpr Choice kChoices[] = {
 #endif
 #if HWY_TARGETS & HWY_WASM
     {kCpuWasm, &N_WASM::kTable},
+#endif
+#if HWY_TARGETS & HWY_SSE4
+    {kCpuSse4, &reproducible::kTable},
+#elif (HWY_TARGETS & HWY_NEON) && HWY_ARCH_ARM_A64
+    {kCpuNeon, &N_NEON_SPLIT::kTable},
+#elif HWY_TARGETS & HWY_WASM
+    {kCpuWasm, &reproducible::kTable},
 #endif
     {kCpuScalar, &scalar::kTable},
 };

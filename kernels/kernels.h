@@ -12,7 +12,7 @@
 namespace dcloth::kernels {
 
 struct KernelTable {
-  const char* name;  // "scalar", "sse4", "avx2", "avx3", "neon" or "wasm"
+  const char* name;  // "scalar", "sse4", "avx2", "avx3", "neon", "wasm" or "reproducible"
 #define DCLOTH_KERNEL_MEMBER(Function, member) void (*member)(const Function##Job& job);
   DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_MEMBER)
 #undef DCLOTH_KERNEL_MEMBER
@@ -24,7 +24,8 @@ const KernelTable* BestKernels();
 // The table of that name, or null where the build or this CPU lacks it.
 const KernelTable* FindKernels(const char* name);
 
-// The tables this CPU runs, best first; the last one is "scalar".
+// The tables this CPU runs, best first, then "reproducible" where it has 128-bit vectors; the last one is "scalar".
+// "reproducible" gives the same bits on every CPU that has it.
 size_t KernelTableCount();
 const KernelTable* KernelTableAt(size_t index);
 

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Fuzzes every reader of untrusted bytes with clang's libFuzzer under AddressSanitizer and
-# UndefinedBehaviorSanitizer. `fuzz.sh [SECONDS [TARGET...]]`: 60 seconds each of model, bundle and sequence when
-# nothing is said. Corpora grow in out/fuzz/corpus and are taken up again. An input that breaks something lies in
+# UndefinedBehaviorSanitizer. `fuzz.sh [SECONDS [TARGET...]]`: 60 seconds each of model, bundle, sequence and state
+# when nothing is said. Corpora grow in out/fuzz/corpus and are taken up again. An input that breaks something lies in
 # out/fuzz/findings, and the script fails.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-60}
 shift || true
-targets=${*:-model bundle sequence}
+targets=${*:-model bundle sequence state}
 if ! [[ $seconds =~ ^[1-9][0-9]*$ ]]; then
   echo "fuzz: found SECONDS '$seconds'; allowed: a whole number from 1" >&2
   exit 2
@@ -39,7 +39,7 @@ for target in $targets; do
   options=(-max_total_time="$seconds" -timeout=20 -rss_limit_mb=4096 -print_final_stats=1 -use_value_profile=1
     -artifact_prefix="out/fuzz/findings/$target-")
   case $target in
-    model) options+=(-max_len=32768) ;;
+    model | state) options+=(-max_len=32768) ;;
     *) options+=(-max_len=65536 -dict=tests/fuzz/safetensors.dict) ;;
   esac
   found="nothing found"

@@ -69,11 +69,10 @@ int RunConvert(const Options& options) {
   const converter::ConvertResult result = converter::Convert(bundle, convert);
   progress.reset();
   const Json report = ConvertJson(result.report, options.bundle, options.model);
-  converter::WriteFileAtomically(options.model, result.bytes);
-  if (!options.report.empty()) {
-    const std::string text = DumpJson(report) + "\n";
-    converter::WriteFileAtomically(options.report, std::as_bytes(std::span(text)));
-  }
+  const std::string text = DumpJson(report) + "\n";
+  std::vector<converter::NewFile> outputs = {{options.model, result.bytes}};
+  if (!options.report.empty()) outputs.push_back({options.report, std::as_bytes(std::span(text))});
+  converter::WriteFilesAtomically(outputs);
   if (options.json) {
     PrintJson(report);
   } else {

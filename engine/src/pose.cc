@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "engine/src/angle.h"
+
 namespace dcloth::engine {
 namespace {
 
@@ -48,7 +50,7 @@ bool IsCollapsed(const Affine& a) {
 
 // Signed angle from `from` to `to` in (-pi, pi]: the wrapped difference of two yaws.
 double Turn(const Heading& from, const Heading& to) {
-  return std::atan2(to.sine * from.cosine - to.cosine * from.sine, to.cosine * from.cosine + to.sine * from.sine);
+  return AngleOf(to.sine * from.cosine - to.cosine * from.sine, to.cosine * from.cosine + to.sine * from.sine);
 }
 
 // Backward differences over the time since the last tick; none after a reset, the last ones after a jump.

@@ -14,6 +14,7 @@
 #endif
 
 #include "hwy/highway.h"
+#include "kernels/multiply_add-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace dcloth::kernels::HWY_NAMESPACE {
@@ -22,7 +23,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V TanhOf(D d, V x) {
-  const float clamp = HWY_NATIVE_FMA ? kTanhClampWithFma : kTanhClampWithoutFma;
+  const float clamp = kFused ? kTanhClampWithFma : kTanhClampWithoutFma;
 #if HWY_ARCH_ARM
   // NEON's minimum and maximum, as Highway uses them, return the number where one operand is NaN.
   x = hn::IfThenElse(hn::Lt(x, hn::Set(d, -clamp)), hn::Set(d, -clamp), x);
@@ -32,22 +33,22 @@ HWY_INLINE V TanhOf(D d, V x) {
   x = hn::Min(hn::Set(d, clamp), hn::Max(hn::Set(d, -clamp), x));
 #endif
   const V x2 = hn::Mul(x, x);
-  V p = hn::MulAdd(x2, hn::Set(d, kTanhNumerator[6]), hn::Set(d, kTanhNumerator[5]));
-  p = hn::MulAdd(x2, p, hn::Set(d, kTanhNumerator[4]));
-  p = hn::MulAdd(x2, p, hn::Set(d, kTanhNumerator[3]));
-  p = hn::MulAdd(x2, p, hn::Set(d, kTanhNumerator[2]));
-  p = hn::MulAdd(x2, p, hn::Set(d, kTanhNumerator[1]));
-  p = hn::MulAdd(x2, p, hn::Set(d, kTanhNumerator[0]));
-  V q = hn::MulAdd(x2, hn::Set(d, kTanhDenominator[3]), hn::Set(d, kTanhDenominator[2]));
-  q = hn::MulAdd(x2, q, hn::Set(d, kTanhDenominator[1]));
-  q = hn::MulAdd(x2, q, hn::Set(d, kTanhDenominator[0]));
+  V p = MultiplyAdd(x2, hn::Set(d, kTanhNumerator[6]), hn::Set(d, kTanhNumerator[5]));
+  p = MultiplyAdd(x2, p, hn::Set(d, kTanhNumerator[4]));
+  p = MultiplyAdd(x2, p, hn::Set(d, kTanhNumerator[3]));
+  p = MultiplyAdd(x2, p, hn::Set(d, kTanhNumerator[2]));
+  p = MultiplyAdd(x2, p, hn::Set(d, kTanhNumerator[1]));
+  p = MultiplyAdd(x2, p, hn::Set(d, kTanhNumerator[0]));
+  V q = MultiplyAdd(x2, hn::Set(d, kTanhDenominator[3]), hn::Set(d, kTanhDenominator[2]));
+  q = MultiplyAdd(x2, q, hn::Set(d, kTanhDenominator[1]));
+  q = MultiplyAdd(x2, q, hn::Set(d, kTanhDenominator[0]));
   return hn::Div(hn::Mul(x, p), q);
 }
 
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V SigmoidOf(D d, V x) {
   const V half = hn::Set(d, 0.5f);
-  return hn::MulAdd(half, TanhOf(d, hn::Mul(half, x)), half);
+  return MultiplyAdd(half, TanhOf(d, hn::Mul(half, x)), half);
 }
 
 }  // namespace dcloth::kernels::HWY_NAMESPACE

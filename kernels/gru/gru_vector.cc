@@ -7,6 +7,7 @@
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
 #include "kernels/activation/activation-inl.h"
+#include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -18,8 +19,8 @@ HWY_INLINE void GatesAt(D d, const GruGatesJob& job, size_t i) {
   const size_t k = job.k;
   const auto r = SigmoidOf(d, hn::Add(hn::LoadU(d, job.gx + i), hn::LoadU(d, job.gh + i)));
   const auto z = SigmoidOf(d, hn::Add(hn::LoadU(d, job.gx + k + i), hn::LoadU(d, job.gh + k + i)));
-  const auto q = TanhOf(d, hn::MulAdd(r, hn::LoadU(d, job.gh + 2 * k + i), hn::LoadU(d, job.gx + 2 * k + i)));
-  hn::StoreU(hn::MulAdd(z, hn::Sub(hn::LoadU(d, job.h + i), q), q), d, job.h + i);
+  const auto q = TanhOf(d, MultiplyAdd(r, hn::LoadU(d, job.gh + 2 * k + i), hn::LoadU(d, job.gx + 2 * k + i)));
+  hn::StoreU(MultiplyAdd(z, hn::Sub(hn::LoadU(d, job.h + i), q), q), d, job.h + i);
 }
 
 }  // namespace

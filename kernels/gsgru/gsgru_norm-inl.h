@@ -10,6 +10,7 @@
 #endif
 
 #include "hwy/highway.h"
+#include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -65,7 +66,7 @@ HWY_INLINE void NormFour(D d, const GsgruJob& job, float* HWY_RESTRICT o, size_t
   for (size_t f = 0; f < width; f += hn::Lanes(d)) {
     for (size_t v = 0; v < 4; ++v) {
       const V centred = hn::Sub(hn::Load(d, o + v * width + f), mean[v]);
-      sum[v] = hn::MulAdd(centred, centred, sum[v]);
+      sum[v] = MultiplyAdd(centred, centred, sum[v]);
     }
   }
   const auto variance = hn::Mul(SumFour(d, sum[0], sum[1], sum[2], sum[3]), inverse_width);
@@ -82,10 +83,10 @@ HWY_INLINE void NormFour(D d, const GsgruJob& job, float* HWY_RESTRICT o, size_t
     const V embed = job.embed != nullptr ? hn::Load(d, job.embed + f) : hn::Zero(d);
     for (size_t v = 0; v < 4; ++v) {
       const V normed = hn::Mul(hn::Sub(hn::Load(d, o + v * width + f), mean[v]), inverse[v]);
-      const V y = hn::MulAdd(normed, gain, offset);
-      const V next = hn::MulAdd(slope, hn::Min(y, hn::Zero(d)), hn::Max(y, hn::Zero(d)));
+      const V y = MultiplyAdd(normed, gain, offset);
+      const V next = MultiplyAdd(slope, hn::Min(y, hn::Zero(d)), hn::Max(y, hn::Zero(d)));
       if (job.embed != nullptr) {
-        sum[v] = hn::MulAdd(next, embed, sum[v]);
+        sum[v] = MultiplyAdd(next, embed, sum[v]);
       } else if (v < count) {
         hn::Store(next, d, job.next_x + (vertex + v) * width + f);
       }

@@ -14,6 +14,7 @@
 #include "hwy/highway.h"
 #include "kernels/activation/activation-inl.h"
 #include "kernels/gsgru/gsgru_norm-inl.h"
+#include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -38,7 +39,7 @@ HWY_INLINE void AddProduct(D d, const float* HWY_RESTRICT x, size_t x_stride, si
     for (size_t i = 0; i < kUsed; ++i) w[i] = hn::Load(d, weights + k * w_stride + i * vector_stride);
     for (size_t v = 0; v < kVertices; ++v) {
       const auto value = hn::Set(d, x[v * x_stride + k]);
-      for (size_t i = 0; i < kUsed; ++i) acc[v][i] = hn::MulAdd(value, w[i], acc[v][i]);
+      for (size_t i = 0; i < kUsed; ++i) acc[v][i] = MultiplyAdd(value, w[i], acc[v][i]);
     }
   }
 }
@@ -115,7 +116,7 @@ HWY_INLINE void UpdateTile(D d, const GsgruJob& job, float* HWY_RESTRICT h, cons
       const size_t at = (v + u) * width + f + i * hn::Lanes(d);
       const auto old = hn::Load(d, h + at);
       const auto step = hn::Sub(TanhOf(d, acc[u][i]), old);
-      hn::Store(hn::MulAdd(hn::Load(d, tiles.update + at), step, old), d, h + at);
+      hn::Store(MultiplyAdd(hn::Load(d, tiles.update + at), step, old), d, h + at);
     }
   }
 }

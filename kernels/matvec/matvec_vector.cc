@@ -9,6 +9,7 @@
 #include "hwy/foreach_target.h"
 #include "hwy/cache_control.h"
 #include "hwy/highway.h"
+#include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -63,13 +64,13 @@ HWY_INLINE void MatvecFloat(const Job& job) {
         const Weight* row = weights + (j + r) * kPanelColumns;
         for (size_t line = 0; line < kRowBytes; line += 64) PrefetchAhead(row + line / sizeof(Weight));
         const VF x = hn::Set(df, job.x[j + r]);
-        for (size_t i = 0; i < kVectors; ++i) sum[r][i] = hn::MulAdd(x, LoadWeights(row + i * kLanes), sum[r][i]);
+        for (size_t i = 0; i < kVectors; ++i) sum[r][i] = MultiplyAdd(x, LoadWeights(row + i * kLanes), sum[r][i]);
       }
     }
     for (; j < job.row_count; ++j) {
       const VF x = hn::Set(df, job.x[j]);
       for (size_t i = 0; i < kVectors; ++i) {
-        sum[0][i] = hn::MulAdd(x, LoadWeights(weights + j * kPanelColumns + i * kLanes), sum[0][i]);
+        sum[0][i] = MultiplyAdd(x, LoadWeights(weights + j * kPanelColumns + i * kLanes), sum[0][i]);
       }
     }
     for (size_t i = 0; i < kVectors; ++i) {

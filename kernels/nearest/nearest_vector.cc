@@ -12,6 +12,7 @@
 #define HWY_TARGET_INCLUDE "kernels/nearest/nearest_vector.cc"
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
+#include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -31,7 +32,7 @@ struct Block {
   V nearest, suspect;                 // as floats, exact up to 2^24; -1 for none
 };
 
-HWY_INLINE V SquaredDistance(V x, V y, V z) { return hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z))); }
+HWY_INLINE V SquaredDistance(V x, V y, V z) { return MultiplyAdd(x, x, MultiplyAdd(y, y, hn::Mul(z, z))); }
 
 HWY_INLINE void LookInto(const NearestJob& job, size_t group, Block* block) {
   const float* site = job.sites + group * kNearestSiteFloats * kNearestGroup;
@@ -43,7 +44,7 @@ HWY_INLINE void LookInto(const NearestJob& job, size_t group, Block* block) {
   for (size_t k = 0; k < kNearestGroup; ++k, ++site) {
     const auto at = [&](size_t row) { return hn::Set(d, site[row * kNearestGroup]); };
     const V squared = SquaredDistance(hn::Sub(x, at(0)), hn::Sub(y, at(1)), hn::Sub(z, at(2)));
-    const V height = hn::MulAdd(at(3), x, hn::MulAdd(at(4), y, hn::Mul(at(5), z)));
+    const V height = MultiplyAdd(at(3), x, MultiplyAdd(at(4), y, hn::Mul(at(5), z)));
     const V excess = hn::Sub(squared, at(7));
     const auto nearer = hn::Lt(squared, nearest_squared);
     const auto suspicious = hn::And(hn::Lt(height, at(6)), hn::Lt(excess, suspect_excess));
@@ -119,8 +120,8 @@ HWY_INLINE size_t GroupsAround(const NearestJob& job, const Ball& ball, const fl
     const V squared = hn::Load(d, squared_distances + g), slack = groups.At(kSlack);
     const V rough = hn::Add(hn::Add(groups.At(kRadius), slack), reach);  // sqrt(a^2 + b^2) is at most a + b
     if (hn::AllFalse(d, hn::Le(squared, hn::Mul(rough, rough)))) continue;
-    const V limit = hn::Add(hn::Sqrt(hn::MulAdd(slack, slack, nearest)), radius);
-    const V bound = hn::MulAdd(limit, more, groups.At(kRadius));
+    const V limit = hn::Add(hn::Sqrt(MultiplyAdd(slack, slack, nearest)), radius);
+    const V bound = MultiplyAdd(limit, more, groups.At(kRadius));
     uint8_t bits[8] = {};
     hn::StoreMaskBits(d, hn::Le(squared, hn::Mul(bound, bound)), bits);
     for (uint32_t left = bits[0] | static_cast<uint32_t>(bits[1]) << 8; left != 0; left &= left - 1)
@@ -137,7 +138,7 @@ HWY_INLINE bool MayMatter(const NearestJob& job, const Block& block, size_t grou
   const V x = hn::Sub(block.x, at(kCentre)), y = hn::Sub(block.y, at(kCentre + 1));
   const V z = hn::Sub(block.z, at(kCentre + 2)), slack = at(kSlack);
   const V squared = SquaredDistance(x, y, z);
-  const V bound = hn::Add(hn::Sqrt(hn::MulAdd(slack, slack, block.nearest_squared)), at(kRadius));
+  const V bound = hn::Add(hn::Sqrt(MultiplyAdd(slack, slack, block.nearest_squared)), at(kRadius));
   return !hn::AllFalse(d, hn::Le(squared, hn::Mul(bound, bound)));
 }
 

@@ -8,6 +8,7 @@
 #define HWY_TARGET_INCLUDE "kernels/skinning/skinning_vector.cc"
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
+#include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -45,7 +46,7 @@ HWY_INLINE void SkinVertex(const SkinningJob& job, size_t i, V blend) {
   V p = Loader::Load(job.positions + 3 * i);
   if (job.delta0 != nullptr) {
     const V from = Loader::Load(job.delta0 + 3 * i);
-    p = hn::Add(p, hn::MulAdd(blend, hn::Sub(Loader::Load(job.delta1 + 3 * i), from), from));
+    p = hn::Add(p, MultiplyAdd(blend, hn::Sub(Loader::Load(job.delta1 + 3 * i), from), from));
   }
   // The fourth lane takes the translation whatever was loaded there, NaN included.
   p = hn::IfThenElse(hn::FirstN(d, 3), p, hn::Set(d, 1.0f));
@@ -56,9 +57,9 @@ HWY_INLINE void SkinVertex(const SkinningJob& job, size_t i, V blend) {
   for (size_t k = 0; k < kInfluences; ++k) {
     const float* matrix = job.matrices + size_t{12} * bones[k];
     const V weight = hn::Set(d, weights[k]);
-    row0 = hn::MulAdd(weight, hn::LoadU(d, matrix), row0);
-    row1 = hn::MulAdd(weight, hn::LoadU(d, matrix + 4), row1);
-    row2 = hn::MulAdd(weight, hn::LoadU(d, matrix + 8), row2);
+    row0 = MultiplyAdd(weight, hn::LoadU(d, matrix), row0);
+    row1 = MultiplyAdd(weight, hn::LoadU(d, matrix + 4), row1);
+    row2 = MultiplyAdd(weight, hn::LoadU(d, matrix + 8), row2);
   }
   const V out = SumLanes(hn::Mul(row0, p), hn::Mul(row1, p), hn::Mul(row2, p));
   float* to = reinterpret_cast<float*>(reinterpret_cast<char*>(job.out) + i * job.out_stride_bytes);

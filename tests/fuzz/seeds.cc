@@ -74,6 +74,7 @@ std::vector<Seed> SequenceSeeds() {
 
 std::vector<Seed> Seeds(const std::string& target) {
   if (target == "model") return ModelSeeds();
+  if (target == "state") return StateSeeds();
   return target == "bundle" ? BundleSeeds() : SequenceSeeds();
 }
 

@@ -24,12 +24,15 @@ Verdict FuzzBundle(const uint8_t* bytes, size_t size);
 // A sequence: parsed, checked, its joints mapped and poses gathered. What passes is finite.
 Verdict FuzzSequence(const uint8_t* bytes, size_t size);
 
+// A saved state in a cloth of one of the small models: restored, run beside a twin, saved, reset.
+Verdict FuzzState(const uint8_t* bytes, size_t size);
+
 struct FuzzTarget {
   const char* name;
   Verdict (*run)(const uint8_t* bytes, size_t size);
 };
 inline constexpr FuzzTarget kFuzzTargets[] = {
-    {"model", FuzzModel}, {"bundle", FuzzBundle}, {"sequence", FuzzSequence}};
+    {"model", FuzzModel}, {"bundle", FuzzBundle}, {"sequence", FuzzSequence}, {"state", FuzzState}};
 
 struct Seed {
   std::string name;
@@ -40,6 +43,9 @@ struct Seed {
 // A small corpus for a target, by its name: sound files of every kind and the named corruptions of model
 // files.
 std::vector<Seed> Seeds(const std::string& target);
+
+// The part of it for "state".
+std::vector<Seed> StateSeeds();
 
 }  // namespace dcloth::testing
 

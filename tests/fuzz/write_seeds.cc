@@ -1,4 +1,5 @@
-// Writes the seed corpora: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle and FOLDER/sequence.
+// Writes the seed corpora: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle, FOLDER/sequence and
+// FOLDER/state.
 #include <cstdio>
 #include <filesystem>
 #include <fstream>

@@ -103,7 +103,7 @@ class OwnedCloth {
 // Names that dcloth_isa_select takes on this machine.
 inline std::vector<std::string> UsableIsas() {
   std::vector<std::string> names;
-  for (const char* name : {"scalar", "sse4", "avx2", "avx3", "neon", "wasm"}) {
+  for (const char* name : {"scalar", "sse4", "avx2", "avx3", "neon", "wasm", "reproducible"}) {
     if (dcloth_isa_select(name) == DCLOTH_OK) names.emplace_back(name);
   }
   dcloth_isa_select(nullptr);

@@ -1,0 +1,199 @@
+#!/usr/bin/env python3
+"""Changes one operator or number of a source at a time and asks whether its tests notice.
+
+    mutate.py BUILD [--files PATTERN] [--sample N] [--seed S] [--results FILE]
+
+BUILD is a Ninja build of this tree with all tests built. A mutant is compiled by the build's own command into a folder of
+its own and linked before the libraries, so neither tree nor build changes. Verdicts are added to FILE
+(out/mutation/results.jsonl), and a mutant that has one is not tried again: stop and go on at will. At the end the
+survivors are listed; explained.json says of those that no test can tell apart why, and any other makes the exit code 1.
+"""
+import argparse
+import collections
+import hashlib
+import json
+import pathlib
+import random
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+HERE = pathlib.Path(__file__).resolve().parent
+TIMEOUT_S = 300
+
+# Source to the tests that own it.
+KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
+           for family in ("activation", "gru", "gsgru", "nearest", "normals", "skinning")}
+KERNELS["matvec"] = [f"kernels_{kind}_test" for kind in ("matvec_f32", "matvec_f16", "matvec_i8", "quantize")]
+VERIFIER = ["attack_ladder_test", "attack_odd_files_test", "engine_format_test", "engine_format_body_test",
+            "engine_format_head_test"]
+STATE = ["attack_state_test", "engine_state_test"]
+CONVERTER = {"body_surface", "correct", "fold", "half", "loss", "mesh_graph", "metrics", "pack", "prune", "quantize",
+             "rank", "reduce", "rollout", "safetensors", "sequence", "tensor_cost", "write_model"}
+
+
+def owners():
+    found = {}
+    for family, tests in KERNELS.items():
+        for path in sorted((ROOT / "kernels" / family).glob("*.cc")):
+            found[str(path.relative_to(ROOT))] = tests
+    for path in sorted((ROOT / "engine/format").glob("*.cc")):
+        found[str(path.relative_to(ROOT))] = VERIFIER
+    for name in ("state", "state_check", "state_layout"):
+        found[f"engine/src/{name}.cc"] = STATE
+    for name in sorted(CONVERTER):
+        found[f"converter/{name}.cc"] = [f"converter_{name}_test"]
+    return found
+
+
+# What is looked for in a line and what it becomes.
+OPERATORS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "), (r" == ", " != "), (r" != ", " == "),
+             (r" && ", " || "), (r" \|\| ", " && "), (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " + "), (r" / ", " * "),
+             (r" \+= ", " -= "), (r"\btrue\b", "false"), (r"\bfalse\b", "true"), (r"(?<![\w.])0(?![\w.])", "1"),
+             (r"(?<![\w.])1(?![\w.])", "2"), (r"\bAdd\(", "Sub("), (r"\bMin\(", "Max("), (r"\bMax\(", "Min("),
+             (r"\bLt\(", "Le("), (r"\bGe\(", "Gt(")]
+
+Mutant = collections.namedtuple("Mutant", "file number before after")
+
+
+def code_of(line):
+    """The part before a comment; empty where nothing can be changed."""
+    bare = line.split("//")[0]
+    if bare.lstrip().startswith(("#", "*", "/*", "static_assert", "template", "namespace", "using")) or '"' in bare:
+        return ""
+    return bare
+
+
+def mutants_of(file):
+    for number, line in enumerate((ROOT / file).read_text().split("\n")):
+        code = code_of(line)
+        for pattern, becomes in OPERATORS:
+            for match in re.finditer(pattern, code):
+                yield Mutant(file, number, line, line[:match.start()] + becomes + line[match.end():])
+
+
+def key_of(mutant):
+    """The same as long as file and line stay what they are, wherever the line stands."""
+    return hashlib.sha256("\0".join((mutant.file, mutant.before, mutant.after)).encode()).hexdigest()[:16]
+
+
+class Build:
+    def __init__(self, folder):
+        self.folder = pathlib.Path(folder).resolve()
+        self.compiles = {}
+        for entry in json.loads(self.ninja("-t", "compdb")):
+            self.compiles.setdefault(str(pathlib.Path(entry["file"]).resolve()), entry["command"])
+
+    def ninja(self, *arguments):
+        return subprocess.run(["ninja", *arguments], cwd=self.folder, check=True, capture_output=True, text=True).stdout
+
+    def compile(self, file, text, folder):
+        """The object, or None where the compiler refuses."""
+        words = shlex.split(self.compiles[str(ROOT / file)])
+        words = [w for w in words if not w.endswith("ccache") and w != "-Werror"]
+        source, target = folder / file, folder / "mutant.o"
+        source.parent.mkdir(parents=True, exist_ok=True)
+        source.write_text(text)
+        words[words.index("-o") + 1] = str(target)
+        words[words.index("-c") + 1] = str(source)
+        for flag in ("-MD", "-MF", "-MT"):
+            if flag in words:
+                at = words.index(flag)
+                del words[at:at + (1 if flag == "-MD" else 2)]
+        # The folder first: sources that include themselves once per instruction set find the mutant.
+        done = subprocess.run([words[0], f"-I{folder}", *words[1:]], cwd=self.folder, capture_output=True)
+        return target if done.returncode == 0 else None
+
+    def link(self, test, mutant, folder):
+        command = self.ninja("-t", "commands", "-s", test).strip().split("\n")[-1]
+        words = shlex.split(command.replace(": && ", "", 1).split(" && ")[0])
+        at = words.index("-o")
+        words[at + 1] = str(folder / test)
+        words.insert(at, str(mutant))
+        subprocess.run(words, cwd=self.folder, check=True, capture_output=True)
+        return folder / test
+
+
+def notices(executable):
+    try:
+        done = subprocess.run([str(executable), "--gtest_brief=1"], capture_output=True, timeout=TIMEOUT_S)
+        return done.returncode != 0
+    except subprocess.TimeoutExpired:
+        return True  # a hang is noticed
+
+
+def try_mutant(build, mutant, tests):
+    lines = (ROOT / mutant.file).read_text().split("\n")
+    lines[mutant.number] = mutant.after
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        mutated = build.compile(mutant.file, "\n".join(lines), folder)
+        if mutated is None:
+            return "does not compile"
+        for test in tests:
+            if notices(build.link(test, mutated, folder)):
+                return "killed"
+    return "survived"
+
+
+def sound(build, file, tests):
+    """The unchanged source passes: else every mutant would be killed by nothing."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        same = build.compile(file, (ROOT / file).read_text(), folder)
+        assert same is not None, file
+        for test in tests:
+            assert not notices(build.link(test, same, folder)), f"{test} fails without a mutant"
+
+
+def run(options):
+    build = Build(options.build)
+    results = pathlib.Path(options.results)
+    results.parent.mkdir(parents=True, exist_ok=True)
+    known = {}
+    if results.exists():
+        known = {(entry := json.loads(line))["key"]: entry for line in results.read_text().splitlines()}
+    explained = json.loads((HERE / "explained.json").read_text())
+    tried = collections.Counter()
+    survivors = []
+    for file, tests in owners().items():
+        if not re.search(options.files, file):
+            continue
+        every = list(mutants_of(file))
+        chosen = random.Random(options.seed).sample(every, min(options.sample, len(every)))
+        if any(key_of(mutant) not in known for mutant in chosen):
+            sound(build, file, tests)
+        for mutant in chosen:
+            key = key_of(mutant)
+            if key not in known:
+                known[key] = {"key": key, "file": file, "line": mutant.number + 1, "before": mutant.before.strip(),
+                              "after": mutant.after.strip(), "verdict": try_mutant(build, mutant, tests)}
+                with results.open("a") as out:
+                    out.write(json.dumps(known[key]) + "\n")
+                print(f"{file}:{mutant.number + 1}: {known[key]['verdict']}: {mutant.after.strip()}", flush=True)
+            tried[known[key]["verdict"]] += 1
+            if known[key]["verdict"] == "survived":
+                survivors.append(known[key])
+    left = [entry for entry in survivors if entry["key"] not in explained]
+    for entry in left:
+        print(f"survivor {entry['key']} {entry['file']}:{entry['line']}\n  - {entry['before']}\n  + {entry['after']}")
+    print(f"{sum(tried.values())} mutants: " + ", ".join(f"{count} {verdict}" for verdict, count in tried.items()) +
+          f"; {len(survivors) - len(left)} survivors explained, {len(left)} not")
+    return 1 if left or not tried else 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("build")
+    parser.add_argument("--files", default="", help="a regular expression that source paths have to match")
+    parser.add_argument("--sample", type=int, default=10, help="mutants of each source, drawn at random")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--results", default=str(ROOT / "out/mutation/results.jsonl"))
+    return run(parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
