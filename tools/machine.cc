@@ -23,6 +23,13 @@ std::string CpuName() {
 
 uint64_t LastLevelCacheBytes() {
   uint64_t bytes = 0;
+  // What this core shares; the C library's figure was twelve times that on an EPYC of 32 MB a core complex.
+  for (int level = 0; level < 8; ++level) {
+    std::ifstream file("/sys/devices/system/cpu/cpu0/cache/index" + std::to_string(level) + "/size");
+    uint64_t kibibytes = 0;
+    if (file >> kibibytes) bytes = std::max(bytes, kibibytes << 10);
+  }
+  if (bytes > 0) return bytes;
 #if defined(_SC_LEVEL3_CACHE_SIZE)
   for (int name : {_SC_LEVEL2_CACHE_SIZE, _SC_LEVEL3_CACHE_SIZE, _SC_LEVEL4_CACHE_SIZE}) {
     const long value = sysconf(name);
