@@ -25,20 +25,22 @@ function frontLine(front, x, y, box) {
 }
 
 // Precisions as colours, stages as shapes, dominated as hollow; what is not in the picture is not in the key.
-function paretoKey(svg, rows) {
-  let left = 0;
+function paretoKey(svg, rows, width) {
+  let left = 0, y = 12;
   const add = (text, mark) => {
-    svg.append(mark(left + 8), element('text', {x: left + 20, y: 16, class: 'note'}, text));
-    left += 38 + 6.4 * text.length;
+    const step = 38 + 6.4 * text.length;
+    if (left + step > width) left = 0, y += 22;
+    svg.append(mark(left + 8), element('text', {x: left + 20, y: y + 4, class: 'note'}, text));
+    left += step;
   };
   for (const precision of ['fp32', 'fp16', 'int8']) {
     const found = rows.find((v) => v.precision === precision);
-    if (found) add(precision, (x) => shapeMark('mesh', x, 12, VARIANT_COLORS[precision], false));
+    if (found) add(precision, (x) => shapeMark('mesh', x, y, VARIANT_COLORS[precision], false));
   }
   for (const [stages, [, text]] of Object.entries(STAGE_SHAPES)) {
-    if (rows.some((v) => v.stages === stages)) add(text, (x) => shapeMark(stages, x, 12, 'var(--ink)', false));
+    if (rows.some((v) => v.stages === stages)) add(text, (x) => shapeMark(stages, x, y, 'var(--ink)', false));
   }
-  if (rows.some((v) => v.dominated)) add('dominated', (x) => shapeMark('mesh', x, 12, 'var(--soft)', true));
+  if (rows.some((v) => v.dominated)) add('dominated', (x) => shapeMark('mesh', x, y, 'var(--soft)', true));
 }
 
 function paretoTitle(v) {
@@ -72,11 +74,11 @@ function paretoChart(select, wide) {
   const y = makeScale(onScale ? errors.concat(comparedMm(base)) : errors, box.bottom, box.top, false, 1.5);
   const against = rows.some((v) => v.truth) ? 'mean error to the simulation' : 'mean difference to fp32';
   axes(svg, x, y, box, `tick, p50, ms, cold cache${x.log ? ', log' : ''}`, `${against}, mm${y.log ? ', log' : ''}`);
-  paretoKey(svg, rows);
+  paretoKey(svg, rows, box.right + 20);
   const placed = rows.map((v) => ({x: x.at(v.tick_ms.p50) - 8, y: y.at(comparedMm(v)) - 8, width: 16, height: 16}));
   if (base) {
     const at = onScale ? y.at(comparedMm(base)) : box.top, color = VARIANT_COLORS.skinning;
-    const text = onScale ? 'plain skinning' : `plain skinning: ${formatNumber(comparedMm(base))} mm, above this picture`;
+    const text = onScale ? 'plain skinning' : `plain skinning ${formatNumber(comparedMm(base))} mm ↑`;
     svg.append(element('line', {x1: box.left, x2: box.right, y1: at, y2: at, stroke: color, 'stroke-dasharray': '4 4'}),
                element('text', {x: box.right, y: at - 6, class: 'note', 'text-anchor': 'end', fill: color}, text));
     placed.push({x: box.right - 7 * text.length, y: at - 20, width: 7 * text.length, height: 22});
