@@ -39,18 +39,22 @@ uint64_t LastLevelCacheBytes() {
   return bytes > 0 ? bytes : uint64_t{32} << 20;
 }
 
+// Asked once, before any thread is pinned: a pinned thread is allowed one core, and so is what it starts.
 std::vector<int> AllowedCores() {
-  std::vector<int> cores;
+  static const std::vector<int> allowed = [] {
+    std::vector<int> cores;
 #if defined(__linux__)
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  if (sched_getaffinity(0, sizeof(set), &set) == 0) {
-    for (int core = 0; core < CPU_SETSIZE; ++core) {
-      if (CPU_ISSET(core, &set)) cores.push_back(core);
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    if (sched_getaffinity(0, sizeof(set), &set) == 0) {
+      for (int core = 0; core < CPU_SETSIZE; ++core) {
+        if (CPU_ISSET(core, &set)) cores.push_back(core);
+      }
     }
-  }
 #endif
-  return cores;
+    return cores;
+  }();
+  return allowed;
 }
 
 bool PinThread(int core) {

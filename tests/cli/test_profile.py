@@ -1,5 +1,8 @@
 """profile: JSON, budget, trace."""
 import json
+import os
+
+import pytest
 
 from checks import STEPS, mesh_error, percentiles, refused
 
@@ -41,6 +44,13 @@ def test_cold_and_contended(dcloth, files):
     assert cold["cold"] and not warm["cold"]
     # Every line of model and instance comes from memory instead of cache; the median cannot be the same.
     assert cold["frame_ms"]["p50"] > warm["frame_ms"]["p50"]
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core to run on")
+def test_a_busy_neighbour(dcloth, files):
+    said = profile(dcloth, files.model, files.bare, "--contend")
+    assert said["contend"] and said["frames"] >= 600 and said["frame_ms"]["p50"] > 0
+    assert said["core"] in os.sched_getaffinity(0)
 
 
 def test_pipelined(dcloth, files):
