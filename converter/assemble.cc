@@ -25,20 +25,14 @@ std::vector<uint16_t> Subset(const std::vector<uint32_t>& joints, const JointSub
   return indices;
 }
 
-Precision PlannedFor(const PrecisionPlan& plan, const std::string& name) {
-  if (!plan.only.empty() && plan.only != name + ".weights") return Precision::kFp32;
-  const bool static_stage = name.starts_with("static_stage.");
-  return static_stage && plan.precision == Precision::kInt8 ? Precision::kFp16 : plan.precision;
-}
-
 // PyTorch's [out, in] as the [rows = in, columns = out] of the layouts.
 PackedLinear Pack(const std::string& name, const LinearWeights& linear, const PrecisionPlan& plan) {
-  return PackLinear(name, linear.weight.transpose(), linear.bias, PlannedFor(plan, name));
+  return PackLinear(name, linear.weight.transpose(), linear.bias, FormatOf(plan, name));
 }
 
 // Rows that give back what int8 takes make sense beside int8 rows only.
 bool IsCorrected(const FoldedBundle& folded, const PrecisionPlan& plan) {
-  return PlannedFor(plan, "displacement.basis") == Precision::kInt8 && !folded.reduced->corrected.empty();
+  return FormatOf(plan, "displacement.basis") == Precision::kInt8 && !folded.reduced->corrected.empty();
 }
 
 void AddReduced(const FoldedBundle& folded, const PrecisionPlan& plan, ModelParts* parts) {
@@ -49,11 +43,11 @@ void AddReduced(const FoldedBundle& folded, const PrecisionPlan& plan, ModelPart
     const CorrectedMatrix basis = QuantizeCorrected(name + ".weights", reduced.basis, reduced.corrected);
     parts->basis = PackQuantized(name, basis.exact, basis.stored);
   } else {
-    parts->basis = PackLinear(name, reduced.basis, Vector(), PlannedFor(plan, name));
+    parts->basis = PackLinear(name, reduced.basis, Vector(), FormatOf(plan, name));
   }
   parts->skeleton_rows = parts->basis->weights.report.shape[0];
   parts->head = PackLinear("displacement.head", corrected ? HeadWithCopies(reduced) : reduced.head, Vector(),
-                           HeadPrecision(PlannedFor(plan, "displacement.head")));
+                           FormatOf(plan, "displacement.head"));
 }
 
 MeshLayerParts AssembleLayer(const MeshLayerWeights& layer, const std::string& name) {
@@ -140,11 +134,20 @@ FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body
   return folded;
 }
 
+Precision FormatOf(const PrecisionPlan& plan, const std::string& matrix) {
+  const std::string tensor = matrix + ".weights";
+  if (!plan.only.empty() && plan.only != tensor) return Precision::kFp32;
+  const auto named = plan.formats.find(tensor);
+  const Precision format = named == plan.formats.end() ? plan.precision : named->second;
+  if (matrix == "displacement.head") return HeadPrecision(format);
+  return matrix.starts_with("static_stage.") && format == Precision::kInt8 ? Precision::kFp16 : format;
+}
+
 ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan) {
   const uint32_t n = bundle.vertex_count();
   ModelParts parts;
   parts.producer = ProducerText();
-  parts.precision = PrecisionName(plan.precision);
+  parts.precision = plan.name();
   parts.garment = bundle.garment;
   parts.tick_rate = static_cast<float>(bundle.tick_rate);
   parts.vertices = n;
@@ -183,7 +186,7 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const Prec
       const StackedBasis stacked = StackBasis(bundle);
       parts.skeleton_rows = stacked.skeleton_rows;
       parts.mesh_rows = stacked.mesh_rows;
-      parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), PlannedFor(plan, "displacement.basis"));
+      parts.basis = PackLinear("displacement.basis", stacked.basis, Vector(), FormatOf(plan, "displacement.basis"));
     }
   }
   if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, plan);

@@ -2,6 +2,7 @@
 #ifndef DCLOTH_CONVERTER_ASSEMBLE_H_
 #define DCLOTH_CONVERTER_ASSEMBLE_H_
 
+#include <map>
 #include <optional>
 #include <string>
 
@@ -27,17 +28,24 @@ struct FoldedBundle {
 };
 FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences);
 
-// Which precision each matrix gets. `only` names the one matrix that is quantised while all others stay f32
-// ("displacement.basis.weights"); empty quantises all.
+// Which precision each matrix gets.
 struct PrecisionPlan {
   Precision precision = Precision::kFp32;
+  // The one matrix that is quantised while all others stay f32 ("displacement.basis.weights"); empty quantises all.
   std::string only;
+  // Matrices that get another precision than that; a model with any is "mixed".
+  std::map<std::string, Precision> formats = {};
+
+  const char* name() const { return formats.empty() ? PrecisionName(precision) : "mixed"; }
 };
+
+// What `matrix` ("displacement.basis", without ".weights") is stored in.
+Precision FormatOf(const PrecisionPlan& plan, const std::string& matrix);
 
 // The precision applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size.
 // The static MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8
-// would save 0.1 MB. All else (geometry, gates, mesh layers, embedding, biases) stays f32. Throws Error where
-// fp16 overflows.
+// would save 0.1 MB; nor is the head of a reduced basis (reduce.h). All else (geometry, gates, mesh layers, embedding,
+// biases) stays f32. Throws Error where fp16 overflows.
 ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan);
 
 }  // namespace dcloth::converter

@@ -4,8 +4,13 @@
 #include <string>
 #include <utility>
 
+#include "converter/choose_formats.h"
+#include "converter/model_maker.h"
+
 namespace dcloth::converter {
 namespace {
+
+constexpr size_t kTrialsPerTensor = 6;  // of choosing formats, about: for the progress line
 
 // The engine has the last word on what is a model.
 OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
@@ -17,10 +22,6 @@ OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
   }
 }
 
-uint32_t StoredRows(const ModelParts& parts, uint32_t rank) {
-  return rank == RankMaker::kFullRank ? 0 : parts.skeleton_rows;
-}
-
 std::string Millimetres(double value) { return std::to_string(value) + " mm"; }
 
 }  // namespace
@@ -29,35 +30,25 @@ Attempts::Attempts(const Bundle& bundle, const FoldedBundle& folded, const Conve
                    std::vector<Trial>* trials)
     : bundle_(bundle), folded_(folded), options_(options), ranks_(ranks), trials_(trials) {
   if (options.motion.empty() && options.calibration.empty()) return;
-  reference_.emplace(Open(Write(Precision::kFp32, RankMaker::kFullRank).bytes, bundle));
+  reference_.emplace(Open(Write({}, RankMaker::kFullRank).bytes, bundle));
 }
 
-Candidate Attempts::Write(Precision precision, uint32_t rank) const {
-  try {
-    FoldedBundle folded = folded_;
-    folded.reduced = ranks_->Make(rank, precision);
-    const ModelParts parts = Assemble(bundle_, folded, {precision, {}});
-    Candidate candidate{WriteModel(parts), {}, rank, StoredRows(parts, rank), std::move(folded.reduced)};
-    for (const PackedTensor* tensor : TensorsOf(parts)) candidate.tensors.push_back(tensor->report);
-    return candidate;
-  } catch (const Error& error) {
-    if (!error.parts().path.empty()) throw;
-    ErrorParts parts = error.parts();
-    parts.path = bundle_.path;
-    throw Error(std::move(parts));
-  }
+Candidate Attempts::Write(const PrecisionPlan& plan, uint32_t rank) const {
+  FoldedBundle folded = folded_;
+  WrittenModel written = WriteRanked(bundle_, ranks_, rank, plan, &folded);
+  return {plan, std::move(written.bytes), std::move(written.tensors), rank, written.rows, std::move(folded.reduced)};
 }
 
 bool Attempts::Within(const MeshError& error) const {
   return !options_.max_error_mm || error.position_mm.max <= *options_.max_error_mm;
 }
 
-bool Attempts::Try(Precision precision, uint32_t rank, On on) {
-  Candidate candidate = Write(precision, rank);
+bool Attempts::Try(const PrecisionPlan& plan, uint32_t rank, On on) {
+  Candidate candidate = Write(plan, rank);
   const OpenModel model = Open(candidate.bytes, bundle_);
   bool good = true;
   if (reference_) {
-    Trial trial{precision, candidate.bytes.size(), {}, candidate.rows, {}};
+    Trial trial{plan.name(), candidate.bytes.size(), {}, candidate.rows, {}};
     if (rank == RankMaker::kFullRank) trial.rank = ranks_->full_rows();
     if (!options_.calibration.empty()) {
       trial.calibration = trial.error = CompareModels(model, *reference_, options_.calibration);
@@ -73,12 +64,57 @@ bool Attempts::Try(Precision precision, uint32_t rank, On on) {
   return good;
 }
 
-bool Attempts::Search(Precision precision) {
-  const auto good = [&](uint32_t rank) { return Try(precision, rank, On::kCalibration); };
+bool Attempts::Search(const PrecisionPlan& plan) {
+  const auto good = [&](uint32_t rank) { return Try(plan, rank, On::kCalibration); };
   const uint32_t top = ranks_->exact_rank();
-  if (top == 0 || !good(top)) return Try(precision, RankMaker::kFullRank, On::kAll);
+  if (top == 0 || !good(top)) return Try(plan, RankMaker::kFullRank, On::kAll);
   const uint32_t rank = SmallestGoodRank(top, good);
-  return options_.motion.empty() || Try(precision, rank, On::kAll);
+  return options_.motion.empty() || Try(plan, rank, On::kAll);
+}
+
+bool Attempts::ChooseAt(uint32_t rank, AutoReport* report) {
+  const Candidate cheapest = Write({Precision::kInt8, {}}, rank);
+  std::vector<FormatOption> options;
+  for (const TensorReport& tensor : cheapest.tensors) {
+    if (tensor.dtype != "i8" && tensor.dtype != "f16") continue;
+    FormatOption option{tensor.name, tensor.dtype == "i8" ? Precision::kInt8 : Precision::kFp16, 1};
+    for (const uint32_t extent : tensor.shape) option.element_count *= extent;
+    options.push_back(std::move(option));
+  }
+  const bool calibrated = !options_.calibration.empty();
+  const auto measure = [&](const PrecisionPlan& plan) {
+    Try(plan, rank, calibrated ? On::kCalibration : On::kAll);
+    const size_t expected = std::max(kTrialsPerTensor * options.size(), trials_->size());
+    if (options_.choosing) options_.choosing(trials_->size(), expected);
+    return trials_->back().error.position_mm.max;
+  };
+  std::optional<FormatPlan> chosen = ChooseFormats(options, *options_.max_error_mm, measure);
+  if (!chosen) return false;
+  report->decisions = std::move(chosen->decisions);
+  report->error_mm = chosen->error_mm;
+  report->rank = rank == RankMaker::kFullRank ? ranks_->full_rows() : rank;
+  chosen_ = std::move(chosen->plan);
+  return true;
+}
+
+bool Attempts::SettleFormats(AutoReport* report) {
+  report->bound_mm = *options_.max_error_mm;
+  report->calibrated = !options_.calibration.empty();
+  report->checked = report->calibrated && !options_.motion.empty();
+  std::vector<uint32_t> ranks = {RankMaker::kFullRank};
+  if (options_.rank.mode == RankMode::kFixed) ranks = {FixedRank()};
+  const bool exact = options_.rank.mode == RankMode::kSearch
+                         ? ranks_->exact_rank() != 0
+                         : options_.rank.mode == RankMode::kExact && ranks_->ExactSaves(Precision::kInt8);
+  if (exact) ranks.insert(ranks.begin(), ranks_->exact_rank());
+  for (const uint32_t rank : ranks) {
+    if (!ChooseAt(rank, report)) continue;
+    const bool search = options_.rank.mode == RankMode::kSearch && rank != RankMaker::kFullRank;
+    const bool good = search ? Search(chosen_) : Try(chosen_, rank, On::kAll);
+    report->measured_models = trials_->size();
+    return good;
+  }
+  return false;
 }
 
 uint32_t Attempts::FixedRank() const {
@@ -96,20 +132,20 @@ uint32_t Attempts::FixedRank() const {
   return std::min(asked, exact);
 }
 
-bool Attempts::Settle(Precision precision) {
+bool Attempts::Settle(const PrecisionPlan& plan) {
   switch (options_.rank.mode) {
     case RankMode::kFull:
-      return Try(precision, RankMaker::kFullRank, On::kAll);
+      return Try(plan, RankMaker::kFullRank, On::kAll);
     case RankMode::kFixed:
-      return Try(precision, FixedRank(), On::kAll);
+      return Try(plan, FixedRank(), On::kAll);
     case RankMode::kSearch:
-      return Search(precision);
+      return Search(plan);
     case RankMode::kExact:
       break;
   }
   // An exact rank still rounds: where that is more than the bound leaves, the basis stays.
-  if (ranks_->ExactSaves(precision) && Try(precision, ranks_->exact_rank(), On::kAll)) return true;
-  return Try(precision, RankMaker::kFullRank, On::kAll);
+  if (ranks_->ExactSaves(plan.precision) && Try(plan, ranks_->exact_rank(), On::kAll)) return true;
+  return Try(plan, RankMaker::kFullRank, On::kAll);
 }
 
 ThresholdError Attempts::Missed() const {
@@ -125,7 +161,7 @@ ThresholdError Attempts::Missed() const {
   }
   if (options_.precision) mend += ", or pass --precision auto";
   return ThresholdError({bundle_.path, "",
-                         std::string(PrecisionName(last.precision)) +
+                         last.precision +
                              (reduced ? " of rank " + std::to_string(last.rank) : "") +
                              " to differ from fp32 by up to " + Millimetres(error.position_mm.max) +
                              (unseen ? " on motion that it was not calibrated on" : ""),

@@ -15,6 +15,7 @@
 namespace dcloth::converter {
 
 struct Candidate {
+  PrecisionPlan plan;
   AlignedBytes bytes;
   std::vector<TensorReport> tensors;
   uint32_t rank = RankMaker::kFullRank;
@@ -28,9 +29,12 @@ class Attempts {
   Attempts(const Bundle& bundle, const FoldedBundle& folded, const ConvertOptions& options, RankMaker* ranks,
            std::vector<Trial>* trials);
 
-  // Whether the asked-for rank, or the best one, keeps the bound at this precision; found() is then that model.
-  // Throws Error.
-  bool Settle(Precision precision);
+  // Whether the asked-for rank, or the best one, keeps the bound in these formats; found() is then that model. Throws
+  // Error.
+  bool Settle(const PrecisionPlan& plan);
+  // The same in the cheapest formats that keep it; these are chosen at the exact rank, and a search for fewer rows then
+  // takes what they leave of the bound. Throws Error.
+  bool SettleFormats(AutoReport* report);
   Candidate& found() { return found_; }
 
   // The last attempt as an error: what it was off by, where, and what to do.
@@ -39,10 +43,11 @@ class Attempts {
  private:
   enum class On : uint8_t { kAll, kCalibration };
 
-  bool Try(Precision precision, uint32_t rank, On on);
-  bool Search(Precision precision);
+  bool Try(const PrecisionPlan& plan, uint32_t rank, On on);
+  bool Search(const PrecisionPlan& plan);
+  bool ChooseAt(uint32_t rank, AutoReport* report);
   bool Within(const MeshError& error) const;
-  Candidate Write(Precision precision, uint32_t rank) const;
+  Candidate Write(const PrecisionPlan& plan, uint32_t rank) const;
   uint32_t FixedRank() const;
 
   const Bundle& bundle_;
@@ -52,6 +57,7 @@ class Attempts {
   std::vector<Trial>* trials_;
   std::optional<OpenModel> reference_;  // fp32, not reduced; none where nothing is measured
   Candidate found_;
+  PrecisionPlan chosen_;                // of ChooseAt
 };
 
 }  // namespace dcloth::converter

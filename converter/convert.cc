@@ -96,24 +96,25 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   report.rank.full = ranks.full_rows();
   report.rank.exact = ranks.exact_rank();
   Attempts attempts(bundle, folded, options, &ranks, &report.trials);
-  std::vector<Precision> precisions = {Precision::kInt8, Precision::kFp16, Precision::kFp32};  // cheapest first
-  if (options.precision) precisions = {*options.precision};
-  for (const Precision precision : precisions) {
-    if (!attempts.Settle(precision)) continue;
-    Candidate& found = attempts.found();
-    report.precision = precision;
-    report.rank.rank = found.rank == RankMaker::kFullRank ? report.rank.full : found.rows;
-    report.rank.reduced = found.rank != RankMaker::kFullRank;
-    report.model_bytes = found.bytes.size();
-    report.instance_bytes = OpenModel(found.bytes).instance_bytes();
-    report.tensors = std::move(found.tensors);
-    FoldedBundle stored = folded;
-    stored.reduced = std::move(found.reduced);
-    MeasureTensorCosts(bundle, stored, precision, Measured(options), &report.tensors, options.progress);
-    result.bytes = std::move(found.bytes);
-    return result;
+  bool settled = false;
+  if (options.precision) {
+    settled = attempts.Settle({*options.precision, {}});
+  } else {
+    settled = attempts.SettleFormats(&report.automatic.emplace());
   }
-  throw attempts.Missed();
+  if (!settled) throw attempts.Missed();
+  Candidate& found = attempts.found();
+  report.precision = found.plan.name();
+  report.rank.rank = found.rank == RankMaker::kFullRank ? report.rank.full : found.rows;
+  report.rank.reduced = found.rank != RankMaker::kFullRank;
+  report.model_bytes = found.bytes.size();
+  report.instance_bytes = OpenModel(found.bytes).instance_bytes();
+  report.tensors = std::move(found.tensors);
+  FoldedBundle stored = folded;
+  stored.reduced = std::move(found.reduced);
+  MeasureTensorCosts(bundle, stored, found.plan, Measured(options), &report.tensors, options.progress);
+  result.bytes = std::move(found.bytes);
+  return result;
 }
 
 }  // namespace dcloth::converter

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "converter/bundle.h"
+#include "converter/choose_formats.h"
 #include "converter/file.h"
 #include "converter/metrics.h"
 #include "converter/pack.h"
@@ -21,8 +22,8 @@
 namespace dcloth::converter {
 
 struct ConvertOptions {
-  // Empty is `auto`: the first of int8, fp16, fp32 whose difference to the fp32 model stays within max_error_mm on
-  // motion.
+  // Empty is `auto`: per tensor the cheapest format (choose_formats.h) that keeps the model within max_error_mm of the
+  // fp32 one. Chosen on the calibration, so that `motion` stays unseen; on `motion` where there is no calibration.
   std::optional<Precision> precision = Precision::kFp32;
   std::optional<double> max_error_mm;  // bound on position_mm.max; needs motion or calibration
   std::span<const Sequence> motion;    // only measured on
@@ -35,11 +36,12 @@ struct ConvertOptions {
   uint32_t influences = 8;
   uint32_t body_influences = 8;
   ProgressCallback progress;  // of measuring each tensor's cost on the motion
+  ProgressCallback choosing;  // of `auto`, in models; how many it takes is an estimate
 };
 
 // One precision and rank that were tried. Errors are against the fp32 model whose basis is not reduced.
 struct Trial {
-  Precision precision;
+  std::string precision;  // "fp32", "fp16", "int8" or "mixed"
   uint64_t model_bytes = 0;
   MeshError error;        // on the motion; on the calibration where there is no motion; no frames where not measured
   uint32_t rank = 0;      // rows of the basis, without padding where it is not reduced
@@ -54,8 +56,19 @@ struct RankReport {
   bool reduced = false;  // whether it is another basis than [S; M]
 };
 
+// What `auto` chose.
+struct AutoReport {
+  double bound_mm = 0;
+  bool calibrated = false;  // chosen on the calibration
+  bool checked = false;     // on `motion`, which the choice did not see
+  std::vector<FormatDecision> decisions;
+  uint32_t rank = 0;           // rows of the basis when the formats were chosen; fewer may be stored, see RankReport
+  double error_mm = 0;         // then, largest distance to the fp32 model
+  size_t measured_models = 0;  // all in all
+};
+
 struct ConvertReport {
-  Precision precision = Precision::kFp32;
+  std::string precision;  // as Trial::precision
   uint64_t model_bytes = 0;
   uint64_t instance_bytes = 0;  // lent memory per garment
   uint32_t joint_count = 0;     // joints that a host supplies
@@ -65,6 +78,7 @@ struct ConvertReport {
   PruneReport body_influences;  // of the body points; all zero without a mesh stage
   RankReport rank;
   std::vector<Trial> trials;    // empty without motion and calibration
+  std::optional<AutoReport> automatic;
 };
 
 struct ConvertResult {

@@ -22,7 +22,7 @@ OpenModel ModelOf(const Bundle& bundle, const FoldedBundle& folded, const Precis
 
 }  // namespace
 
-void MeasureTensorCosts(const Bundle& bundle, const FoldedBundle& folded, Precision precision,
+void MeasureTensorCosts(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan,
                         std::span<const Sequence> motion, std::vector<TensorReport>* tensors,
                         const ProgressCallback& progress) {
   if (motion.empty()) return;
@@ -31,7 +31,9 @@ void MeasureTensorCosts(const Bundle& bundle, const FoldedBundle& folded, Precis
   std::vector<Variant> variants;
   for (TensorReport& tensor : *tensors) {
     if (tensor.dtype != "f16" && tensor.dtype != "i8") continue;
-    variants.push_back({&tensor, ModelOf(bundle, folded, {precision, tensor.name}),
+    PrecisionPlan alone = plan;
+    alone.only = tensor.name;
+    variants.push_back({&tensor, ModelOf(bundle, folded, alone),
                         ErrorMeter(reference.triangles(), reference.info().vertex_count)});
   }
   size_t done = 0, total = 0;

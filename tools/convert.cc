@@ -64,9 +64,17 @@ int RunConvert(const Options& options) {
   convert.precision = converter::ParsePrecision(options.precision);
   if (options.bounded) convert.max_error_mm = options.max_error_mm;
   convert.motion = motion;
-  std::optional<Progress> progress(std::in_place, "measuring each tensor");
-  convert.progress = [&](size_t done, size_t total) { progress->Step(done, total); };
+  std::optional<Progress> choosing, progress(std::in_place, "measuring each tensor");
+  convert.progress = [&](size_t done, size_t total) {
+    choosing.reset();
+    progress->Step(done, total);
+  };
+  convert.choosing = [&](size_t done, size_t total) {
+    if (!choosing) choosing.emplace("choosing formats");
+    choosing->Step(done, total);
+  };
   const converter::ConvertResult result = converter::Convert(bundle, convert);
+  choosing.reset();
   progress.reset();
   const Json report = ConvertJson(result.report, options.bundle, options.model);
   const std::string text = DumpJson(report) + "\n";
@@ -90,7 +98,8 @@ void AddConvert(CLI::App& app, int& exit_code) {
   command->add_option("-o,--output", options->model, "the model file to write (.dcloth)")->required();
   command
       ->add_option("--precision", options->precision,
-                   "fp32, fp16, int8, or auto: the smallest within --max-error-mm")
+                   "fp32, fp16, int8, or auto: per tensor the cheapest of them within --max-error-mm, chosen on "
+                   "--calibrate (else --motion)")
       ->check(CLI::IsMember({"fp32", "fp16", "int8", "auto"}))
       ->capture_default_str();
   CLI::Option* bound =

@@ -73,13 +73,63 @@ void PrintRanking(const converter::ConvertReport& report) {
   }
 }
 
+const char* FormatName(converter::Precision format) { return converter::PrecisionName(format); }
+
+// Of the motion that the choice did not see; null without calibration or without such motion.
+Json CheckedMm(const converter::ConvertReport& report) {
+  return report.automatic->checked ? Json(report.trials.back().error.position_mm.max) : Json(nullptr);
+}
+
+Json AutoJson(const converter::ConvertReport& report) {
+  if (!report.automatic) return nullptr;
+  const converter::AutoReport& chosen = *report.automatic;
+  Json json = {{"bound_mm", chosen.bound_mm},
+               {"chosen_on", chosen.calibrated ? "calibration" : "motion"},
+               {"rank", chosen.rank},
+               {"error_mm", chosen.error_mm},
+               {"checked_mm", CheckedMm(report)},
+               {"measured_models", chosen.measured_models},
+               {"tensors", Json::array()}};
+  for (const converter::FormatDecision& d : chosen.decisions) {
+    json["tensors"].push_back({{"name", d.tensor},
+                               {"format", FormatName(d.format)},
+                               {"cheaper", d.cheaper ? Json(FormatName(*d.cheaper)) : Json(nullptr)},
+                               {"cheaper_mm", d.cheaper ? Json(d.cheaper_mm) : Json(nullptr)}});
+  }
+  return json;
+}
+
+void PrintAuto(const converter::ConvertReport& report) {
+  if (!report.automatic) return;
+  const converter::AutoReport& chosen = *report.automatic;
+  std::printf("\nformats within %g mm, chosen on the %s (%zu models measured): %.4f mm at %u rows\n", chosen.bound_mm,
+              chosen.calibrated ? "calibration motion" : "given motion", chosen.measured_models, chosen.error_mm,
+              chosen.rank);
+  const int width = NameWidth(report);
+  for (const converter::FormatDecision& d : chosen.decisions) {
+    std::printf("  %-*s  %s", width, d.tensor.c_str(), FormatName(d.format));
+    if (d.cheaper) {
+      std::printf(", as %s would make it %.4f mm\n", FormatName(*d.cheaper), d.cheaper_mm);
+    } else {
+      std::printf(", the cheapest there is\n");
+    }
+  }
+  const Json checked = CheckedMm(report);
+  if (!checked.is_null()) {
+    std::printf("checked on motion that the choice did not see: %.4f mm\n", checked.get<double>());
+  } else {
+    std::printf("not checked on other motion: give %s\n",
+                chosen.calibrated ? "--motion SEQ too" : "--calibrate SEQ to choose on, and --motion SEQ to check on");
+  }
+}
+
 }  // namespace
 
 Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::path& bundle,
                  const std::filesystem::path& model) {
   Json json = {{"bundle", converter::PathText(bundle)},
                {"model", converter::PathText(model)},
-               {"precision", converter::PrecisionName(report.precision)},
+               {"precision", report.precision},
                {"model_bytes", report.model_bytes},
                {"instance_bytes", report.instance_bytes},
                {"joint_count", report.joint_count},
@@ -87,6 +137,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
                {"tensors", Json::array()},
                {"pruning", Json::object()},
                {"basis", RankJson(report.rank)},
+               {"auto", AutoJson(report)},
                {"trials", Json::array()}};
   for (const converter::TensorReport& t : report.tensors) json["tensors"].push_back(TensorJson(t));
   // Costliest first; null where there was no motion to measure on.
@@ -105,7 +156,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
   json["pruning"]["cloth"] = pruning(report.influences);
   json["pruning"]["body_points"] = pruning(report.body_influences);
   for (const converter::Trial& t : report.trials) {
-    json["trials"].push_back({{"precision", converter::PrecisionName(t.precision)},
+    json["trials"].push_back({{"precision", t.precision},
                               {"model_bytes", t.model_bytes},
                               {"rank", t.rank},
                               {"error", ToJson(t.error)},
@@ -118,17 +169,19 @@ void PrintConvertTables(const converter::ConvertReport& report, const std::files
   PrintTensors(report);
   std::printf(
       "\n%s: %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not needed\n",
-      converter::PathText(model).c_str(), converter::PrecisionName(report.precision),
+      converter::PathText(model).c_str(), report.precision.c_str(),
       static_cast<double>(report.model_bytes) / 1e6, static_cast<double>(report.instance_bytes) / 1024,
       report.joint_count, report.dropped_joints);
   std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n",
               report.influences.influences, report.influences.removed_mean, report.influences.removed_worst);
   PrintRank(report.rank);
   for (const converter::Trial& t : report.trials) {
+    if (report.automatic && &t != &report.trials.back()) continue;  // dozens; --json has them all
     std::printf("%s, %u rows, on the given motion, against fp32: mean %.4f, p99 %.4f, max %.4f mm\n",
-                converter::PrecisionName(t.precision), t.rank, t.error.position_mm.mean, t.error.position_mm.p99,
+                t.precision.c_str(), t.rank, t.error.position_mm.mean, t.error.position_mm.p99,
                 t.error.position_mm.max);
   }
+  PrintAuto(report);
   PrintRanking(report);
 }
 

@@ -18,11 +18,15 @@
 namespace dcloth::tools {
 namespace {
 
+// Of each variant of the grid: its median counts, and there are many.
+constexpr size_t kGridColdTicks = 60;
+
 struct Options {
   std::filesystem::path bundle, html;
-  std::vector<std::filesystem::path> sequences;
+  std::vector<std::filesystem::path> sequences, calibration;
   std::vector<std::string> precisions;
-  bool json = false;
+  std::vector<uint32_t> ranks;
+  bool pareto = false, json = false;
 };
 
 // Collects what the page shows while the variants play.
@@ -112,13 +116,39 @@ class Scene {
   Report report_;
 };
 
+// A rank is fitted to the calibration motion: what it costs shows on other motion only.
+void CheckGrid(const Options& options) {
+  const auto usage = [](std::string found, std::string mend) {
+    throw converter::Error(
+        {.path = {}, .tensor = {}, .found = std::move(found), .expected = {}, .mend = std::move(mend)});
+  };
+  if (!options.ranks.empty() && options.calibration.empty()) {
+    usage("--rank without motion that a smaller basis may be fitted to", "add --calibrate SEQ, once or more");
+  }
+  std::error_code ignored;
+  for (const std::filesystem::path& calibration : options.calibration) {
+    for (const std::filesystem::path& sequence : options.sequences) {
+      if (!std::filesystem::equivalent(calibration, sequence, ignored)) continue;
+      usage(converter::PathText(sequence) + " both to calibrate and to evaluate on",
+            "calibrate on other motion, or a smaller basis is judged by what it was fitted to");
+    }
+  }
+}
+
 int RunEvaluate(const Options& options) {
+  CheckGrid(options);
   const converter::Bundle bundle = converter::ReadBundle(options.bundle);
   std::vector<converter::Sequence> sequences;
   for (const std::filesystem::path& path : options.sequences) sequences.push_back(converter::ReadSequence(path));
   for (const converter::Sequence& s : sequences) FramesPerTick(bundle, s);
+  std::vector<converter::Sequence> calibration;
+  for (const std::filesystem::path& path : options.calibration) calibration.push_back(converter::ReadSequence(path));
 
   EvaluationOptions evaluation;
+  evaluation.pareto = options.pareto;
+  evaluation.ranks = options.ranks;
+  evaluation.calibration = calibration;
+  if (options.pareto) evaluation.cold_ticks = kGridColdTicks;
   for (const std::string& name : options.precisions) {
     const converter::Precision precision = *converter::ParsePrecision(name);
     auto& list = evaluation.precisions;
@@ -141,6 +171,7 @@ int RunEvaluate(const Options& options) {
                {"cpu", CpuName()},
                {"isa", dcloth_isa_name()},
                {"variants", rows},
+               {"pareto", ParetoJson(variants)},
                {"sequences", SequencesJson(variants, sequences, bundle)}});
   }
   PrintVariants(variants, options.json ? stderr : stdout);
@@ -159,13 +190,30 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
       "same back to back. Rows: plain skinning (nearest-point weights, no network), the last precision stopped after "
       "each\n"
       "earlier stage (\"int8/static\"), each precision with all stages, the last one kept outside the body "
-      "(\"int8/outside\")\nwhere the bundle's skin collides. fp32 is the difference to the float32 engine.");
+      "(\"int8/outside\")\nwhere the bundle's skin collides. fp32 is the difference to the float32 engine. A variant "
+      "is dominated where another\nis neither slower (cold p50) nor less exact (E_d, steps of 0.01 mm), and better in "
+      "one. --pareto adds the rest of\nprecision x rank x stages: \"int8@64/skeleton\" is a basis of 64 rows, stopped "
+      "after the skeleton stage.");
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("SEQ", options->sequences, "sequences (.safetensors)")->required();
   command
       ->add_option("--precision", options->precisions, "fp32, fp16 or int8; may be repeated; all three when not given")
       ->allow_extra_args(false)
       ->check(CLI::IsMember({"fp32", "fp16", "int8"}));
+  command->add_flag("--pareto", options->pareto,
+                    "every precision x rank x stages, with the variants that others dominate marked");
+  command
+      ->add_option("--rank", options->ranks,
+                   "with --pareto: rows of the displacement basis to measure beside as many as it needs; may be "
+                   "repeated; its halves, quarters and eighths when not given")
+      ->allow_extra_args(false)
+      ->check(CLI::PositiveNumber)
+      ->needs("--pareto");
+  command
+      ->add_option("--calibrate", options->calibration,
+                   "with --pareto: a sequence that smaller bases are fitted to, other than SEQ; may be repeated")
+      ->allow_extra_args(false)
+      ->needs("--pareto");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->add_option("--html", options->html, "write a self-contained page: table, plots and the garment in 3D");
   command->callback([options, &exit_code] {

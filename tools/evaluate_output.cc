@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "converter/error.h"
+#include "tools/pareto.h"
 
 namespace dcloth::tools {
 namespace {
@@ -25,8 +26,10 @@ std::vector<std::string> Row(const Variant& v) {
   const bool truth = v.error.truth.frame_count > 0;
   const converter::PositionError& d = v.error.truth.position_mm;
   const converter::PositionError& f = v.error.fp32.position_mm;
+  const std::string place = v.place == ParetoPlace::kNone ? none : v.dominated_by.empty() ? "front" : v.dominated_by;
   return {v.name,
           v.stages,
+          v.rank ? std::to_string(v.rank) : none,
           v.model_bytes ? Text("%.3f", static_cast<double>(v.model_bytes) / 1e6) : none,
           v.instance_bytes ? Text("%.1f", static_cast<double>(v.instance_bytes) / 1024) : none,
           times(&Percentiles::p50, true),
@@ -40,7 +43,8 @@ std::vector<std::string> Row(const Variant& v) {
           truth ? Spread(v.error.truth.normal_deg.mean, v.error.truth.normal_deg.std) : none,
           Text("%.4f", f.mean),
           Text("%.4f", f.p99),
-          Text("%.4f", f.max)};
+          Text("%.4f", f.max),
+          place};
 }
 
 }  // namespace
@@ -49,6 +53,8 @@ Json VariantsJson(std::span<const Variant> variants) {
   Json rows = Json::array();
   for (const Variant& v : variants) {
     Json row = {{"name", v.name}, {"stages", v.stages}};
+    row["precision"] = v.precision.empty() ? Json(nullptr) : Json(v.precision);
+    row["rank"] = v.rank ? Json(v.rank) : Json(nullptr);
     row["model_bytes"] = v.model_bytes ? Json(v.model_bytes) : Json(nullptr);
     row["instance_bytes"] = v.instance_bytes ? Json(v.instance_bytes) : Json(nullptr);
     row["tick_ms"] = v.times ? ToJson(v.times->cold_ms) : Json(nullptr);
@@ -61,9 +67,28 @@ Json VariantsJson(std::span<const Variant> variants) {
     }
     row["truth"] = ToJson(v.error.truth);
     row["fp32"] = ToJson(v.error.fp32);
+    row["dominated"] = v.place == ParetoPlace::kNone ? Json(nullptr) : Json(v.place == ParetoPlace::kDominated);
+    row["dominated_by"] = v.dominated_by.empty() ? Json(nullptr) : Json(v.dominated_by);
     rows.push_back(std::move(row));
   }
   return rows;
+}
+
+Json ParetoJson(std::span<const Variant> variants) {
+  std::vector<const Variant*> front;
+  bool truth = false;
+  for (const Variant& v : variants) {
+    truth = truth || v.error.truth.frame_count > 0;
+    if (v.place == ParetoPlace::kFront) front.push_back(&v);
+  }
+  std::sort(front.begin(), front.end(),
+            [](const Variant* a, const Variant* b) { return a->times->cold_ms.p50 < b->times->cold_ms.p50; });
+  Json names = Json::array();
+  for (const Variant* v : front) names.push_back(v->name);
+  return {{"ms", "tick_ms.p50"},
+          {"mm", truth ? "truth.position_mm.mean" : "fp32.position_mm.mean"},
+          {"step_mm", kParetoStepMm},
+          {"front", names}};
 }
 
 Json SequencesJson(std::span<const Variant> variants, std::span<const converter::Sequence> sequences,
@@ -84,10 +109,11 @@ Json SequencesJson(std::span<const Variant> variants, std::span<const converter:
 }
 
 void PrintVariants(std::span<const Variant> variants, std::FILE* out) {
-  std::vector<std::vector<std::string>> rows = {{"", "", "model", "instance", "tick ms", "cold", "", "", "warm",
-                                                 "E_d mm", "", "", "E_n deg", "to fp32", "mm", ""},
-                                                {"variant", "stages", "MB", "KiB", "p50", "p95", "p99", "max", "p50",
-                                                 "mean +- std", "p99", "max", "mean +- std", "mean", "p99", "max"}};
+  std::vector<std::vector<std::string>> rows = {
+      {"", "", "", "model", "instance", "tick ms", "cold", "", "", "warm", "E_d mm", "", "", "E_n deg", "to fp32", "mm",
+       "", "dominated"},
+      {"variant", "stages", "rank", "MB", "KiB", "p50", "p95", "p99", "max", "p50", "mean +- std", "p99", "max",
+       "mean +- std", "mean", "p99", "max", "by"}};
   for (const Variant& v : variants) rows.push_back(Row(v));
   std::vector<size_t> widths(rows[0].size(), 0);
   for (const auto& row : rows) {

@@ -13,6 +13,8 @@
 namespace dcloth::tools {
 
 Json VariantsJson(std::span<const Variant> variants);
+// {ms, mm, step_mm, front}: what was compared, and the names of those that nothing dominates, fastest first.
+Json ParetoJson(std::span<const Variant> variants);
 Json SequencesJson(std::span<const Variant> variants, std::span<const converter::Sequence> sequences,
                    const converter::Bundle& bundle);
 void PrintVariants(std::span<const Variant> variants, std::FILE* out);

@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
-#include "converter/convert.h"
 #include "converter/error.h"
+#include "converter/model_maker.h"
 #include "tools/baseline.h"
+#include "tools/pareto.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
 #include "tools/progress.h"
+#include "tools/variant_grid.h"
+#include "tools/variant_runner.h"
 
 namespace dcloth::tools {
 namespace {
@@ -17,84 +20,6 @@ using converter::Bundle;
 using converter::ErrorMeter;
 using converter::OpenModel;
 using converter::Sequence;
-
-// The model's own poses of each sequence, one per tick.
-std::vector<PoseTrack> PosesFor(const OpenModel& model, std::span<const Sequence> sequences) {
-  std::vector<PoseTrack> poses;
-  for (const Sequence& s : sequences) poses.emplace_back(s, model.joint_names());
-  return poses;
-}
-
-// Tick and skin from a reset, one call a tick. Returns milliseconds per tick.
-class Runner {
- public:
-  Runner(const Bundle& bundle, const OpenModel& model, uint32_t stages, std::span<const Sequence> sequences,
-         uint32_t output_flags = 0)
-      : bundle_(bundle),
-        sequences_(sequences),
-        model_(model),
-        stages_(stages),
-        output_flags_(output_flags),
-        poses_(PosesFor(model, sequences)) {}
-
-  std::vector<float> Play(size_t index, std::vector<double>* warm_ms) {
-    const size_t ticks = TickCount(bundle_, sequences_[index]), step = FramesPerTick(bundle_, sequences_[index]);
-    Player player(model_, stages_, converter::PathText(sequences_[index].path), output_flags_);
-    std::vector<float> positions;
-    positions.reserve(ticks * player.positions().size());
-    player.Reset();
-    for (size_t t = 0; t < ticks; ++t) {
-      const std::span<const float> pose = poses_[index].Frame(t * step);
-      const uint64_t start = NowNanoseconds();
-      player.Tick(pose);
-      player.Skin(pose, 1);
-      if (warm_ms != nullptr) warm_ms->push_back(static_cast<double>(NowNanoseconds() - start) * 1e-6);
-      positions.insert(positions.end(), player.positions().begin(), player.positions().end());
-    }
-    return positions;
-  }
-
-  void PlayCold(size_t index, size_t limit, CacheEvictor* evictor, std::vector<double>* cold_ms,
-                std::array<std::vector<double>, DCLOTH_STEP_COUNT>* stages_ms) {
-    const size_t ticks = std::min(limit, TickCount(bundle_, sequences_[index]));
-    const size_t step = FramesPerTick(bundle_, sequences_[index]);
-    Player player(model_, stages_, converter::PathText(sequences_[index].path), output_flags_);
-    StepTimer timer;
-    player.Reset();
-    for (size_t t = 0; t < ticks; ++t) {
-      const std::span<const float> pose = poses_[index].Frame(t * step);
-      evictor->Evict();
-      const uint64_t start = NowNanoseconds();
-      player.Tick(pose, timer.get());
-      player.Skin(pose, 1, timer.get());
-      cold_ms->push_back(static_cast<double>(NowNanoseconds() - start) * 1e-6);
-      const StepTimes times = timer.Take();
-      for (size_t s = 0; s < times.size(); ++s) (*stages_ms)[s].push_back(static_cast<double>(times[s]) * 1e-6);
-    }
-  }
-
- private:
-  const Bundle& bundle_;
-  std::span<const Sequence> sequences_;
-  const OpenModel& model_;
-  uint32_t stages_, output_flags_;
-  std::vector<PoseTrack> poses_;
-};
-
-TickTimes MeasureCold(Runner* runner, size_t sequence_count, size_t cold_ticks, std::vector<double> warm_ms) {
-  CacheEvictor evictor;
-  std::vector<double> cold_ms;
-  std::array<std::vector<double>, DCLOTH_STEP_COUNT> stages_ms;
-  const size_t limit = std::max<size_t>(10, (cold_ticks + sequence_count - 1) / sequence_count);
-  for (size_t s = 0; s < sequence_count; ++s) runner->PlayCold(s, limit, &evictor, &cold_ms, &stages_ms);
-  TickTimes times;
-  times.cold_count = cold_ms.size();
-  times.warm_count = warm_ms.size();
-  times.cold_ms = PercentilesOf(cold_ms);
-  times.warm_ms = PercentilesOf(warm_ms);
-  for (size_t s = 0; s < stages_ms.size(); ++s) times.stages_ms[s] = PercentilesOf(stages_ms[s]);
-  return times;
-}
 
 // Errors of one variant: per sequence and over all.
 class Errors {
@@ -140,12 +65,57 @@ std::vector<float> PlayPlainSkinning(const Bundle& bundle, const Sequence& seque
   return positions;
 }
 
-struct Job {
-  std::string name;
-  uint32_t stages;
-  const OpenModel* model;
-  uint32_t output_flags = 0;
+// One variant while it is measured.
+struct Measured {
+  const Job* job;
+  VariantRunner runner;
+  TickSamples samples;
 };
+
+TickTimes TimesOf(const TickSamples& samples) {
+  TickTimes times;
+  times.cold_count = samples.cold_ms.size();
+  times.warm_count = samples.warm_ms.size();
+  times.cold_ms = PercentilesOf(samples.cold_ms);
+  times.warm_ms = PercentilesOf(samples.warm_ms);
+  for (size_t s = 0; s < samples.stages_ms.size(); ++s) times.stages_ms[s] = PercentilesOf(samples.stages_ms[s]);
+  return times;
+}
+
+using StepCallback = std::function<void()>;
+constexpr size_t kColdRounds = 4;
+
+// Variants take turns, so that a machine that slows down slows all of them.
+void MeasureCold(std::vector<Measured>* variants, size_t sequence_count, size_t cold_ticks, const StepCallback& step) {
+  CacheEvictor evictor;
+  const size_t per_sequence = std::max<size_t>(10, (cold_ticks + sequence_count - 1) / sequence_count);
+  const size_t piece = (per_sequence + kColdRounds - 1) / kColdRounds;
+  for (size_t round = 0; round < kColdRounds; ++round) {
+    const size_t first = round * piece, last = std::min(per_sequence, first + piece);
+    for (Measured& variant : *variants) {
+      for (size_t s = 0; s < sequence_count; ++s) variant.runner.PlayCold(s, first, last, &evictor, &variant.samples);
+      step();
+    }
+  }
+}
+
+// What keeps the garment outside the body does more than the others and competes with none of them.
+void MarkDominated(std::span<const Measured> measured, std::vector<Variant>* variants) {
+  std::vector<size_t> rows;
+  std::vector<ParetoPoint> points;
+  for (size_t i = 0; i < measured.size(); ++i) {
+    Variant& variant = (*variants)[i + 1];
+    if (measured[i].job->output_flags != 0) continue;
+    rows.push_back(i + 1);
+    points.push_back({variant.times->cold_ms.p50, variant.error.compared().position_mm.mean});
+  }
+  const std::vector<std::optional<size_t>> by = DominatedBy(points);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    Variant& variant = (*variants)[rows[i]];
+    variant.place = by[i] ? ParetoPlace::kDominated : ParetoPlace::kFront;
+    if (by[i]) variant.dominated_by = (*variants)[rows[*by[i]]].name;
+  }
+}
 
 }  // namespace
 
@@ -176,48 +146,27 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
                               const EvaluationOptions& options, const PlayedVisitor& visit) {
   for (const Sequence& s : sequences) FramesPerTick(bundle, s);
   Progress progress("evaluating");
-  const auto open = [&](converter::Precision precision, converter::RankMode rank = converter::RankMode::kExact) {
-    converter::ConvertOptions convert;
-    convert.precision = precision;
-    convert.rank.mode = rank;
-    return OpenModel(converter::Convert(bundle, convert).bytes, bundle.path);
-  };
-  const OpenModel reference = open(converter::Precision::kFp32, converter::RankMode::kFull);
-  std::vector<OpenModel> models;
-  models.reserve(options.precisions.size());
-  for (converter::Precision p : options.precisions) models.push_back(open(p));
+  converter::ModelMaker maker(bundle, options.calibration);
+  const OpenModel reference = maker.Make(converter::Precision::kFp32, converter::RankMaker::kFullRank).model;
+  const VariantGrid grid(bundle, &maker, options);
+  const std::vector<PoseTrack> poses = PosesFor(reference, sequences);
 
-  std::vector<Job> jobs;
-  const OpenModel& last = models.back();
-  for (uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON}) {
-    if ((stages & ~last.info().stages) != 0 || stages == last.info().stages) continue;
-    jobs.push_back(
-        {std::string(converter::PrecisionName(options.precisions.back())) + "/" + StagesName(stages), stages, &last});
-  }
-  for (size_t i = 0; i < models.size(); ++i) {
-    jobs.push_back({converter::PrecisionName(options.precisions[i]), models[i].info().stages, &models[i]});
-  }
-  if (dcloth_model_body_vertex_count(last.model()) != 0) {
-    const std::string name = std::string(converter::PrecisionName(options.precisions.back())) + "/outside";
-    jobs.push_back({name, last.info().stages, &last, DCLOTH_OUTPUT_OUTSIDE_BODY});
-  }
-
-  const size_t total = (jobs.size() + 2) * sequences.size();
+  const size_t total = (grid.jobs().size() + 2) * sequences.size() + kColdRounds * grid.jobs().size();
   size_t done = 0;
+  const auto step = [&] { progress.Step(++done, total); };
   std::vector<std::vector<float>> expected;  // the fp32 engine's positions
   {
-    Runner runner(bundle, reference, reference.info().stages, sequences);
-    for (size_t s = 0; s < sequences.size(); ++s, progress.Step(++done, total))
-      expected.push_back(runner.Play(s, nullptr));
+    VariantRunner runner(bundle, reference, reference.info().stages, sequences, poses);
+    for (size_t s = 0; s < sequences.size(); ++s, step()) expected.push_back(runner.Play(s, nullptr));
   }
 
   std::vector<Variant> variants;
-  const auto measure = [&](Variant variant, auto&& play) {
+  const auto measure = [&](Variant variant, bool shown, auto&& play) {
     Errors errors(reference.triangles(), bundle.vertex_count(), bundle);
-    for (size_t s = 0; s < sequences.size(); ++s, progress.Step(++done, total)) {
+    for (size_t s = 0; s < sequences.size(); ++s, step()) {
       const std::vector<float> positions = play(s);
       variant.sequences.push_back(errors.Add(sequences[s], positions, expected[s]));
-      visit({.variant = variant.name, .sequence = s, .positions = positions});
+      if (shown) visit({.variant = variant.name, .sequence = s, .positions = positions});
     }
     variant.error = errors.Total();
     variants.push_back(std::move(variant));
@@ -225,18 +174,25 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
   Variant baseline;
   baseline.name = "skinning";
   baseline.stages = "none";
-  measure(std::move(baseline), [&](size_t s) { return PlayPlainSkinning(bundle, sequences[s]); });
-  for (const Job& job : jobs) {
+  measure(std::move(baseline), true, [&](size_t s) { return PlayPlainSkinning(bundle, sequences[s]); });
+  std::vector<Measured> measured;
+  measured.reserve(grid.jobs().size());
+  for (const Job& job : grid.jobs()) {
     Variant variant;
     variant.name = job.name;
     variant.stages = StagesName(job.stages);
+    variant.precision = converter::PrecisionName(job.precision);
+    variant.rank = job.rank;
     variant.model_bytes = job.model->bytes().size();
     variant.instance_bytes = job.model->instance_bytes();
-    Runner runner(bundle, *job.model, job.stages, sequences, job.output_flags);
-    std::vector<double> warm_ms;
-    measure(std::move(variant), [&](size_t s) { return runner.Play(s, &warm_ms); });
-    variants.back().times = MeasureCold(&runner, sequences.size(), options.cold_ticks, std::move(warm_ms));
+    measured.push_back(
+        {&job, VariantRunner(bundle, *job.model, job.stages, sequences, poses, job.output_flags), TickSamples{}});
+    Measured& last = measured.back();
+    measure(std::move(variant), job.shown, [&](size_t s) { return last.runner.Play(s, &last.samples.warm_ms); });
   }
+  MeasureCold(&measured, sequences.size(), options.cold_ticks, step);
+  for (size_t i = 0; i < measured.size(); ++i) variants[i + 1].times = TimesOf(measured[i].samples);
+  MarkDominated(measured, &variants);
   return variants;
 }
 

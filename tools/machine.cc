@@ -23,6 +23,13 @@ std::string CpuName() {
 
 uint64_t LastLevelCacheBytes() {
   uint64_t bytes = 0;
+  // What this core shares; the C library's figure was twelve times that on an EPYC of 32 MB a core complex.
+  for (int level = 0; level < 8; ++level) {
+    std::ifstream file("/sys/devices/system/cpu/cpu0/cache/index" + std::to_string(level) + "/size");
+    uint64_t kibibytes = 0;
+    if (file >> kibibytes) bytes = std::max(bytes, kibibytes << 10);
+  }
+  if (bytes > 0) return bytes;
 #if defined(_SC_LEVEL3_CACHE_SIZE)
   for (int name : {_SC_LEVEL2_CACHE_SIZE, _SC_LEVEL3_CACHE_SIZE, _SC_LEVEL4_CACHE_SIZE}) {
     const long value = sysconf(name);
@@ -32,18 +39,22 @@ uint64_t LastLevelCacheBytes() {
   return bytes > 0 ? bytes : uint64_t{32} << 20;
 }
 
+// Asked once, before any thread is pinned: a pinned thread is allowed one core, and so is what it starts.
 std::vector<int> AllowedCores() {
-  std::vector<int> cores;
+  static const std::vector<int> allowed = [] {
+    std::vector<int> cores;
 #if defined(__linux__)
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  if (sched_getaffinity(0, sizeof(set), &set) == 0) {
-    for (int core = 0; core < CPU_SETSIZE; ++core) {
-      if (CPU_ISSET(core, &set)) cores.push_back(core);
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    if (sched_getaffinity(0, sizeof(set), &set) == 0) {
+      for (int core = 0; core < CPU_SETSIZE; ++core) {
+        if (CPU_ISSET(core, &set)) cores.push_back(core);
+      }
     }
-  }
 #endif
-  return cores;
+    return cores;
+  }();
+  return allowed;
 }
 
 bool PinThread(int core) {

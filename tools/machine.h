@@ -10,7 +10,7 @@ namespace dcloth::tools {
 
 std::string CpuName();            // "AMD EPYC 7763", or "unknown CPU"
 uint64_t LastLevelCacheBytes();   // 32 MiB where the system does not say
-std::vector<int> AllowedCores();  // cores this process may use, ascending; empty where the system does not say
+std::vector<int> AllowedCores();  // cores this process was started on, ascending; empty where the system does not say
 
 // Keeps the calling thread on `core`. Throws converter::Error where the core is not allowed. False where the system has
 // no such call.

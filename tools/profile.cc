@@ -10,6 +10,8 @@
 #include "tools/commands.h"
 #include "tools/contend.h"
 #include "tools/machine.h"
+#include "tools/machine_limit.h"
+#include "tools/part_timer.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
 #include "tools/profile_output.h"
@@ -25,7 +27,7 @@ struct Options {
   std::filesystem::path model, sequence, trace;
   double budget_ms = 0, fps = 60;
   int core = -1;
-  bool pipelined = false, cold = false, contend = false, json = false;
+  bool pipelined = false, cold = false, contend = false, project = false, json = false;
 };
 
 class Profiler {
@@ -37,7 +39,8 @@ class Profiler {
         poses_(sequence, model.joint_names()),
         player_(model, model.info().stages, converter::PathText(options.sequence)),
         meter_(model.triangles(), model.info().vertex_count),
-        pose_(poses_.joint_count() * 16) {
+        pose_(poses_.joint_count() * 16),
+        timer_(model.info().stages) {
     if (options.cold) evictor_.emplace();
     if (sequence.has_truth() && sequence.truth_vertex_count != model.info().vertex_count) {
       throw converter::Error(
@@ -75,12 +78,15 @@ class Profiler {
     frame.start_ns = NowNanoseconds();
     frame.ticks = player_.Update(pose_, static_cast<float>(1 / options_.fps), flags, false, timer_.get());
     const uint64_t ticked = NowNanoseconds();
-    frame.tick_steps = timer_.Take();
+    const TimedParts tick = timer_.Take();
+    frame.tick_steps = tick.steps;
     const uint64_t skin_start = NowNanoseconds();
     player_.Update(pose_, 0, flags, true, timer_.get());
     frame.skin_ns = NowNanoseconds() - skin_start;
     frame.tick_ns = ticked - frame.start_ns;
-    frame.skin_steps = timer_.Take();
+    const TimedParts skin = timer_.Take();
+    frame.skin_steps = skin.steps;
+    for (size_t p = 0; p < frame.parts.size(); ++p) frame.parts[p] = tick.parts[p] + skin.parts[p];
     return frame;
   }
 
@@ -99,7 +105,7 @@ class Profiler {
   Player player_;
   converter::ErrorMeter meter_;
   std::vector<float> pose_;
-  StepTimer timer_;
+  PartTimer timer_;
   std::optional<CacheEvictor> evictor_;
 };
 
@@ -110,6 +116,10 @@ int RunProfile(const Options& options) {
   const std::vector<int> cores = AllowedCores();
   const int core = options.core >= 0 ? options.core : cores.empty() ? 0 : cores.back();
   if (PinThread(core)) profile.core = core;
+  profile.work = converter::CountWork(model.bytes());
+  uint64_t frame_bytes = 0;
+  for (const converter::PartWork& work : profile.work) frame_bytes += work.bytes();
+  profile.limit = MeasureLimit(frame_bytes);
   std::optional<Contender> contender;
   if (options.contend) {
     const auto other = std::find_if(cores.begin(), cores.end(), [&](int c) { return c != core; });
@@ -144,6 +154,7 @@ int RunProfile(const Options& options) {
   profile.pipelined = options.pipelined;
   profile.cold = options.cold;
   profile.contend = options.contend;
+  profile.project = options.project;
   profile.error = profiler.error();
   if (!options.trace.empty()) WriteTrace(options.trace, profile);
   if (options.json) {
@@ -178,6 +189,11 @@ void AddProfile(CLI::App& app, int& exit_code) {
   command->add_flag("--pipelined", options->pipelined, "spread each tick over the frames until the next");
   command->add_flag("--cold", options->cold, "empty the caches before every frame, outside the timed part");
   command->add_flag("--contend", options->contend, "a thread on another core wants memory and arithmetic too");
+  command
+      ->add_flag("--project", options->project,
+                 "what the frame would cost on devices not at hand: counted work over published figures, a projection")
+      ->needs("--cold")
+      ->excludes("--pipelined");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->add_option("--trace", options->trace, "write a Chrome trace (.json)");
   command->callback([options, &exit_code] { exit_code = RunProfile(*options); });

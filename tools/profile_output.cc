@@ -7,11 +7,11 @@
 #include "converter/file.h"
 #include "dcloth/dcloth.h"
 #include "tools/machine.h"
+#include "tools/profile_kernels.h"
+#include "tools/projection.h"
 
 namespace dcloth::tools {
 namespace {
-
-double FrameMs(const ProfiledFrame& frame) { return static_cast<double>(frame.tick_ns + frame.skin_ns) * 1e-6; }
 
 Percentiles Frames(const Profile& profile) {
   std::vector<double> samples;
@@ -44,6 +44,8 @@ void PrintRow(const char* name, const Percentiles& p) {
 
 }  // namespace
 
+double FrameMs(const ProfiledFrame& frame) { return static_cast<double>(frame.tick_ns + frame.skin_ns) * 1e-6; }
+
 size_t Profile::missed_frames() const {
   if (budget_ms <= 0) return 0;
   return static_cast<size_t>(
@@ -72,7 +74,11 @@ Json ProfileJson(const Profile& profile) {
                {"frame_ms", ToJson(Frames(profile))},
                {"tick_ms", ToJson(Ticks(profile))},
                {"stages_ms", Json::object()},
-               {"truth", ToJson(profile.error)}};
+               {"truth", ToJson(profile.error)},
+               {"histogram", HistogramJson(profile)},
+               {"machine", MachineJson(profile)},
+               {"kernels", KernelsJson(profile)},
+               {"projection", profile.project ? ProjectionJson(profile) : Json(nullptr)}};
   for (size_t s = 0; s < kStepNames.size(); ++s) json["stages_ms"][kStepNames[s]] = ToJson(Step(profile, s));
   return json;
 }
@@ -89,6 +95,8 @@ void PrintProfile(const Profile& profile) {
   PrintRow(profile.pipelined ? "part of tick" : "tick", Ticks(profile));
   for (size_t s = 0; s < kStepNames.size(); ++s)
     PrintRow((std::string("  ") + kStepNames[s]).c_str(), Step(profile, s));
+  PrintKernels(profile);
+  PrintHistogram(profile);
   if (profile.error.frame_count > 0) {
     const converter::PositionError& e = profile.error.position_mm;
     std::printf("\nerror to the simulation, as drawn: mean %.3f +- %.3f, p99 %.2f, max %.2f mm; normals %.2f deg\n",
@@ -96,6 +104,7 @@ void PrintProfile(const Profile& profile) {
   } else {
     std::printf("\nerror: the sequence has no truth at the frames drawn\n");
   }
+  if (profile.project) PrintProjection(profile);
   if (profile.budget_ms > 0) {
     std::printf("budget %.3f ms: %zu of %zu frames missed\n", profile.budget_ms, profile.missed_frames(),
                 profile.frames.size());
@@ -114,10 +123,21 @@ void WriteTrace(const std::filesystem::path& path, const Profile& profile) {
                       {"dur", static_cast<double>(length_ns) * 1e-3},
                       {"args", {{"frame", frame}}}});
   };
-  const auto add_steps = [&](const StepTimes& steps, uint64_t start_ns, size_t frame) {
+  // Kernels of a step lie inside it, where it has more than one.
+  const auto add_kernels = [&](const PartTimes& parts, size_t step, uint64_t start_ns, size_t frame) {
+    for (size_t p = 0; p < parts.size(); ++p) {
+      const auto part = static_cast<converter::WorkPart>(p);
+      const bool alone = part == converter::WorkPart::kStatic || part >= converter::WorkPart::kSkinning;
+      if (parts[p] == 0 || alone || converter::StepOf(part) != static_cast<int>(step)) continue;
+      add(converter::WorkPartName(part), start_ns, parts[p], frame);
+      start_ns += parts[p];
+    }
+  };
+  const auto add_steps = [&](const StepTimes& steps, const PartTimes* parts, uint64_t start_ns, size_t frame) {
     for (size_t s = 0; s < steps.size(); ++s) {
       if (steps[s] == 0) continue;
       add(kStepNames[s], start_ns, steps[s], frame);
+      if (parts != nullptr) add_kernels(*parts, s, start_ns, frame);
       start_ns += steps[s];
     }
   };
@@ -125,9 +145,9 @@ void WriteTrace(const std::filesystem::path& path, const Profile& profile) {
     const ProfiledFrame& f = profile.frames[i];
     add("frame", f.start_ns, f.tick_ns + f.skin_ns, i);
     if (f.ticks > 0) add("tick", f.start_ns, f.tick_ns, i);
-    add_steps(f.tick_steps, f.start_ns, i);
+    add_steps(f.tick_steps, &f.parts, f.start_ns, i);
     add("skin", f.start_ns + f.tick_ns, f.skin_ns, i);
-    add_steps(f.skin_steps, f.start_ns + f.tick_ns, i);
+    add_steps(f.skin_steps, nullptr, f.start_ns + f.tick_ns, i);
   }
   const std::string text = DumpJson({{"traceEvents", events}, {"displayTimeUnit", "ms"}}, -1);
   converter::WriteFileAtomically(path, std::as_bytes(std::span(text.data(), text.size())));

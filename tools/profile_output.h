@@ -8,7 +8,10 @@
 #include <vector>
 
 #include "converter/metrics.h"
+#include "converter/model_work.h"
 #include "tools/json_output.h"
+#include "tools/machine_limit.h"
+#include "tools/part_timer.h"
 #include "tools/timing.h"
 
 namespace dcloth::tools {
@@ -17,6 +20,7 @@ struct ProfiledFrame {
   uint64_t start_ns = 0, tick_ns = 0, skin_ns = 0;
   double ticks = 0;  // run in this frame, parts included, by estimated cost
   StepTimes tick_steps{}, skin_steps{};
+  PartTimes parts{};  // 0 where a piece did not run, and for a tick that is spread over frames
 };
 
 struct Profile {
@@ -25,13 +29,16 @@ struct Profile {
   double fps = 0, tick_rate = 0;
   double budget_ms = 0;  // 0: none
   int core = -1;         // -1: not pinned
-  bool pipelined = false, cold = false, contend = false;
+  bool pipelined = false, cold = false, contend = false, project = false;
   std::vector<ProfiledFrame> frames;
   converter::MeshError error;  // of the drawn frames that fall on a frame with truth
+  converter::ModelWork work{};
+  MachineLimit limit;  // taken before the neighbour starts
 
   size_t missed_frames() const;  // 0 without a budget
 };
 
+double FrameMs(const ProfiledFrame& frame);
 Json ProfileJson(const Profile& profile);
 void PrintProfile(const Profile& profile);
 // Chrome's trace event format: open in chrome://tracing or ui.perfetto.dev. Steps lie in the engine's order within

@@ -4,7 +4,7 @@ import json
 import pytest
 
 import small_garment
-from checks import refused
+from checks import leftovers, refused
 
 
 @pytest.mark.parametrize("precision", ["fp32", "fp16", "int8"])
@@ -55,8 +55,47 @@ def test_auto_keeps_its_bound(dcloth, files, tmp_path):
     tight = dcloth(*arguments, "--max-error-mm", int8_max / 2)
     assert tight.returncode == 0
     said = json.loads(tight.stdout)
-    assert said["precision"] in ("fp16", "fp32")
-    assert [t for t in said["trials"] if t["precision"] == said["precision"]][0]["error"]["position_mm"]["max"] <= int8_max / 2
+    assert said["precision"] == "mixed" and {"i8", "f16"} <= {t["dtype"] for t in said["tensors"]}
+    assert said["trials"][-1]["error"]["position_mm"]["max"] <= int8_max / 2
+    assert loose["model_bytes"] < said["model_bytes"] == out.stat().st_size
+    assert json.loads(dcloth("inspect", out, "--json").stdout)["precision"] == "mixed"
+
+
+def test_auto_says_what_it_chose_and_why(dcloth, files, tmp_path):
+    out = tmp_path / "m.dcloth"
+    arguments = ["convert", files.bundle, "-o", out, "--calibrate", files.walk, "--rank", "full"]
+    int8 = json.loads(dcloth(*arguments, "--precision", "int8", "--json").stdout)
+    bound = 0.4 * int8["trials"][0]["calibration"]["position_mm"]["max"]
+    arguments += ["--precision", "auto", "--max-error-mm", bound]
+    alone = json.loads(dcloth(*arguments, "--json").stdout)["auto"]
+    assert alone["chosen_on"] == "calibration" and alone["checked_mm"] is None
+    assert alone["bound_mm"] == pytest.approx(bound) and 0 < alone["error_mm"] <= bound
+    raised = [t for t in alone["tensors"] if t["cheaper"]]
+    assert raised and all(t["cheaper_mm"] > bound for t in raised)
+    for t in alone["tensors"]:
+        assert (t["cheaper"], t["format"]) in {(None, "int8"), (None, "fp16"), ("int8", "fp16"), ("fp16", "fp32")}
+    # On other motion it costs something else; without a check nobody would know.
+    checked = dcloth(*arguments, "--motion", files.run, "--json")
+    if checked.returncode == 0:
+        assert 0 < json.loads(checked.stdout)["auto"]["checked_mm"] <= bound
+    else:
+        refused(checked, "not calibrated on", code=1)
+    text = dcloth(*arguments).stdout
+    for word in ("as int8 would make it", "the cheapest there is", "not checked on other motion"):
+        assert word in text
+    assert int8["auto"] is None
+
+
+def test_auto_that_misses_on_unseen_motion_writes_nothing(dcloth, files, tmp_path):
+    out, still = tmp_path / "m.dcloth", tmp_path / "still.safetensors"
+    small_garment.write_sequence(still, small_garment.motion(1, 30), truth=False)
+    both = ["convert", files.bundle, "-o", out, "--calibrate", still, "--motion", files.run, "--rank", "full"]
+    trial, = json.loads(dcloth(*both, "--precision", "int8", "--json").stdout)["trials"]
+    out.unlink()
+    seen, unseen = (trial[k]["position_mm"]["max"] for k in ("calibration", "error"))
+    assert seen < 0.9 * unseen
+    refused(dcloth(*both, "--precision", "auto", "--max-error-mm", 1.05 * seen), "not calibrated on", code=1)
+    assert not out.exists() and leftovers(tmp_path, {"still.safetensors"}) == []
 
 
 def test_missed_bound_is_exit_1_and_writes_nothing(dcloth, files, tmp_path):

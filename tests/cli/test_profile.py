@@ -1,7 +1,10 @@
 """profile: JSON, budget, trace."""
 import json
+import os
 
-from checks import STEPS, mesh_error, percentiles
+import pytest
+
+from checks import STEPS, mesh_error, percentiles, refused
 
 
 def profile(dcloth, *arguments, code=0):
@@ -43,6 +46,13 @@ def test_cold_and_contended(dcloth, files):
     assert cold["frame_ms"]["p50"] > warm["frame_ms"]["p50"]
 
 
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core to run on")
+def test_a_busy_neighbour(dcloth, files):
+    said = profile(dcloth, files.model, files.bare, "--contend")
+    assert said["contend"] and said["frames"] >= 600 and said["frame_ms"]["p50"] > 0
+    assert said["core"] in os.sched_getaffinity(0)
+
+
 def test_pipelined(dcloth, files):
     whole = profile(dcloth, files.model, files.walk)
     spread = profile(dcloth, files.model, files.walk, "--pipelined")
@@ -57,7 +67,10 @@ def test_trace(dcloth, files, tmp_path):
     said = profile(dcloth, files.model, files.walk, "--trace", path)
     events = json.loads(path.read_text())["traceEvents"]
     names = {e["name"] for e in events}
-    assert STEPS - {"penetration"} | {"frame", "tick", "skin"} == names
+    # Steps of more than one kernel hold them.
+    kernels = {k["name"] for k in said["kernels"]} - {"static", "skinning", "normals"}
+    assert len(kernels) == 8 and STEPS - {"penetration"} | {"frame", "tick", "skin"} | kernels <= names
+    assert names - STEPS - {"frame", "tick", "skin"} - kernels <= {"head"}
     frames = [e for e in events if e["name"] == "frame"]
     assert len(frames) == said["frames"]
     assert all(e["ph"] == "X" and e["dur"] >= 0 and e["ts"] >= 0 for e in events)
@@ -67,7 +80,81 @@ def test_trace(dcloth, files, tmp_path):
         assert 0 < steps <= frames[index]["dur"]
 
 
+def test_kernels_beside_the_machine(dcloth, files):
+    said = profile(dcloth, files.model, files.walk)
+    machine = said["machine"]
+    assert machine["gflops"] > 0.1 and machine["unit"] and machine["read_gbs"] > 0.1 and machine["memory_gbs"] > 0.1
+    rows = {k["name"]: k for k in said["kernels"]}
+    assert list(rows) == ["static", "skeleton input", "skeleton hidden", "skeleton gates", "body points", "mesh layers",
+                          "mesh hidden", "mesh coefficients", "basis", "skinning", "normals"]
+    assert machine["read_bytes"] == sum(k["bytes"] for k in rows.values())
+    for name, row in rows.items():
+        assert row["stage"] in STEPS and row["flops"] > 0 and 0 <= row["weight_bytes"] <= row["bytes"]
+        percentiles(row["ms"])
+        memory = 1e-6 * row["bytes"] / machine["read_gbs"]
+        arithmetic = 1e-6 * row["flops"] / machine["gflops"] / (2 if row["int8"] else 1)
+        assert abs(row["limit_ms"] - max(memory, arithmetic)) <= 1e-9 * row["limit_ms"]
+        assert row["bound"] == ("memory" if memory > arithmetic else "arithmetic")
+        assert abs(row["fraction_of_limit"] * row["ms"]["p50"] - row["limit_ms"]) <= 1e-9 * row["limit_ms"]
+    # Multiplied by hand: 504 vertices, 12 + 10 rows of 1512 columns; 31 features to three gates of 12.
+    assert rows["basis"]["flops"] == 2 * 22 * 3 * 504 and rows["skeleton input"]["flops"] == 2 * 49 * 36
+
+
+def test_kernels_add_up_to_their_stages(dcloth, files):
+    said = profile(dcloth, files.model, files.walk)
+    for stage in ("skeleton", "mesh", "displacement"):
+        kernels = sum(k["ms"]["p50"] for k in said["kernels"] if k["stage"] == stage)
+        # Medians do not add up exactly; a kernel missing or counted twice would show.
+        assert 0.5 * said["stages_ms"][stage]["p50"] < kernels < 1.5 * said["stages_ms"][stage]["p50"]
+
+
+def test_kernels_of_a_spread_tick_are_not_told_apart(dcloth, files):
+    said = profile(dcloth, files.model, files.walk, "--pipelined")
+    spread = {k["name"]: k["ms"] for k in said["kernels"]}
+    assert spread["mesh layers"] is None and spread["skinning"] is not None
+
+
+def test_cold_kernels_are_held_against_memory(dcloth, files):
+    said = profile(dcloth, files.model, files.bare, "--cold")
+    basis, = [k for k in said["kernels"] if k["name"] == "basis"]
+    assert basis["bound"] == "memory"
+    assert abs(basis["limit_ms"] - 1e-6 * basis["bytes"] / said["machine"]["memory_gbs"]) < 1e-12
+
+
+def test_projection_is_counted_work_over_published_figures(dcloth, files):
+    said = profile(dcloth, files.model, files.bare, "--cold", "--project")
+    projection = said["projection"]
+    assert "not a measurement" in projection["label"] and len(projection["assumptions"]) >= 6
+    tick = [k for k in said["kernels"] if k["stage"] not in ("skinning", "normals")]
+    for device in projection["devices"]:
+        limit = sum(max(k["flops"] / device["gflops"], k["bytes"] / device["core_gbs"]) * 1e-6 for k in tick)
+        assert abs(device["limit_tick_ms"] - limit) <= 1e-9 * limit  # fp32: int8's rate does not matter
+        assert device["tick_ms"] >= device["limit_tick_ms"] and device["draw_ms"] > 0 and device["source"]
+    names = [d["name"] for d in projection["devices"]]
+    assert {"Steam Deck", "Switch-class", "PS5-class", "phone, big core", "phone, little core"} == set(names)
+    by_name = {d["name"]: d for d in projection["devices"]}
+    assert by_name["Switch-class"]["tick_ms"] > by_name["Steam Deck"]["tick_ms"]
+    text = dcloth("profile", files.model, files.bare, "--cold", "--project").stdout
+    assert "PROJECTION, not a measurement" in text and "assumed:" in text
+    assert all(a in text for a in projection["assumptions"])
+    assert profile(dcloth, files.model, files.bare)["projection"] is None
+
+
+def test_projection_wants_cold_whole_ticks(dcloth, files):
+    refused(dcloth("profile", files.model, files.bare, "--project"), "--cold")
+    refused(dcloth("profile", files.model, files.bare, "--project", "--cold", "--pipelined"), "--pipelined")
+
+
+def test_histogram(dcloth, files):
+    said = profile(dcloth, files.model, files.walk)
+    edges, counts = said["histogram"]["edges_ms"], said["histogram"]["counts"]
+    assert len(edges) == len(counts) + 1 == 18 and edges == sorted(edges) and sum(counts) == said["frames"]
+    assert edges[-1] >= said["frame_ms"]["max"] and counts[0] > 0
+    assert counts[-1] <= 0.01 * said["frames"] + 1, "the last bin is what lies beyond p99"
+
+
 def test_text(dcloth, files):
     result = dcloth("profile", files.model, files.walk, "--budget-ms", "60000")
-    for word in ("p99", "skeleton", "error to the simulation", "frames missed", "MB"):
+    for word in ("mesh layers", "GFLOP/s", "reached", "frame ms", "p99", "skeleton", "error to the simulation",
+                 "frames missed", "MB"):
         assert word in result.stdout

@@ -1,4 +1,4 @@
-// Plots as SVG in the page's own colours: speed against error, time per stage, error over time.
+// Plots as SVG in the page's own colours: axes and labels for all, time per stage, error over time.
 
 const STAGE_COLORS = {
   pose: '#8a8f98', static: '#b05a9c', skeleton: '#3f8fd2', mesh: '#5b6ee1', displacement: '#e4573d', skinning: '#c2863a', penetration: '#7a9a2e', normals: '#2aa198',
@@ -15,9 +15,9 @@ function ticksLinear(low, high, wanted) {
 
 function ticksLog(low, high) {
   const out = [];
-  const dense = high / low < 30;
+  const multiples = high / low < 10 ? [1, 1.5, 2, 3, 5, 7] : high / low < 30 ? [1, 2, 5] : [1, 3];
   for (let p = Math.floor(Math.log10(low)); p <= Math.ceil(Math.log10(high)); p++) {
-    for (const m of dense ? [1, 2, 5] : [1, 3]) {
+    for (const m of multiples) {
       const v = m * 10 ** p;
       if (v >= low * 0.999 && v <= high * 1.001) out.push(+v.toPrecision(6));
     }
@@ -25,10 +25,10 @@ function ticksLog(low, high) {
   return out;
 }
 
-// Logarithmic where the values span more than a factor of four and none is zero.
-function makeScale(values, from, to, forceZero) {
+// Logarithmic where the values span more than a factor of `span` and none is zero.
+function makeScale(values, from, to, forceZero, span = 4) {
   const low = Math.min(...values), high = Math.max(...values);
-  if (!forceZero && low > 0 && high / low > 4) {
+  if (!forceZero && low > 0 && high / low > span) {
     const a = low / 1.5, b = high * 1.5;
     const at = (v) => from + (to - from) * Math.log(v / a) / Math.log(b / a);
     return {at, ticks: ticksLog(a, b), log: true};
@@ -65,38 +65,10 @@ function labelPlace(cx, cy, text, box, placed) {
   return spot;
 }
 
-function speedErrorChart() {
-  const rows = report.variants.filter((v) => v.tick_ms && v.truth && v.name !== 'skinning');
-  if (rows.length === 0) return null;
-  const box = {left: 52, right: 540, top: 30, bottom: 270};
-  const svg = element('svg', {viewBox: '0 0 560 320', role: 'img', 'aria-label': 'Speed against error'});
-  const base = report.variants.find((v) => v.name === 'skinning' && v.truth);
-  const errors = rows.map((v) => v.truth.position_mm.mean).concat(base ? [base.truth.position_mm.mean] : []);
-  const x = makeScale(rows.flatMap((v) => [v.tick_ms.p50, v.tick_ms.p99]), box.left, box.right);
-  const y = makeScale(errors, box.bottom, box.top);
-  axes(svg, x, y, box, `tick, ms, cold cache${x.log ? ', log' : ''}`, `mean error to the simulation, mm${y.log ? ', log' : ''}`);
-  if (base) {
-    const at = y.at(base.truth.position_mm.mean);
-    svg.append(element('line', {x1: box.left, x2: box.right, y1: at, y2: at, stroke: VARIANT_COLORS.skinning, 'stroke-dasharray': '4 4'}),
-               element('text', {x: box.left + 6, y: at - 6, class: 'note', fill: VARIANT_COLORS.skinning}, 'plain skinning'));
-  }
-  // Dots keep labels off themselves.
-  const placed = rows.map((v) => ({x: x.at(v.tick_ms.p50) - 6, y: y.at(v.truth.position_mm.mean) - 7, width: 12, height: 14}));
-  if (base) placed.push({x: box.left, y: y.at(base.truth.position_mm.mean) - 20, width: 100, height: 14});
-  for (const v of rows) {
-    const cx = x.at(v.tick_ms.p50), cy = y.at(v.truth.position_mm.mean), color = variantColor(v.name);
-    svg.append(element('line', {x1: cx, x2: x.at(v.tick_ms.p99), y1: cy, y2: cy, stroke: color, 'stroke-width': 2, opacity: 0.5}),
-               element('circle', {cx, cy, r: 4 + 1.1 * Math.sqrt(v.model_bytes / 1e6), fill: color, opacity: 0.85},
-                       element('title', {}, `${v.name}: p50 ${formatNumber(v.tick_ms.p50)} ms, p99 ${formatNumber(v.tick_ms.p99)} ms, ` +
-                               `${formatNumber(v.truth.position_mm.mean)} mm, ${formatNumber(v.model_bytes / 1e6)} MB`)));
-    const at = labelPlace(cx, cy, v.name, box, placed);
-    svg.append(element('text', {x: at.x, y: at.y + 10, class: 'note', fill: color}, v.name));
-  }
-  return svg;
-}
-
+// Of the variants that are shown in 3D; a grid of ranks would take a page.
 function stageChart() {
-  const rows = report.variants.filter((v) => v.stages_ms);
+  const tracks = new Set(report.sequences.flatMap((s) => s.tracks.map((t) => t.name)));
+  const rows = report.variants.filter((v) => v.stages_ms && tracks.delete(trackName(v.name)));
   if (rows.length === 0) return null;
   const height = 34 * rows.length + 100;
   const svg = element('svg', {viewBox: `0 0 560 ${height}`, role: 'img', 'aria-label': 'Time per stage'});

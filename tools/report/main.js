@@ -26,7 +26,9 @@ function staticSections(select) {
   byId('title').textContent = report.title;
   byId('subtitle').textContent = report.subtitle;
   byId('facts').textContent = report.facts.join('  ·  ');
-  const slots = {headline: headline(), 'speed-error': speedErrorChart(), stages: stageChart(), table: resultTable(select)};
+  const wide = report.variants.length > 9;
+  byId('speed-error').closest('.pair').classList.toggle('wide', wide);
+  const slots = {headline: headline(), 'speed-error': paretoChart(select, wide), stages: stageChart(), table: resultTable(select)};
   for (const [id, node] of Object.entries(slots)) {
     if (node) byId(id).append(node);
     else byId(id).closest('[data-optional]').hidden = true;
@@ -109,10 +111,10 @@ class Page {
     this.chart = chart;
   }
 
-  // A table row may name a variant that has no track of its own ("int8/skeleton"): the nearest one is shown.
+  // A table row may name a variant that has no track of its own ("int8@64"): the nearest one is shown.
   select(name) {
-    const stage = name.split('/')[1];
-    const found = [name, stage].find((n) => n && this.names && this.names.includes(n));
+    const [precision, stage] = name.split('/');
+    const found = [trackName(name), stage, precision.split('@')[0]].find((n) => n && this.names && this.names.includes(n));
     if (!found) return;
     this.state.variant = found;
     this.changed();

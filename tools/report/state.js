@@ -10,10 +10,10 @@ const VARIANT_LABELS = {
   cloth: 'dcloth',
 };
 
-// "int8/skeleton" is drawn like its stage, "int8" like its precision.
+// "int8/skeleton" is drawn like its stage and plays as "skeleton"; "int8" and "int8@64" are drawn like their precision.
+const trackName = (name) => name.slice(name.indexOf('/') + 1);
 function variantColor(name) {
-  const [precision, stage] = name.split('/');
-  return VARIANT_COLORS[stage || precision] || '#5b6ee1';
+  return VARIANT_COLORS[trackName(name).split('@')[0]] || '#5b6ee1';
 }
 const variantLabel = (name) => VARIANT_LABELS[name] || name.replace('/', ', ');
 

@@ -6,7 +6,7 @@ function plainRows() {
 
 // The figures a reader looks for first, of the smallest full model that was measured.
 function headline() {
-  const full = report.variants.filter((v) => v.tick_ms && v.model_bytes && !v.name.includes('/'));
+  const full = report.variants.filter((v) => v.tick_ms && v.model_bytes && !/[/@]/.test(v.name));
   if (full.length === 0) return null;
   const best = full.reduce((a, b) => (b.model_bytes < a.model_bytes ? b : a));
   const base = report.variants.find((v) => v.name === 'skinning' && v.truth);
@@ -36,7 +36,7 @@ function resultTable(select) {
   const mm = (e, key) => (e ? formatNumber(e.position_mm[key]) : '–');
   const spread = (e) => (e ? `${formatNumber(e.mean)} ± ${formatNumber(e.std)}` : '–');
   const columns = [
-    ['Variant', (v) => v.name], ['Stages', (v) => v.stages],
+    ['Variant', (v) => v.name], ['Stages', (v) => v.stages], ['Rank', (v) => v.rank || '–'],
     ['Model, MB', (v) => (v.model_bytes ? formatNumber(v.model_bytes / 1e6) : '–')],
     ['Instance, KiB', (v) => (v.instance_bytes ? formatNumber(v.instance_bytes / 1024) : '–')],
     ['p50', (v) => ms(v.tick_ms, 'p50'), 'Tick, ms, cold cache'], ['p95', (v) => ms(v.tick_ms, 'p95')],
@@ -45,6 +45,7 @@ function resultTable(select) {
     ['E_d, mm', (v) => spread(v.truth && v.truth.position_mm), 'Error to the simulation'], ['p99', (v) => mm(v.truth, 'p99')],
     ['max', (v) => mm(v.truth, 'max')], ['E_n, °', (v) => spread(v.truth && v.truth.normal_deg)],
     ['mean', (v) => mm(v.fp32, 'mean'), 'Difference to fp32, mm'], ['p99', (v) => mm(v.fp32, 'p99')], ['max', (v) => mm(v.fp32, 'max')],
+    ['', (v) => (v.dominated === null ? '–' : v.dominated_by || 'front'), 'Dominated by'],
   ];
   const groups = [];
   columns.forEach(([, , group], i) => {
@@ -55,7 +56,7 @@ function resultTable(select) {
       element('thead', {},
           element('tr', {class: 'groups'}, ...groups.map(([text, span]) => element('th', {colspan: span}, text))),
           element('tr', {}, ...columns.map(([title]) => element('th', {}, title)))),
-      element('tbody', {}, ...rows.map((v) => element('tr', {onclick: () => select(v.name)},
+      element('tbody', {}, ...rows.map((v) => element('tr', {onclick: () => select(v.name), class: v.dominated ? 'dominated' : ''},
           ...columns.map(([, text], i) => (i === 0
               ? element('td', {}, element('i', {style: `background:${variantColor(v.name)}`}), text(v))
               : element('td', {}, text(v)))))))));

@@ -206,7 +206,7 @@ TEST(ConvertRankTest, UnseenMotionHasTheLastWord) {
   EXPECT_EQ(trial.error.frame_count, 60u);
 }
 
-TEST(ConvertRankTest, AutoPrecisionSearchesWithinEach) {
+TEST(ConvertRankTest, AutoPrecisionThenSearchesForRows) {
   const BundleSpec spec = Spec();
   const Bundle bundle = ParseBundle(spec);
   const std::vector<Sequence> calibration = {ParseSequence(spec, 20)};
@@ -215,16 +215,16 @@ TEST(ConvertRankTest, AutoPrecisionSearchesWithinEach) {
   const double int8_mm = Convert(bundle, options).report.trials.at(0).error.position_mm.max;
   options.precision.reset();
   options.rank.mode = RankMode::kSearch;
-  options.max_error_mm = 0.2 * int8_mm;
-  const ConvertReport report = Convert(bundle, options).report;
-  EXPECT_EQ(report.precision, Precision::kFp16);
-  size_t kept = 0;
-  for (const Trial& trial : report.trials) {
-    if (trial.rank != report.rank.rank || trial.precision != report.precision) continue;
-    EXPECT_LE(trial.calibration.position_mm.max, *options.max_error_mm);
-    ++kept;
+  const OpenModel reference(Convert(bundle, With(Precision::kFp32, RankMode::kFull)).bytes);
+  for (const bool loose : {false, true}) {
+    options.max_error_mm = (loose ? 30 : 0.2) * int8_mm;
+    const ConvertResult found = Convert(bundle, options);
+    const RankReport& rank = found.report.rank;
+    EXPECT_EQ(found.report.precision, loose ? "int8" : "mixed");
+    EXPECT_EQ(found.report.automatic->rank, rank.exact);
+    EXPECT_TRUE(loose ? rank.rank < rank.exact : rank.rank <= rank.exact) << rank.rank;
+    EXPECT_LE(CompareModels(OpenModel(found.bytes), reference, calibration).position_mm.max, *options.max_error_mm);
   }
-  EXPECT_GT(kept, 0u);
 }
 
 TEST(ConvertRankTest, BadRequestsAreRefused) {

@@ -1,0 +1,136 @@
+#include "converter/model_work.h"
+
+#ifndef FLATBUFFERS_MAX_ALIGNMENT
+#define FLATBUFFERS_MAX_ALIGNMENT 64  // FlatBuffers' own limit is 16
+#endif
+#include "dcloth/dcloth.h"
+#include "dcloth_generated.h"
+
+namespace dcloth::converter {
+namespace {
+
+constexpr uint64_t kFloat = sizeof(float);
+// tanh and the logistic function: x^2, seven and four terms of a rational function, a division, two clamps.
+constexpr uint64_t kActivationFlops = 25;
+
+uint64_t PaddedColumns(uint64_t columns) { return (columns + 31) / 32 * 32; }
+
+uint64_t Extent(const format::Tensor* tensor, uint32_t axis) { return tensor->shape()->Get(axis); }
+
+// y = x W + bias: weights and scales once, x read, y written.
+PartWork Product(const format::Linear* linear) {
+  if (linear == nullptr) return {};
+  const uint64_t rows = Extent(linear->weights(), 0), columns = Extent(linear->weights(), 1);
+  const bool int8 = linear->weights()->dtype() == format::DType_I8;
+  const uint64_t width = int8 ? 1 : linear->weights()->dtype() == format::DType_F16 ? 2 : kFloat;
+  PartWork work;
+  work.flops = 2 * rows * columns;
+  work.weight_bytes = (int8 ? rows + rows % 2 : rows) * PaddedColumns(columns) * width;
+  if (int8) work.weight_bytes += (rows + PaddedColumns(columns)) * kFloat;
+  if (linear->bias() != nullptr) work.weight_bytes += PaddedColumns(columns) * kFloat;
+  work.state_bytes = (rows + columns) * kFloat;
+  work.int8 = int8;
+  return work;
+}
+
+PartWork Sum(PartWork a, const PartWork& b) {
+  a.flops += b.flops;
+  a.weight_bytes += b.weight_bytes;
+  a.state_bytes += b.state_bytes;
+  return a;
+}
+
+// r, z and q of k units, then h' = (1 - z) q + z h, from two vectors of 3 k.
+PartWork Gates(uint64_t units) {
+  return {units * (3 * kActivationFlops + 8), 0, (6 + 2) * units * kFloat, false};
+}
+
+// The matrix of a vertex is the weighted sum of its bones' (12 numbers), then it moves a point.
+uint64_t SkinningFlops(uint64_t influences) { return 24 * influences + 18; }
+
+PartWork BodyPoints(const format::MeshStage* mesh, uint64_t n) {
+  const uint64_t influences = mesh->body_influences();
+  PartWork work;
+  work.flops = n * SkinningFlops(influences);
+  work.weight_bytes = n * (3 * kFloat + influences * (1 + kFloat));
+  work.state_bytes = n * 4 * kFloat;  // rows of three at a stride of four
+  return work;
+}
+
+PartWork Layers(const format::MeshStage* mesh, uint64_t n) {
+  const uint64_t f = mesh->feature_width(), edges = Extent(mesh->columns(), 0);
+  PartWork work;
+  for (uint32_t l = 0; l < mesh->layers()->size(); ++l) {
+    const uint64_t w = l == 0 ? 3 : f;
+    const uint64_t products = 3 * w * f + 2 * f * f + f * f + f * f;  // gates of x, of h, candidate, output
+    const uint64_t aggregation = edges * w + n * w;                    // sum of neighbours, their number divided out
+    const uint64_t gates = n * f * (3 * kActivationFlops + 8);
+    const uint64_t norm = n * f * (4 + 4 + 2);  // mean and variance, LayerNorm, PReLU
+    work.flops += 2 * n * products + aggregation + gates + norm;
+    work.weight_bytes += products * kFloat + (3 * f + 3 * f) * kFloat + (n + 1) * sizeof(uint32_t) + edges * 2;
+    const bool last = l + 1 == mesh->layers()->size();
+    work.state_bytes += n * kFloat * ((l == 0 ? 4 : f) + 2 * f + (last ? 1 : f));  // x, state in and out, next x
+    if (last) work.flops += n * 2 * f;
+  }
+  return work;
+}
+
+PartWork Skinning(const format::Model* model, uint64_t n) {
+  const uint64_t influences = model->static_stage()->influences();
+  PartWork work;
+  work.flops = n * (SkinningFlops(influences) + 12);  // the displacement between two ticks, added
+  work.weight_bytes = n * (3 * kFloat + influences * (1 + kFloat));
+  work.state_bytes = n * (2 + 1) * 3 * kFloat;
+  return work;
+}
+
+// Per triangle two edges, their cross product and three sums; per vertex a length, a division, three products.
+PartWork Normals(const format::Model* model, uint64_t n) {
+  const uint64_t triangles = Extent(model->garment()->faces(), 0);
+  return {triangles * (6 + 9 + 9) + n * 10, triangles * 3 * sizeof(uint16_t), n * (1 + 2 + 2) * 3 * kFloat, false};
+}
+
+}  // namespace
+
+const char* WorkPartName(WorkPart part) {
+  constexpr const char* kNames[kWorkPartCount] = {
+      "static",      "skeleton input",    "skeleton hidden", "skeleton gates", "body points", "mesh layers",
+      "mesh hidden", "mesh coefficients", "head",            "basis",          "skinning",    "normals"};
+  return kNames[static_cast<size_t>(part)];
+}
+
+int StepOf(WorkPart part) {
+  if (part == WorkPart::kStatic) return DCLOTH_STEP_STATIC;
+  if (part <= WorkPart::kSkeletonGates) return DCLOTH_STEP_SKELETON;
+  if (part <= WorkPart::kMeshCoefficients) return DCLOTH_STEP_MESH;
+  if (part <= WorkPart::kBasis) return DCLOTH_STEP_DISPLACEMENT;
+  return part == WorkPart::kSkinning ? DCLOTH_STEP_SKINNING : DCLOTH_STEP_NORMALS;
+}
+
+ModelWork CountWork(std::span<const std::byte> bytes) {
+  const format::Model* model = format::GetModel(bytes.data());
+  const uint64_t n = model->garment()->vertices();
+  ModelWork work;
+  const auto at = [&](WorkPart part) -> PartWork& { return work[static_cast<size_t>(part)]; };
+  at(WorkPart::kStatic) = Sum(Product(model->static_stage()->hidden()), Product(model->static_stage()->increments()));
+  if (const format::SkeletonStage* skeleton = model->skeleton_stage()) {
+    at(WorkPart::kSkeletonInput) = Product(skeleton->input());
+    at(WorkPart::kSkeletonHidden) = Product(skeleton->hidden());
+    at(WorkPart::kSkeletonGates) = Gates(Extent(skeleton->hidden()->weights(), 0));
+  }
+  if (const format::MeshStage* mesh = model->mesh_stage()) {
+    at(WorkPart::kBodyPoints) = BodyPoints(mesh, n);
+    at(WorkPart::kMeshLayers) = Layers(mesh, n);
+    at(WorkPart::kMeshHidden) = Product(mesh->hidden());
+    at(WorkPart::kMeshCoefficients) = Product(mesh->coefficients());
+  }
+  if (const format::Displacement* displacement = model->displacement()) {
+    at(WorkPart::kHead) = Product(displacement->head());
+    at(WorkPart::kBasis) = Product(displacement->basis());
+  }
+  at(WorkPart::kSkinning) = Skinning(model, n);
+  at(WorkPart::kNormals) = Normals(model, n);
+  return work;
+}
+
+}  // namespace dcloth::converter

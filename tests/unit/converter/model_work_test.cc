@@ -1,0 +1,132 @@
+// Counted work against the sizes in the report of the conversion, and against formulas written a second time.
+#include "converter/model_work.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <string>
+
+#include "converter/convert.h"
+#include "dcloth/dcloth.h"
+#include "tests/unit/converter/low_rank.h"
+
+namespace dcloth::converter {
+namespace {
+
+using dcloth::testing::BundleSpec;
+using dcloth::testing::ParseBundle;
+
+ConvertResult Converted(const BundleSpec& spec, Precision precision) {
+  ConvertOptions options;
+  options.precision = precision;
+  options.rank.mode = RankMode::kFull;
+  return Convert(ParseBundle(spec), options);
+}
+
+const PartWork& At(const ModelWork& work, WorkPart part) { return work[static_cast<size_t>(part)]; }
+
+BundleSpec Spec() {
+  BundleSpec spec;
+  spec.vertices = 300;
+  spec.skeleton_basis = 21;
+  spec.mesh_basis = 11;
+  spec.layers = 3;
+  return spec;
+}
+
+TEST(ModelWorkTest, ProductsReadWhatIsStored) {
+  const BundleSpec spec = Spec();
+  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+    const ConvertResult converted = Converted(spec, precision);
+    std::map<std::string, uint64_t> stored;
+    for (const TensorReport& t : converted.report.tensors) stored[t.name] = t.size_bytes;
+    const auto linear = [&](const std::string& name) {
+      return stored[name + ".weights"] + stored[name + ".row_scales"] + stored[name + ".column_scales"] +
+             stored[name + ".bias"];
+    };
+    const ModelWork work = CountWork(converted.bytes);
+    // The sizes in the report are exact but for a pad row's scale.
+    const auto same = [&](WorkPart part, uint64_t bytes) {
+      EXPECT_GT(bytes, 0u);
+      EXPECT_NEAR(static_cast<double>(At(work, part).weight_bytes), static_cast<double>(bytes), 4)
+          << WorkPartName(part) << " " << PrecisionName(precision);
+      EXPECT_EQ(At(work, part).int8, precision == Precision::kInt8) << WorkPartName(part);
+    };
+    same(WorkPart::kSkeletonInput, linear("skeleton_stage.input"));
+    same(WorkPart::kSkeletonHidden, linear("skeleton_stage.hidden"));
+    same(WorkPart::kMeshHidden, linear("mesh_stage.hidden"));
+    same(WorkPart::kMeshCoefficients, linear("mesh_stage.coefficients"));
+    same(WorkPart::kBasis, linear("displacement.basis"));
+    EXPECT_NEAR(static_cast<double>(At(work, WorkPart::kStatic).weight_bytes),
+                static_cast<double>(linear("static_stage.hidden") + linear("static_stage.increments")), 8);
+    uint64_t weights = 0;
+    for (const PartWork& part : work) weights += part.weight_bytes;
+    weights -= At(work, WorkPart::kMeshLayers).weight_bytes;  // each layer reads the graph again
+    EXPECT_LT(weights, converted.bytes.size());
+    EXPECT_GT(2 * weights, converted.bytes.size()) << "a tick reads most of a model";
+  }
+}
+
+TEST(ModelWorkTest, OperationsFollowTheSizes) {
+  const BundleSpec spec = Spec();
+  const ModelWork work = CountWork(Converted(spec, Precision::kFp32).bytes);
+  const uint64_t n = spec.vertices, d = spec.features(), k = spec.skeleton_basis, h = spec.mesh_width;
+  EXPECT_EQ(At(work, WorkPart::kSkeletonInput).flops, 2 * d * 3 * k);
+  EXPECT_EQ(At(work, WorkPart::kSkeletonHidden).flops, 2 * k * 3 * k);
+  EXPECT_EQ(At(work, WorkPart::kMeshHidden).flops, 2 * n * h);
+  EXPECT_EQ(At(work, WorkPart::kMeshCoefficients).flops, 2 * h * spec.mesh_basis);
+  // Odd row counts are stored with a row of zeros, which is multiplied too.
+  EXPECT_EQ(At(work, WorkPart::kBasis).flops, 2 * (22 + 12) * 3 * n);
+  EXPECT_EQ(At(work, WorkPart::kHead).bytes(), 0u);
+  // Per vertex at least the products of every layer: 3 w F + 4 F^2 multiply-adds.
+  const uint64_t f = spec.feature_width, products = 2 * n * ((3 * 3 + 2 * 3 * f) * f + 3 * 4 * f * f);
+  EXPECT_GT(At(work, WorkPart::kMeshLayers).flops, products);
+  // At F = 8 the activations weigh as much again: 24 of 25 operations and the rest.
+  EXPECT_LT(At(work, WorkPart::kMeshLayers).flops, products + 3 * n * (f * 100 + 64));
+}
+
+TEST(ModelWorkTest, WorkGrowsWithWhatItIsFor) {
+  BundleSpec spec = Spec();
+  const ModelWork before = CountWork(Converted(spec, Precision::kInt8).bytes);
+  spec.feature_width = 16;
+  const ModelWork wider = CountWork(Converted(spec, Precision::kInt8).bytes);
+  EXPECT_GT(At(wider, WorkPart::kMeshLayers).flops, 2 * At(before, WorkPart::kMeshLayers).flops);
+  EXPECT_EQ(At(wider, WorkPart::kBasis).flops, At(before, WorkPart::kBasis).flops);
+  spec.feature_width = 8;
+  spec.vertices = 600;
+  const ModelWork larger = CountWork(Converted(spec, Precision::kInt8).bytes);
+  for (const WorkPart part : {WorkPart::kBasis, WorkPart::kMeshLayers, WorkPart::kSkinning, WorkPart::kNormals}) {
+    EXPECT_NEAR(static_cast<double>(At(larger, part).flops) / static_cast<double>(At(before, part).flops), 2, 0.1)
+        << WorkPartName(part);
+  }
+}
+
+TEST(ModelWorkTest, ModelsThatStopEarlyDoLess) {
+  BundleSpec spec = Spec();
+  spec.mesh = false;
+  const ModelWork skeleton = CountWork(Converted(spec, Precision::kFp16).bytes);
+  EXPECT_EQ(At(skeleton, WorkPart::kMeshLayers).bytes(), 0u);
+  EXPECT_GT(At(skeleton, WorkPart::kBasis).bytes(), 0u);
+  spec.skeleton = false;
+  const ModelWork still = CountWork(Converted(spec, Precision::kFp16).bytes);
+  for (size_t p = 0; p < kWorkPartCount; ++p) {
+    const auto part = static_cast<WorkPart>(p);
+    const bool runs = part == WorkPart::kStatic || part >= WorkPart::kSkinning;
+    EXPECT_EQ(still[p].flops > 0, runs) << WorkPartName(part);
+    EXPECT_EQ(still[p].bytes() > 0, runs) << WorkPartName(part);
+  }
+}
+
+TEST(ModelWorkTest, StepsAreThoseOfTheTimer) {
+  EXPECT_EQ(StepOf(WorkPart::kStatic), DCLOTH_STEP_STATIC);
+  EXPECT_EQ(StepOf(WorkPart::kSkeletonGates), DCLOTH_STEP_SKELETON);
+  EXPECT_EQ(StepOf(WorkPart::kBodyPoints), DCLOTH_STEP_MESH);
+  EXPECT_EQ(StepOf(WorkPart::kMeshCoefficients), DCLOTH_STEP_MESH);
+  EXPECT_EQ(StepOf(WorkPart::kHead), DCLOTH_STEP_DISPLACEMENT);
+  EXPECT_EQ(StepOf(WorkPart::kBasis), DCLOTH_STEP_DISPLACEMENT);
+  EXPECT_EQ(StepOf(WorkPart::kSkinning), DCLOTH_STEP_SKINNING);
+  EXPECT_EQ(StepOf(WorkPart::kNormals), DCLOTH_STEP_NORMALS);
+}
+
+}  // namespace
+}  // namespace dcloth::converter

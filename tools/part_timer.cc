@@ -1,0 +1,78 @@
+#include "tools/part_timer.h"
+
+#include <algorithm>
+#include <iterator>
+#include <vector>
+
+namespace dcloth::tools {
+namespace {
+
+using converter::WorkPart;
+
+// The pieces of a step, in the order in which the engine runs them.
+std::vector<WorkPart> PartsOf(int step, uint32_t stages) {
+  std::vector<WorkPart> parts;
+  for (size_t p = 0; p < converter::kWorkPartCount; ++p) {
+    const auto part = static_cast<WorkPart>(p);
+    if (converter::StepOf(part) != step) continue;
+    const bool skeleton = part >= WorkPart::kSkeletonInput && part <= WorkPart::kBasis;
+    const bool mesh = part >= WorkPart::kBodyPoints && part <= WorkPart::kMeshCoefficients;
+    if (skeleton && (stages & DCLOTH_STAGES_SKELETON) != DCLOTH_STAGES_SKELETON) continue;
+    if (mesh && stages != DCLOTH_STAGES_MESH) continue;
+    parts.push_back(part);
+  }
+  return parts;
+}
+
+}  // namespace
+
+PartTimer::PartTimer(uint32_t stages) : stages_(stages) {
+  timer_.struct_size = sizeof(timer_);
+  timer_.now = Now;
+  timer_.context = this;
+}
+
+uint64_t PartTimer::Now(void* self) {
+  auto* timer = static_cast<PartTimer*>(self);
+  const uint64_t now = NowNanoseconds();
+  if (timer->count_ < kMost) {
+    std::copy(std::begin(timer->timer_.elapsed), std::end(timer->timer_.elapsed),
+              timer->before_[timer->count_].begin());
+  }
+  ++timer->count_;
+  return now;
+}
+
+// What the engine adds after asking tells which step a piece belonged to; the first question of a call adds nothing.
+TimedParts PartTimer::Take() {
+  TimedParts taken;
+  std::copy(std::begin(timer_.elapsed), std::end(timer_.elapsed), taken.steps.begin());
+  taken.whole = count_ > 0 && count_ <= kMost;
+  if (taken.whole) {
+    before_[count_] = taken.steps;
+    std::array<std::vector<uint64_t>, DCLOTH_STEP_COUNT> laps;
+    for (size_t i = 0; i < count_; ++i) {
+      for (size_t s = 0; s < laps.size(); ++s) {
+        const uint64_t added = before_[i + 1][s] - before_[i][s];
+        if (added != 0) laps[s].push_back(added);
+      }
+    }
+    for (size_t s = 0; s < laps.size(); ++s) {
+      const std::vector<WorkPart> parts = PartsOf(static_cast<int>(s), stages_);
+      if (parts.empty() || laps[s].empty()) continue;
+      if (parts.size() == 1) {  // a step that is one kernel, in one lap or two
+        for (const uint64_t ns : laps[s]) taken.parts[static_cast<size_t>(parts[0])] += ns;
+      } else if (parts.size() == laps[s].size()) {
+        for (size_t p = 0; p < parts.size(); ++p) taken.parts[static_cast<size_t>(parts[p])] = laps[s][p];
+      } else {
+        taken.whole = false;
+      }
+    }
+  }
+  if (!taken.whole) taken.parts = {};
+  std::fill(std::begin(timer_.elapsed), std::end(timer_.elapsed), 0);
+  count_ = 0;
+  return taken;
+}
+
+}  // namespace dcloth::tools
