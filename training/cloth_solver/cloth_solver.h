@@ -39,6 +39,7 @@ typedef struct cloth_solver_problem {
   const float* body_path;     /* [frames, body_vertices, 3] */
   const uint32_t* body_part;  /* [body_vertices] bit p: the vertex belongs to part p; parts may overlap. A cloth vertex
                                  touches each part by itself, so crossing legs do not swallow what is between them */
+  const uint32_t* cloth_part; /* [vertices] bit p: the cloth vertex touches part p; NULL: every vertex touches every part */
   const float* hips;          /* [frames, 3, 4] rotation | position of the joint that carries the air and the origin */
   float yoke;                 /* m along the cloth from the nearest pin: within it a vertex stays below that pin, as the
                                  hips stand, so that a stiff skirt does not flip up at its waistband for good; 0: none */

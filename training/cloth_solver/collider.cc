@@ -49,9 +49,10 @@ int32_t Nearest(const Points& points, const Vec& at, float* squared) {
 
 }  // namespace
 
-Collider::Collider(Mesh mesh, std::vector<uint32_t> part, int32_t parts, int32_t cloth_vertices)
-    : mesh_(std::move(mesh)), part_(std::move(part)), parts_(parts), members_(parts), candidates_(parts),
-      nearest_(parts, std::vector<int32_t>(cloth_vertices, 0)) {
+Collider::Collider(Mesh mesh, std::vector<uint32_t> part, int32_t parts, std::vector<uint32_t> touches,
+                   int32_t cloth_vertices)
+    : mesh_(std::move(mesh)), part_(std::move(part)), touches_(std::move(touches)), parts_(parts), members_(parts),
+      candidates_(parts), nearest_(parts, std::vector<int32_t>(cloth_vertices, 0)) {
   for (int32_t p = 0; p < parts; ++p)
     for (int32_t b = 0; b < static_cast<int32_t>(part_.size()); ++b)
       if (part_[b] >> p & 1) members_[p].push_back(b);
@@ -85,6 +86,7 @@ void Collider::BeginFrame(std::vector<Vec> from, std::vector<Vec> to, float seco
     const float reach = kReach + travel + cloth_travel;
     candidates_[p].clear();
     for (int32_t i = 0; i < static_cast<int32_t>(cloth.size()); ++i) {
+      if (!touches_.empty() && !(touches_[i] >> p & 1)) continue;
       const Vec& c = cloth[i];
       if (c.x < low.x - reach || c.y < low.y - reach || c.z < low.z - reach || c.x > high.x + reach ||
           c.y > high.y + reach || c.z > high.z + reach)

@@ -17,7 +17,8 @@ struct Contact {
 
 class Collider {
  public:
-  Collider(Mesh mesh, std::vector<uint32_t> part, int32_t parts, int32_t cloth_vertices);
+  // `touches` [cloth vertices] bit p: the vertex touches part p; empty: all do.
+  Collider(Mesh mesh, std::vector<uint32_t> part, int32_t parts, std::vector<uint32_t> touches, int32_t cloth_vertices);
 
   // Where the body is at the start and the end of a frame, and how far cloth may travel in it.
   void BeginFrame(std::vector<Vec> from, std::vector<Vec> to, float seconds, const std::vector<Vec>& cloth,
@@ -32,6 +33,7 @@ class Collider {
  private:
   Mesh mesh_;
   std::vector<uint32_t> part_, rim_;            // bit p: in part p; at its edge
+  std::vector<uint32_t> touches_;
   int32_t parts_;
   float spacing_ = 0;                           // greatest edge length of the body in bind pose
   float per_second_ = 0;

@@ -26,7 +26,9 @@ Solver::Solver(const cloth_solver_problem& p)
     : problem_(p), settings_(p.settings), dt_(p.settings.frame_seconds / static_cast<float>(p.settings.steps)),
       mesh_(MakeMesh(p.vertices, p.faces, p.face)),
       collider_(MakeMesh(p.body_vertices, p.body_faces, p.body_face),
-                std::vector<uint32_t>(p.body_part, p.body_part + p.body_vertices), p.body_parts, p.vertices),
+                std::vector<uint32_t>(p.body_part, p.body_part + p.body_vertices), p.body_parts,
+                p.cloth_part ? std::vector<uint32_t>(p.cloth_part, p.cloth_part + p.vertices) : std::vector<uint32_t>(),
+                p.vertices),
       pins_(p.pin, p.pin + p.pinned), inverse_mass_(p.vertices), x_(Vecs(p.rest, p.vertices)), before_(x_),
       v_(p.vertices), smoothed_(p.vertices), touching_(p.vertices), slide_(p.vertices), slide_normal_(p.vertices) {
   std::vector<float> mass(p.vertices, 0);

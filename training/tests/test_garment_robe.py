@@ -5,7 +5,7 @@ from scipy import sparse
 
 from dcloth_training.motion import skeleton
 from dcloth_training.motion.skeleton import HIP_HEIGHT, INDEX
-from dcloth_training.simulate import checks, garment, garment_robe, mannequin
+from dcloth_training.simulate import checks, closed_arms, cloth_job, garment, garment_robe, mannequin
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +128,8 @@ def test_yoke_is_pinned_to_the_chest_and_belt_and_skirt_to_the_hips(robe):
     assert np.array_equal(robe.pin_joints >= 0, robe.pinned)
     assert set(robe.pin_joints[robe.pinned]) == {INDEX[n] for n in ("Chest", "Hips", "LeftForeArm", "RightForeArm")}
     at = robe.vertices - [0, HIP_HEIGHT, 0]
+    cuff = at[robe.pin_joints == INDEX["LeftForeArm"]]     # all round: an elbow came through half a cuff
+    assert cuff[:, 0].min() > 0.65 and cuff[:, 1].min() < 0.30 and np.ptp(cuff[:, 2]) > 0.18
     yoke, belt = (at[robe.pin_joints == INDEX[name]] for name in ("Chest", "Hips"))
     assert 200 < len(yoke) < 400 and yoke[:, 1].min() > 0.40 and np.abs(yoke[:, 0]).max() < 0.15
     rings = len(belt) / (4 * garment_robe.CHEST_COLUMNS + 2 * garment_robe.SIDE_CELLS)
@@ -144,6 +146,47 @@ def test_each_garment_names_its_collider(robe):
     assert np.array_equal(without.collider, mannequin.mannequin().collider)
     arms = with_arms.weights[:, [INDEX["LeftForeArm"], INDEX["RightHand"]]].sum(1) > 0.6
     assert arms.any() and not without.collider[arms].any()
+    keep, faces = mannequin.collider_mesh(without)
+    plain = cloth_job.collider(without, skirt)              # skin alone, as it always was
+    assert np.array_equal(plain[0], without.vertices[keep]) and np.array_equal(plain[1], faces)
+    assert np.array_equal(plain[3], cloth_job.body_parts(without.weights[keep], faces)) and plain[3].max() == 7
+
+
+def test_sleeves_touch_arms_and_the_body_tube_touches_trunk_and_legs(robe):
+    trunk, legs, left, right = 1, 2 | 4, 8, 16
+    at, touches = robe.vertices - [0, HIP_HEIGHT, 0], robe.touches
+    swapped = (touches & 1) | (touches & 2) << 1 | (touches & 4) >> 1 | (touches & 8) << 1 | (touches & 16) >> 1
+    at_rest_on_legs = touches & legs == legs
+    assert np.array_equal(np.where(at_rest_on_legs, touches, swapped)[robe.mirror], touches)
+    sleeve, tube = at[:, 0] > 0.30, at[:, 1] < 0.30
+    assert (touches[sleeve] == left).all() and (touches[robe.mirror][sleeve] == right).all()
+    assert (touches[tube & (np.abs(at[:, 0]) < 0.26)] == trunk | legs).all()
+    both = touches == trunk | left
+    assert 300 < both.sum() < 500 and at[both, 0].min() > 0.10 and at[both, 0].max() < 0.30
+    assert touches.min() > 0                                # no vertex is left without a body
+
+
+def test_closed_arms_are_two_closed_surfaces_on_the_skin():
+    body = mannequin.mannequin(())
+    vertices, faces, weights, sides = closed_arms.closed_arms(body)
+    edges = np.sort(directed_sides(faces), axis=1)
+    assert len(np.unique(directed_sides(faces), axis=0)) == len(edges)
+    pairs, uses = np.unique(edges, axis=0, return_counts=True)
+    assert (uses == 2).all() and len(vertices) - len(pairs) + len(faces) == 2 * 2      # two spheres
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0      # outward
+    half = len(vertices) // 2
+    assert np.array_equal(vertices[half:], vertices[:half] * [-1, 1, 1])
+    assert (sides[:half] == 1).all() and (sides[half:] == -1).all()
+    assert np.allclose(weights.sum(1), 1) and np.allclose(weights[half:][:, skeleton.MIRROR], weights[:half])
+    # About the shoulder joint it is a ball of the upper arm's radius that turns with the upper arm alone.
+    shoulder = skeleton.bind_matrices()[INDEX["LeftArm"], :3, 3]
+    ball = vertices[:half][vertices[:half, 0] < shoulder[0] - 1e-9]
+    assert len(ball) > 80 and np.abs(np.linalg.norm(ball - shoulder, axis=1) - 0.057).max() < 0.007
+    assert (weights[:half][vertices[:half, 0] < 0.25, INDEX["LeftArm"]] == 1).all()
+    # Beyond the shoulder it lies on the skin; where three limbs meet the skin's blend swells by ln 3 of its scale.
+    off = mannequin.surface_distance(vertices - [0, HIP_HEIGHT, 0])[np.abs(vertices[:, 0]) > 0.26]
+    assert off.max() < 0.001 and off.min() > -np.log(3) * mannequin.LIMB_SHARPNESS and abs(np.median(off)) < 0.001
 
 
 def test_radius_scale_widens_every_free_part_a_little(robe):

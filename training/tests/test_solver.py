@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from dcloth_training.motion import rotations, skeleton
-from dcloth_training.simulate import (clips, cloth_job, garment, mannequin, run as ground_truth, settings, solver,
-                                      statics)
+from dcloth_training.simulate import (checks, clips, cloth_job, garment, garment_robe, mannequin, run as ground_truth,
+                                      settings, solver, statics)
 
 try:
     solver.library()
@@ -25,12 +25,13 @@ def sheet(side=21, edge=0.02):
     return points, np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)])
 
 
-def run(points, faces, pins, frames, body=FAR_BODY, body_faces=((0, 1, 2),), hips=None, **changes):
+def run(points, faces, pins, frames, body=FAR_BODY, body_faces=((0, 1, 2),), hips=None, cloth_part=None, **changes):
     pin_path = np.broadcast_to(points[pins], (frames, len(pins), 3))
     body_path = body if body.ndim == 3 else np.broadcast_to(body, (frames,) + body.shape)
     hips = np.broadcast_to(np.eye(4), (frames, 4, 4)) if hips is None else hips
     return solver.run(points, faces, pins, pin_path, np.array(body_faces), body_path,
-                      np.ones(body_path.shape[1], np.uint32), hips, settings.with_changes(**changes))
+                      np.ones(body_path.shape[1], np.uint32), hips, settings.with_changes(**changes),
+                      cloth_part=cloth_part)
 
 
 def icosphere(radius, levels=3):
@@ -96,6 +97,21 @@ def test_a_ball_does_not_pass_through():
     assert out[-1, 220, 1] > 0.1   # it was lifted
 
 
+def test_cloth_touches_only_the_parts_it_is_told():
+    ball, ball_faces = icosphere(0.08)
+    points, faces = sheet()
+    pins = np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6)
+    body = ball[None] + np.linspace(-0.15, 0.12, 40)[:, None, None] * np.array([0, 1, 0])
+    every, none = np.ones(len(points), np.uint32), np.zeros(len(points), np.uint32)
+    lifted, told, through = (run(points, faces, pins, 40, body=body, body_faces=ball_faces, cloth_part=part)
+                             for part in (None, every, none))
+    assert np.array_equal(lifted, told)
+    assert np.array_equal(through, run(points, faces, pins, 40))     # as if there were no ball
+    assert lifted[-1, 220, 1] > 0.1 > through[-1, 220, 1]
+    with pytest.raises(ValueError, match="cloth_part has shape"):
+        run(points, faces, pins, 2, cloth_part=every[:-1])
+
+
 def test_same_input_same_bits_and_anywhere_in_the_world():
     points, faces = sheet()
     pins = np.array([0, 20])
@@ -154,6 +170,25 @@ def test_a_pose_has_one_drape_whatever_came_before():
     apart = np.linalg.norm(first - second, axis=-1).mean(1)
     differ = np.linalg.norm(first - first.mean(0), axis=-1).mean()
     assert differ > 0.01 and apart.max() < 0.002   # without braces over dents: 0.02 to 0.03
+
+
+def test_a_robe_survives_a_raised_arm_and_one_drawn_back():
+    motion, robe = skeleton.rest_motion(32), garment_robe.robe()
+    way = np.clip(np.arange(32) / 20, 0, 1)[:, None, None]
+    way = way * way * (3 - 2 * way)
+    for joint, axis, angle in (("RightArm", "Z", -1.3), ("LeftArm", "Z", -1.2), ("Chest", "X", 0.5)):
+        at = skeleton.INDEX[joint]
+        motion.local[:, at] = rotations.about_axis(axis, angle * way[:, 0, 0])
+    body = mannequin.mannequin(robe.not_colliding)
+
+    def strain(worn):
+        return checks.measure(cloth_job.simulate(motion, body, worn, np.arange(24, 32)), body, worn, every=4)
+
+    good = strain(robe)
+    assert checks.refuse(good) is None and good["sunken_share"] < 0.005, good
+    # Taut tethers to yoke, belt and cuffs leave all the strain to the edges half way between them.
+    taut = strain(dataclasses.replace(robe, slack=1.0))
+    assert taut["stretch_p99"] > good["stretch_p99"] + 0.1, (good, taut)
 
 
 def test_broken_input_ends_the_run_and_says_when():

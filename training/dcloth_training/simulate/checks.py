@@ -5,7 +5,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..motion import skeleton
-from . import mannequin
+from . import cloth_job
 from .render import vertex_normals
 
 # Beyond these a clip is refused. Set from clips that were looked at, see README.md.
@@ -35,20 +35,33 @@ def penetration(cloth, body_points, body_normals):
     return np.maximum(depth, 0.0)
 
 
+def _touching(garment, parts):
+    """[(cloth vertex numbers, collider vertex numbers)]: free cloth and what it touches.
+
+    Depth in a part that a vertex is not collided with means nothing: an armpit's cloth lies inside the trunk wherever
+    the arm does.
+    """
+    free = ~garment.pinned
+    if garment.touches is None:
+        return [(np.flatnonzero(free), np.arange(len(parts)))]
+    return [(np.flatnonzero(free & (garment.touches == mask)), np.flatnonzero(parts & mask))
+            for mask in np.unique(garment.touches[free])]
+
+
 def measure(result, body, garment, every=3):
     """Numbers of a simulated clip; all finite or the clip is broken."""
     pairs = edges(garment.faces)
     rest = np.linalg.norm(garment.vertices[pairs[:, 0]] - garment.vertices[pairs[:, 1]], axis=1)
-    keep, faces = mannequin.collider_mesh(body)
+    vertices, faces, weights, masks = cloth_job.collider(body, garment)
     frames = np.unique(np.r_[np.arange(0, len(result.cloth), every), len(result.cloth) - 1])
-    posed = skeleton.skin(body.vertices[keep], body.weights[keep], skeleton.bind_matrices(),
-                          result.matrices[frames])
-    free = ~garment.pinned
+    posed = skeleton.skin(vertices, weights, skeleton.bind_matrices(), result.matrices[frames])
+    touch = _touching(garment, masks)
     stretch_p99, stretch_max, depth_max, sunken = 0.0, 0.0, 0.0, 0.0
     for frame, points in zip(frames, posed):
         cloth = result.cloth[frame].astype(np.float64)
         ratio = np.linalg.norm(cloth[pairs[:, 0]] - cloth[pairs[:, 1]], axis=1) / rest
-        depth = penetration(cloth[free], points, vertex_normals(points, faces))
+        normals = vertex_normals(points, faces)
+        depth = np.concatenate([penetration(cloth[own], points[part], normals[part]) for own, part in touch])
         stretch_p99 = max(stretch_p99, float(np.percentile(ratio, 99)))
         stretch_max = max(stretch_max, float(ratio.max()))
         depth_max = max(depth_max, float(depth.max()))

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..motion import skeleton
-from . import mannequin, settings, solver
+from . import closed_arms, mannequin, settings, solver
 
-# Parts of the body that cloth touches one by one: crossing legs must not swallow what is between.
+# Parts of the body that cloth touches one by one: crossing legs must not swallow what is between. A garment may
+# say which of its vertices touch which parts (garment.Garment.touches): bit p is PARTS[p].
 PARTS = (("Hips", "Chest", "Neck"), ("LeftUpLeg", "LeftLeg", "LeftFoot"),
          ("RightUpLeg", "RightLeg", "RightFoot"), ("LeftArm", "LeftForeArm", "LeftHand"),
          ("RightArm", "RightForeArm", "RightHand"))
@@ -36,32 +37,48 @@ def body_parts(weights, faces):
     """Bit masks [b] of the parts in PARTS each body vertex belongs to, grown over their borders.
 
     A cloth vertex does not touch a part's outermost vertices (it would be pushed off a plane that
-    ends there), so parts overlap by OVERLAP rings. Parts without vertices get no bit.
+    ends there), so parts overlap by OVERLAP rings.
     """
     nearest = np.argmax(weights, axis=1)
-    masks, bit = np.zeros(len(weights), np.uint32), 0
-    for part in PARTS:
+    masks = np.zeros(len(weights), np.uint32)
+    for bit, part in enumerate(PARTS):
         inside = np.isin(nearest, [skeleton.INDEX[name] for name in part])
-        if inside.any():
-            for _ in range(OVERLAP):
-                inside[faces[inside[faces].any(1)]] = True
-            masks |= np.where(inside, 1 << bit, 0).astype(np.uint32)
-            bit += 1
+        for _ in range(OVERLAP):
+            inside[faces[inside[faces].any(1)]] = True
+        masks |= np.where(inside, 1 << bit, 0).astype(np.uint32)
     return masks
+
+
+def collider(body, garment):
+    """What `garment` touches of `body` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks [b].
+
+    The collider's skin; for a garment that chooses its parts the arms are closed surfaces of their own.
+    """
+    keep, faces = mannequin.collider_mesh(body)
+    vertices, weights = body.vertices[keep], body.weights[keep]
+    masks = body_parts(weights, faces)
+    if garment.touches is None:
+        return vertices, faces, weights, masks
+    left, right = (np.uint32(1 << [part[0] for part in PARTS].index(side + "Arm")) for side in ("Left", "Right"))
+    arms = closed_arms.closed_arms(body)
+    return (np.concatenate([vertices, arms[0]]), np.concatenate([faces, arms[1] + np.int32(len(vertices))]),
+            np.concatenate([weights, arms[2]]),
+            np.concatenate([masks & ~(left | right), np.where(arms[3] > 0, left, right)]))
 
 
 def simulate(motion, body, garment, record, chosen=None):
     """Simulate `garment` on `body` through `motion` and return the frames in `record` (0-based)."""
     began = time.monotonic()
     matrices = skeleton.joint_matrices(motion)
-    keep, faces = mannequin.collider_mesh(body)
-    weights = body.weights[keep]
-    posed = skeleton.skin(body.vertices[keep], weights, skeleton.bind_matrices(), matrices)
+    vertices, faces, weights, masks = collider(body, garment)
+    posed = skeleton.skin(vertices, weights, skeleton.bind_matrices(), matrices)
     start = matrices[0, 0] @ np.linalg.inv(skeleton.bind_matrices()[0])
     rest = garment.vertices @ start[:3, :3].T + start[:3, 3]
+    chosen = dict(chosen or settings.GROUND_TRUTH)
+    chosen["tether"] *= garment.slack
     cloth = solver.run(rest, garment.faces, np.flatnonzero(garment.pinned),
-                       pin_paths(garment, matrices), faces, posed, body_parts(weights, faces),
-                       matrices[:, 0], chosen or settings.GROUND_TRUTH, garment.yoke)
+                       pin_paths(garment, matrices), faces, posed, masks,
+                       matrices[:, 0], chosen, garment.yoke, garment.touches)
     if len(cloth) < len(motion):
         raise SimulationError(f"the cloth came apart at frame {len(cloth)} of {len(motion)}")
     return Result(cloth[record], matrices[record], time.monotonic() - began)

@@ -34,7 +34,9 @@ class Garment:
 
     pin_joints [n]: the joint each pinned vertex follows, -1 where free; the hips unless given.
     not_colliding: joints whose part of the body this garment is not collided with
-    (mannequin.mannequin takes it). yoke: see cloth_solver.h.
+    (mannequin.mannequin takes it). yoke: see cloth_solver.h. touches [n]: bit masks of the parts of the body
+    (cloth_job.PARTS) a vertex is collided with, None: all of them. slack: factor on the setting `tether`, above 1
+    where cloth spans pins that move apart: a taut tether on either side leaves all the stretch to the edges between.
     """
     vertices: np.ndarray
     faces: np.ndarray
@@ -43,6 +45,8 @@ class Garment:
     pin_joints: np.ndarray = None
     not_colliding: tuple = NOT_COLLIDING
     yoke: float = 0.0
+    touches: np.ndarray = None
+    slack: float = 1.0
 
     def __post_init__(self):
         if self.pin_joints is None:

@@ -21,6 +21,7 @@ from scipy import sparse
 from scipy.interpolate import PchipInterpolator
 
 from ..motion.skeleton import HIP_HEIGHT, INDEX
+from .cloth_job import PARTS
 from .garment import Garment
 
 CHEST_COLUMNS = 15            # cells from the front centre to the armhole
@@ -30,6 +31,9 @@ SLEEVE_COLUMNS = 33           # armhole to cuff
 RINGS = 65                    # armpit to hem
 NECK_COLUMNS, NECK_ROWS = 7, 5  # half of the neck opening
 YOKE_CELLS = 4                # pinned round the neck: this many cells wide
+ARMPIT_COLUMNS = 4            # of the sleeve's underside that touch the trunk instead of the arm
+SHOULDER_COLUMNS = 5          # on either side of the armhole, over the arm: they touch trunk and arm
+TETHER_SLACK = 1.3            # yoke, belt and cuffs move apart when an arm is raised or the back bent
 CUFF_CELLS = 2                # pinned to the forearms: this many cells wide
 PLEATS = 10
 PLEAT_DEPTH = 0.12            # of the radius at the hem; none at the belt
@@ -187,6 +191,29 @@ def _boundaries(upper, strip, body):
     return body[-1], cuffs[0], cuffs[1], neck
 
 
+def _touches(upper, strip, body, count):
+    """Bit masks [n] of the parts of the body each vertex touches (cloth_job.PARTS).
+
+    A hanging arm sinks into the flank and takes the armpit with it. Cloth that touched both would be squeezed out of
+    the fold, so the sleeve touches its arm alone and the body tube trunk and legs alone. Over the shoulder, where
+    skin stays outside in every pose, chest and sleeve touch both; the sleeve's underside next to the armpit touches the
+    trunk, or an arm crossing the chest would draw it in and bare the flank.
+    """
+    bit = {part[0]: np.uint32(1 << p) for p, part in enumerate(PARTS)}
+    reach = len(upper) // 2
+    column = np.arange(-reach, reach + 1)
+    arm = np.where(column > 0, bit["LeftArm"], bit["RightArm"])
+    beyond = np.abs(column) - CHEST_COLUMNS           # columns outside the armhole
+    under = np.where(beyond > ARMPIT_COLUMNS, arm, bit["Hips"])
+    over = np.where(beyond > 0, arm, bit["Hips"])
+    over = np.where(np.abs(beyond) <= SHOULDER_COLUMNS, arm | bit["Hips"], over)
+    out = np.zeros(count, np.uint32)
+    for grid, mask in ((strip, under), (upper, over)):
+        out[grid[grid >= 0]] = np.broadcast_to(mask[:, None], grid.shape)[grid >= 0]
+    out[body] = bit["Hips"] | bit["LeftUpLeg"] | bit["RightUpLeg"]
+    return out
+
+
 @functools.lru_cache(maxsize=1)
 def _build():
     upper, strip, body, count = _number()
@@ -233,8 +260,8 @@ def robe(radius_scale=1.0):
 
     Pinned are a yoke round the neck, which follows the chest, a belt, which follows the hips, and stiff
     cuffs, which follow the forearms: hung from the yoke alone, the gown gathered where it liked and two
-    nearly equal simulations of a run came 17 mm apart, and fast arms left the sleeves. The whole body is
-    a collider.
+    nearly equal simulations of a run came 17 mm apart, and fast arms left the sleeves; with the cuffs'
+    lower half hanging, an elbow drawn back still came through. The whole body is a collider.
     """
     upper, strip, body, points, quads, parity, mirror, neck = _build()
     vertices = points.copy()
@@ -258,4 +285,5 @@ def robe(radius_scale=1.0):
     height = points[body, 1].mean(1)
     joints[body[(height > BELT[0]) & (height < BELT[1])]] = INDEX["Hips"]
     faces = _triangles(points, quads, parity, mirror)
-    return Garment(vertices, faces, mirror.astype(np.int32), joints >= 0, joints, not_colliding=())
+    return Garment(vertices, faces, mirror.astype(np.int32), joints >= 0, joints, not_colliding=(),
+                   touches=_touches(upper, strip, body, len(points)), slack=TETHER_SLACK)

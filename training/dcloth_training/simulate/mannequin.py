@@ -19,7 +19,7 @@ WEIGHT_STEPS = 14             # diffusion steps of the skin weights
 MAX_INFLUENCES = 4
 
 # joint, from, to (metres, hips at the origin, left side only), radius at both ends.
-_LIMBS = (
+LIMBS = (
     ("Hips", (-0.058, 0.005, 0.0), (0.058, 0.005, 0.0), 0.117, 0.117),
     ("Hips", (-0.062, -0.045, -0.035), (0.062, -0.045, -0.035), 0.088, 0.088),
     ("Hips", (-0.045, 0.125, 0.004), (0.045, 0.125, 0.004), 0.092, 0.092),
@@ -53,7 +53,7 @@ class Mannequin:
 
 
 def _all_limbs():
-    for joint, a, b, ra, rb in _LIMBS:
+    for joint, a, b, ra, rb in LIMBS:
         yield joint, np.array(a), np.array(b), ra, rb
         if joint.startswith("Left"):
             flip = np.array([-1.0, 1.0, 1.0])
