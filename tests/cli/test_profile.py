@@ -38,12 +38,14 @@ def test_budget_missed_and_kept(dcloth, files):
     assert kept["missed_frames"] == 0
 
 
-def test_cold_and_contended(dcloth, files):
-    cold = profile(dcloth, files.model, files.bare, "--cold")
-    warm = profile(dcloth, files.model, files.bare)
-    assert cold["cold"] and not warm["cold"]
+def test_cold(dcloth, files):
+    cold, warm = [], []
+    for _ in range(5):  # Alternated: a neighbour that slows one run down must not decide.
+        cold.append(profile(dcloth, files.model, files.bare, "--cold"))
+        warm.append(profile(dcloth, files.model, files.bare))
+    assert all(said["cold"] for said in cold) and not any(said["cold"] for said in warm)
     # Every line of model and instance comes from memory instead of cache; the median cannot be the same.
-    assert cold["frame_ms"]["p50"] > warm["frame_ms"]["p50"]
+    assert min(said["frame_ms"]["p50"] for said in cold) > min(said["frame_ms"]["p50"] for said in warm)
 
 
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core to run on")
