@@ -27,14 +27,21 @@ OVERLAP_FRAMES = 15           # two clips fade into each other: half a second
 _THIGH = {"X": 5.0, "Y": 8.0, "Z": 4.0}
 OFFSETS = {"Hips": {"X": 8.0, "Y": 4.0, "Z": 4.0}, "Chest": {"X": 4.0, "Y": 4.0, "Z": 4.0},
            "LeftUpLeg": _THIGH, "RightUpLeg": _THIGH, "LeftLeg": {"X": 4.0}, "RightLeg": {"X": 4.0}}
+# Arms vary by themselves: what is drawn for hips and legs, and so every skirt, stays as it was.
+ARM_OFFSETS = {"LeftArm": {"X": 8.0, "Y": 8.0, "Z": 8.0}, "RightArm": {"X": 8.0, "Y": 8.0, "Z": 8.0}}
 # Degrees by which a leaning take tilts the pelvis forward (back where negative) and to a side, on top of
 # 8 degrees of waver, and how much of that the upper body and the legs make up for.
 LEAN_FORWARD, LEAN_ASIDE, LEAN_WAVER = (-15.0, 40.0), (-12.0, 12.0), 8.0
 UPRIGHT = {"Chest": (0.0, 1.0), "LeftUpLeg": (0.5, 1.0), "RightUpLeg": (0.5, 1.0)}
 _LEGS = tuple(name for name in INDEX if name.endswith("Leg"))
-_SIDES = tuple([index for name, index in INDEX.items()
-                if name.startswith(side) and name.endswith(("Leg", "Foot"))]
-               for side in ("Left", "Right"))
+
+
+def _both_sides(*endings):
+    return tuple([index for name, index in INDEX.items() if name.startswith(side) and name.endswith(endings)]
+                 for side in ("Left", "Right"))
+
+
+_LEG_SIDES, _ARM_SIDES = _both_sides("Leg", "Foot"), _both_sides("Arm", "Hand")
 
 
 def band_limited(frames, generator, low=OFFSET_HERTZ[0], high=OFFSET_HERTZ[1], waves=3):
@@ -89,13 +96,13 @@ def scale_amplitude(motion, generator, strength=1.0):
     return Motion(root, local)
 
 
-def offset_joints(motion, generator, strength=1.0):
-    """Another carriage: slowly changing offsets of a few degrees on hips, spine and legs."""
+def offset_joints(motion, generator, strength=1.0, offsets=None):
+    """Another carriage: slowly changing offsets of a few degrees, by default on hips, spine and legs (OFFSETS)."""
     local = motion.local.copy()
     frames = len(motion)
     heading, tilt = split_heading(local[:, 0])
     local[:, 0] = tilt
-    for name, axes in OFFSETS.items():
+    for name, axes in (offsets or OFFSETS).items():
         joint = INDEX[name]
         for axis, degrees in axes.items():
             largest = strength * np.radians(degrees)
@@ -153,7 +160,7 @@ def vary(motion, seed, strength=1.0):
     generator = np.random.default_rng([0x7661, seed])
     for change in (warp_time, scale_amplitude, offset_joints, curve_path):
         motion = change(motion, generator, strength)
-    return motion
+    return offset_joints(motion, np.random.default_rng([0x6172, seed]), strength, ARM_OFFSETS)
 
 
 def _in_own_frame(motion):
@@ -204,14 +211,23 @@ def join(first, second, overlap=OVERLAP_FRAMES):
     return Motion(root, local)
 
 
+def _with_limbs_of(motion, left, right, sides):
+    frames = min(len(motion), len(left), len(right))
+    local = motion.local[:frames].copy()
+    for source, joints in zip((left, right), sides):
+        local[:, joints] = source.local[:frames][:, joints]
+    return Motion(motion.root[:frames], local)
+
+
 def with_legs_of(motion, left, right):
     """`motion` with the left leg of one clip and the right leg of another, frame by frame.
 
     Recordings tie what the hips do to what the legs do, and the legs to each other; cloth obeys
     their joints alone. Lengths: the shortest of the three. Nobody walks like that.
     """
-    frames = min(len(motion), len(left), len(right))
-    local = motion.local[:frames].copy()
-    for source, joints in zip((left, right), _SIDES):
-        local[:, joints] = source.local[:frames][:, joints]
-    return Motion(motion.root[:frames], local)
+    return _with_limbs_of(motion, left, right, _LEG_SIDES)
+
+
+def with_arms_of(motion, other):
+    """`motion` with both arms of `other`, frame by frame; as long as the shorter one."""
+    return _with_limbs_of(motion, other, other, _ARM_SIDES)

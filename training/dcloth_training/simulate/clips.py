@@ -69,7 +69,7 @@ CYCLES = {"mocap/walk", "mocap/run", "mocap/zombie_walk", "game/game_walking_a",
 NOT_VARIED = {"mocap/walk", "mocap/stealthy_walk", "procedural/hula_twist"}
 RANDOM = [f"procedural/random_{seed}" for seed in range(64)]
 # Take k of a clip is of kind (k - 1) % 4: near, another take by the same person; wide, by another person, three
-# times as far from the recording; mixed, each leg from somewhere else: what hips and legs do is no longer tied;
+# times as far from the recording; mixed, each leg and the arms from somewhere else: what hips and limbs do is no longer tied;
 # leaning, the pelvis tilted above legs that go on as they did.
 STRENGTHS = (1.0, 3.0, 2.0, 1.5)
 MIXED_KIND, LEANING_KIND = 2, 3
@@ -155,6 +155,7 @@ def _variation(name, motion_folder):
     if kind == MIXED_KIND:
         legs = [_takes(None, pool, kind, generator, motion_folder) for _ in range(2)]
         motion = variations.with_legs_of(motion, *legs)
+        motion = variations.with_arms_of(motion, _takes(None, pool, kind, generator, motion_folder))
     return motion
 
 

@@ -10,8 +10,8 @@ from . import closed_arms, mannequin, settings, solver
 # Parts of the body that cloth touches one by one: crossing legs must not swallow what is between. A garment may
 # say which of its vertices touch which parts (garment.Garment.touches): bit p is PARTS[p].
 PARTS = (("Hips", "Chest", "Neck"), ("LeftUpLeg", "LeftLeg", "LeftFoot"),
-         ("RightUpLeg", "RightLeg", "RightFoot"), ("LeftArm", "LeftForeArm", "LeftHand"),
-         ("RightArm", "RightForeArm", "RightHand"))
+         ("RightUpLeg", "RightLeg", "RightFoot"), ("LeftArm",), ("RightArm",),
+         ("LeftForeArm", "LeftHand"), ("RightForeArm", "RightHand"))
 OVERLAP = 2      # rings of vertices
 
 
@@ -59,11 +59,14 @@ def collider(body, garment):
     masks = body_parts(weights, faces)
     if garment.touches is None:
         return vertices, faces, weights, masks
-    left, right = (np.uint32(1 << [part[0] for part in PARTS].index(side + "Arm")) for side in ("Left", "Right"))
-    arms = closed_arms.closed_arms(body)
-    return (np.concatenate([vertices, arms[0]]), np.concatenate([faces, arms[1] + np.int32(len(vertices))]),
-            np.concatenate([weights, arms[2]]),
-            np.concatenate([masks & ~(left | right), np.where(arms[3] > 0, left, right)]))
+    bit = {part[0]: np.uint32(1 << p) for p, part in enumerate(PARTS)}
+    arms = closed_arms.closed_arms()
+    masks = masks & ~np.bitwise_or.reduce([bit[joint] for joint, *_ in arms])
+    for joint, points, triangles, own in arms:
+        faces = np.concatenate([faces, triangles + np.int32(len(vertices))])
+        vertices, weights = np.concatenate([vertices, points]), np.concatenate([weights, own])
+        masks = np.concatenate([masks, np.full(len(points), bit[joint])])
+    return vertices, faces, weights, masks
 
 
 def simulate(motion, body, garment, record, chosen=None):

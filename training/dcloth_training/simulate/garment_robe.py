@@ -32,6 +32,7 @@ RINGS = 65                    # armpit to hem
 NECK_COLUMNS, NECK_ROWS = 7, 5  # half of the neck opening
 YOKE_CELLS = 4                # pinned round the neck: this many cells wide
 ARMPIT_COLUMNS = 4            # of the sleeve's underside that touch the trunk instead of the arm
+ELBOW_COLUMN = 18             # columns outside the armhole: up to here sleeves touch the upper arm, then the forearm
 SHOULDER_COLUMNS = 5          # on either side of the armhole, over the arm: they touch trunk and arm
 TETHER_SLACK = 1.3            # yoke, belt and cuffs move apart when an arm is raised or the back bent
 CUFF_CELLS = 2                # pinned to the forearms: this many cells wide
@@ -195,15 +196,17 @@ def _touches(upper, strip, body, count):
     """Bit masks [n] of the parts of the body each vertex touches (cloth_job.PARTS).
 
     A hanging arm sinks into the flank and takes the armpit with it. Cloth that touched both would be squeezed out of
-    the fold, so the sleeve touches its arm alone and the body tube trunk and legs alone. Over the shoulder, where
-    skin stays outside in every pose, chest and sleeve touch both; the sleeve's underside next to the armpit touches the
-    trunk, or an arm crossing the chest would draw it in and bare the flank.
+    the fold, so the sleeve touches its arm alone and the body tube trunk and legs alone; a bent elbow is another such
+    fold, so no vertex touches both upper arm and forearm. Over the shoulder, where skin stays outside in every pose,
+    chest and sleeve touch both; the sleeve's underside next to the armpit touches the trunk, or an arm crossing the
+    chest would draw it in and bare the flank.
     """
     bit = {part[0]: np.uint32(1 << p) for p, part in enumerate(PARTS)}
     reach = len(upper) // 2
     column = np.arange(-reach, reach + 1)
-    arm = np.where(column > 0, bit["LeftArm"], bit["RightArm"])
     beyond = np.abs(column) - CHEST_COLUMNS           # columns outside the armhole
+    arm, fore = (np.where(column > 0, bit["Left" + name], bit["Right" + name]) for name in ("Arm", "ForeArm"))
+    arm = np.where(beyond <= ELBOW_COLUMN, arm, fore)
     under = np.where(beyond > ARMPIT_COLUMNS, arm, bit["Hips"])
     over = np.where(beyond > 0, arm, bit["Hips"])
     over = np.where(np.abs(beyond) <= SHOULDER_COLUMNS, arm | bit["Hips"], over)
