@@ -46,7 +46,7 @@ RELAX_STEPS = 90
 ARMPIT, HEM, CUFF, TOP = 0.335, -0.62, 0.70, 0.542
 ARMHOLE = 0.165               # x of the column between chest and sleeve
 BELT = (0.095, 0.145)         # heights between which rings are pinned to the hips
-_BODY = np.array([(-0.62, 0.258, 0.216), (-0.30, 0.236, 0.184), (-0.02, 0.212, 0.158),
+_BODY = np.array([(-0.62, 0.345, 0.310), (-0.30, 0.280, 0.240), (-0.02, 0.222, 0.172),
                   (0.04, 0.200, 0.152), (0.095, 0.174, 0.138), (0.145, 0.168, 0.132),
                   (0.31, 0.206, 0.140), (0.44, 0.205, 0.114), (0.60, 0.200, 0.085)])
 # The upper tube by |x|: underside, half depth. Its top is level, at TOP.
