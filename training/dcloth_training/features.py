@@ -7,7 +7,6 @@ import numpy as np
 import torch
 
 SHORTEST_PROJECTION = 0.2
-SKIRT_JOINTS = ("Hips", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg")
 WIDENING = 0.1
 SMALLEST_DEVIATION = 1e-3
 REFLECTION = np.diag([-1.0, 1.0, 1.0, 1.0])

@@ -15,7 +15,7 @@ import tempfile
 
 import numpy as np
 
-from . import features, geometry, safetensors_io, sequence
+from . import geometry, safetensors_io, sequence
 from .motion import skeleton
 from .truth import alembic, animation, cache, checks, mirror, obj, project, resample
 from .truth.errors import TruthError, refuse
@@ -56,7 +56,7 @@ def make_character(what, body_path, out):
                "delete loose vertices and simulate the mesh so")
     hips = what.get("hips", metadata.get("hips", "Hips"))
     feature_joints = what.get("feature_joints") or json.loads(metadata.get("feature_joints", "null")) or \
-        list(features.SKIRT_JOINTS)
+        list(skeleton.LOWER_BODY)
     absent = [j for j in (hips, *feature_joints) if j not in names]
     if absent:
         refuse(body_path, f"no joints {', '.join(absent)}", f"joints of the character, {', '.join(names)}",

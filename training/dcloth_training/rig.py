@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import features, geometry, safetensors_io
+from . import geometry, safetensors_io
+from .motion import skeleton
 
 
 @dataclass
@@ -33,7 +34,7 @@ class Character:
     collider: np.ndarray = field(repr=False, default=None)   # [b] bool
     parents: list = None        # [J] joint above each one, -1 at the root; None: not known
     hips: str = "Hips"
-    feature_joints: tuple = features.SKIRT_JOINTS
+    feature_joints: tuple = skeleton.LOWER_BODY
 
 
 def mirrored_joints(names):
@@ -59,7 +60,7 @@ def read_character(path):
             tensors["body_collider"].astype(bool),
             json.loads(metadata["parents"]) if "parents" in metadata else None,
             metadata.get("hips", "Hips"),
-            tuple(json.loads(metadata["feature_joints"])) if "feature_joints" in metadata else features.SKIRT_JOINTS)
+            tuple(json.loads(metadata["feature_joints"])) if "feature_joints" in metadata else skeleton.LOWER_BODY)
     except (KeyError, ValueError) as error:
         raise safetensors_io.SafetensorsError(
             f"{path}: not a character: {error}; expected what simulate/run.py writes") from None

@@ -84,8 +84,9 @@ def test_clip_lists_hold_nothing_out_twice():
         clips.load("mocap/walk")
 
 
-def test_static_tour_rests_in_every_pose():
-    poses = statics.order(statics.select([clips.load("procedural/kicks")], 6))
+@pytest.mark.parametrize("felt", [skeleton.LOWER_BODY, skeleton.WHOLE_BODY])
+def test_static_tour_rests_in_every_pose(felt):
+    poses = statics.order(statics.select([clips.load("procedural/kicks")], 6, felt), felt)
     tour, rests = statics.tour(poses)
     assert len(poses) == len(rests) == 6
     assert np.allclose(tour.local[rests], poses.local)

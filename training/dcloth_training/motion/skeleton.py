@@ -31,6 +31,9 @@ NAMES = tuple(j[0] for j in _JOINTS)
 PARENTS = np.array([j[1] for j in _JOINTS], dtype=np.int32)
 OFFSETS = np.array([j[2] for j in _JOINTS], dtype=np.float64)
 INDEX = {name: i for i, name in enumerate(NAMES)}
+# What moves a garment that hangs from the waist, and one with sleeves.
+LOWER_BODY = ("Hips", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg")
+WHOLE_BODY = (*LOWER_BODY, "Chest", "LeftArm", "RightArm", "LeftForeArm", "RightForeArm")
 THIGH_LENGTH = 0.421546
 SHIN_LENGTH = 0.409870
 ANKLE_HEIGHT = 0.05

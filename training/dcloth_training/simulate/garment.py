@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..motion.skeleton import HIP_HEIGHT, INDEX
+from ..motion.skeleton import HIP_HEIGHT, INDEX, LOWER_BODY
 from .mannequin import NOT_COLLIDING
 
 RINGS = 71
@@ -37,6 +37,7 @@ class Garment:
     (mannequin.mannequin takes it). yoke: see cloth_solver.h. touches [n]: bit masks of the parts of the body
     (cloth_job.PARTS) a vertex is collided with, None: all of them. slack: factor on the setting `tether`, above 1
     where cloth spans pins that move apart: a taut tether on either side leaves all the stretch to the edges between.
+    felt: joints whose rotations move the garment: the network's features, and what static poses are told apart by.
     """
     vertices: np.ndarray
     faces: np.ndarray
@@ -47,6 +48,7 @@ class Garment:
     yoke: float = 0.0
     touches: np.ndarray = None
     slack: float = 1.0
+    felt: tuple = LOWER_BODY
 
     def __post_init__(self):
         if self.pin_joints is None:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import sparse
 from scipy.interpolate import PchipInterpolator
 
-from ..motion.skeleton import HIP_HEIGHT, INDEX
+from ..motion.skeleton import HIP_HEIGHT, INDEX, WHOLE_BODY
 from .cloth_job import PARTS
 from .garment import Garment
 
@@ -289,4 +289,4 @@ def robe(radius_scale=1.0):
     joints[body[(height > BELT[0]) & (height < BELT[1])]] = INDEX["Hips"]
     faces = _triangles(points, quads, parity, mirror)
     return Garment(vertices, faces, mirror.astype(np.int32), joints >= 0, joints, not_colliding=(),
-                   touches=_touches(upper, strip, body, len(points)), slack=TETHER_SLACK)
+                   touches=_touches(upper, strip, body, len(points)), slack=TETHER_SLACK, felt=WHOLE_BODY)

@@ -60,7 +60,7 @@ def make_character(path, options):
         "cloth_rest": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
         "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8),
     }, {"joint_names": json.dumps(skeleton.NAMES), "parents": json.dumps(skeleton.PARENTS.tolist()),
-        "joint_mirror": json.dumps(skeleton.MIRROR.tolist())})
+        "joint_mirror": json.dumps(skeleton.MIRROR.tolist()), "feature_joints": json.dumps(worn.felt)})
     return body, worn
 
 
@@ -109,13 +109,13 @@ def prepare(name, options):
     return motion
 
 
-def static_tours(options):
+def static_tours(options, felt):
     """[(file number, poses)] of the quasi-static drapes; always the same poses."""
     motions = []
     for name in clips.training() + clips.VARIATIONS + clips.WIDE + clips.MIXED:
         if name.startswith("procedural/") or options.motion:
             motions.append(clips.load(name, options.motion))
-    poses = statics.order(statics.select(motions, options.poses))
+    poses = statics.order(statics.select(motions, options.poses, felt), felt)
     size = statics.POSES_A_FILE
     return [(i // size, poses[i:i + size]) for i in range(0, len(poses), size)]
 
@@ -128,7 +128,7 @@ def tasks(options, context):
               "mixed": clips.MIXED, "leaning": clips.LEANING}
     for word in options.clips.split(","):
         if word == "static":
-            for number, poses in static_tours(options):
+            for number, poses in static_tours(options, context[2].felt):
                 name = f"drapes-{number:02d}"
                 path = os.path.join(options.out, "static", name + ".safetensors")
                 if not os.path.exists(path):

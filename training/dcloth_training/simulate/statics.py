@@ -1,7 +1,7 @@
 """Quasi-static drapes for the static stage: which poses, and how the garment gets there.
 
 Half of the poses are picked from the training clips and their takes by farthest-point selection over
-the rotations that a skirt feels (hips and legs, heading taken out), so that few drapes cover many
+the rotations that the garment feels (garment.Garment.felt, heading taken out), so that few drapes cover many
 motions; the others as often as they occur. They are visited along a short path, each approached
 slowly and held until the cloth rests.
 """
@@ -10,7 +10,6 @@ import numpy as np
 from ..motion import rotations
 from ..motion.skeleton import HIP_HEIGHT, INDEX, Motion
 
-FELT_JOINTS = ("Hips", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg")
 POSES_A_FILE = 20
 MOVE_FRAMES = 8
 HOLD_FRAMES = 20
@@ -28,16 +27,18 @@ def without_root(motion):
     return Motion(root, local)
 
 
-def _features(motion):
-    joints = [INDEX[name] for name in FELT_JOINTS]
+def _features(motion, felt):
+    joints = [INDEX[name] for name in felt]
     return motion.local[:, joints].reshape(len(motion), -1)
 
 
-def select(motions, count):
-    """`count` poses of all frames, half of them by farthest-point selection -> Motion of `count` frames."""
+def select(motions, count, felt):
+    """`count` poses of all frames, half of them by farthest-point selection -> Motion of `count` frames.
+
+    felt: names of the joints whose rotations tell poses apart."""
     pool = [without_root(m) for m in motions]
     pool = Motion(np.concatenate([m.root for m in pool]), np.concatenate([m.local for m in pool]))
-    features = _features(pool)
+    features = _features(pool, felt)
     chosen = [int(np.argmin(np.linalg.norm(features - features.mean(0), axis=1)))]
     nearest = np.linalg.norm(features - features[chosen[0]], axis=1)
     while len(chosen) < min(-(-count // 2), len(features)):
@@ -48,9 +49,9 @@ def select(motions, count):
     return pool[np.r_[chosen, others]]
 
 
-def order(poses):
+def order(poses, felt):
     """Visit nearest neighbours in turn, so that each approach is short."""
-    features = _features(poses)
+    features = _features(poses, felt)
     left, path = set(range(1, len(poses))), [0]
     while left:
         here = features[path[-1]]
