@@ -1,13 +1,14 @@
-"""The bundled garment, the built tool, and models converted once for all tests."""
+"""The bundled garments, the built tool, and models converted once for all tests."""
 import os
 import pathlib
 import subprocess
+from types import SimpleNamespace
 
 import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-BUNDLE = ROOT / "models/skirt/skirt.safetensors"
-SEQUENCES = sorted((ROOT / "models/skirt/sequences").glob("*.safetensors"))
+GARMENTS = sorted(path.parent for path in (ROOT / "models").glob("*/*.safetensors") if path.stem == path.parent.name)
+assert GARMENTS, "models/ holds no garment"
 PRECISIONS = ("fp32", "fp16", "int8")
 
 
@@ -18,11 +19,19 @@ def dcloth(*arguments):
     return done.stdout
 
 
+@pytest.fixture(scope="session", params=GARMENTS, ids=lambda folder: folder.name)
+def garment(request):
+    """name, bundle, and sequences with truth, none of which the garment was trained on."""
+    folder = request.param
+    return SimpleNamespace(name=folder.name, bundle=folder / f"{folder.name}.safetensors",
+                           sequences=sorted((folder / "sequences").glob("*.safetensors")))
+
+
 @pytest.fixture(scope="session")
-def models(tmp_path_factory):
+def models(garment, tmp_path_factory):
     """Path of the model in each precision."""
     folder = tmp_path_factory.mktemp("models")
-    paths = {precision: folder / f"skirt-{precision}.dcloth" for precision in PRECISIONS}
+    paths = {precision: folder / f"{garment.name}-{precision}.dcloth" for precision in PRECISIONS}
     for precision, path in paths.items():
-        dcloth("convert", BUNDLE, "-o", path, "--precision", precision)
+        dcloth("convert", garment.bundle, "-o", path, "--precision", precision)
     return paths

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import torch
 
-from conftest import BUNDLE, SEQUENCES, dcloth
+from conftest import dcloth
 from dcloth_training import bundle, reference, safetensors_io, sequence
 
 MOST_MM = 0.05  # any vertex, any frame
@@ -11,16 +11,16 @@ FEWEST_FRAMES = 300
 
 
 @pytest.fixture(scope="module")
-def network():
-    net, rig, _, _ = bundle.read(str(BUNDLE), torch.float64)
+def network(garment):
+    net, rig, _, _ = bundle.read(str(garment.bundle), torch.float64)
     return net, rig
 
 
 @pytest.mark.parametrize("stages", ["static", "skeleton", "mesh"])
-def test_engine_matches_pytorch(models, network, stages, tmp_path):
+def test_engine_matches_pytorch(garment, models, network, stages, tmp_path):
     net, rig = network
     frames, worst = 0, {}
-    for path in SEQUENCES:
+    for path in garment.sequences:
         item = sequence.read(str(path))
         with torch.no_grad():
             expected = reference.run(net, rig, reference.matrices_for(item, rig), stages).numpy()

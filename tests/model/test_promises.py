@@ -1,14 +1,14 @@
-"""What the project promises of the bundled garment: the price of each precision, and that every stage earns its time."""
+"""What the project promises of every bundled garment: the price of each precision, and stages that earn their time."""
 import json
 
 import pytest
 
-from conftest import BUNDLE, SEQUENCES, dcloth
+from conftest import dcloth
 
 
 @pytest.fixture(scope="module")
-def variants():
-    report = json.loads(dcloth("evaluate", BUNDLE, *SEQUENCES, "--json"))
+def variants(garment):
+    report = json.loads(dcloth("evaluate", garment.bundle, *garment.sequences, "--json"))
     for variant in report["variants"]:
         print(variant["name"], variant["stages"], json.dumps({k: variant[k] for k in ("tick_ms", "truth", "fp32") if k in variant}))
     return {variant["name"]: variant for variant in report["variants"]}
