@@ -84,6 +84,18 @@ def test_motion_against_the_hips_and_drapes(data, tmp_path):
     assert drapes["frames"] == 10 and drapes["speed_max"] is None and drapes["alive_mm"] is None
 
 
+def test_torn_frames_are_counted(data, tmp_path):
+    path = data / "dynamic" / "mocap-walk.safetensors"
+    clip = sequence.read(str(path))
+    rest = safetensors_io.read(str(data / "character.safetensors"))[0]["cloth_template"]
+    clip.truth[[3, 4, 20], 17] += 6 * (rest[0] - rest[10])        # one vertex six rings away from its neighbours
+    sequence.write(str(path), clip)
+    rows = by_name(run(data, tmp_path / "report", "--pictures", "0")[1])
+    assert rows["mocap/walk"]["torn_share"] == round(3 / 44, 4) and rows["mocap/run"]["torn_share"] == 0
+    line = next(line for line in (tmp_path / "report" / "report.md").read_text().splitlines() if "scripted and recorded" in line)
+    assert f"{3 / 44:.2%} (1 files)" in line
+
+
 def test_folds_are_found():
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0], [1, 2, 0]], float)
     faces = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]])
@@ -162,7 +174,8 @@ def test_fewer_frames_and_more_workers(data, tmp_path):
 
 
 def test_what_stands_out_comes_first():
-    plain = {"stretch_max": 1.1, "stretch_p99": 1.0, "folded_max": 0.0, "speed_max": 1.0, "penetration_max_mm": 0.0, "fault": None}
+    plain = {"torn_share": 0.0, "stretch_max": 1.1, "stretch_p99": 1.0, "folded_max": 0.0, "speed_max": 1.0,
+             "penetration_max_mm": 0.0, "fault": None}
     rows = [plain, {**plain, "stretch_max": 1.2}, {**plain, "folded_max": 0.1}, {**plain, "fault": "torn"},
             {**plain, "speed_max": None, "penetration_max_mm": None}]
     # A fault first, then whoever leads in a figure (row 0 in speed, before those as fast), then the rest.

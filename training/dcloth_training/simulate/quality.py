@@ -77,7 +77,7 @@ def row_of(measured, manifest, floors):
 def standing_out(rows):
     """Indices of rows, the most remarkable first: by the best rank that a row has in any of its figures."""
     best = np.full(len(rows), len(rows))
-    for key in ("stretch_max", "stretch_p99", "folded_max", "speed_max", "penetration_max_mm"):
+    for key in ("torn_share", "stretch_max", "stretch_p99", "folded_max", "speed_max", "penetration_max_mm"):
         values = np.array([row[key] or 0.0 for row in rows])
         rank = np.empty(len(rows), int)
         rank[np.argsort(-values, kind="stable")] = np.arange(len(rows))

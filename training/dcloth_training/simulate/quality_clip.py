@@ -12,6 +12,7 @@ from . import checks, floor, render
 VERSION = 1                   # of what is measured and drawn: older results are made anew
 EVEN_PICTURES = 4
 PICTURE_SIZE = 200
+TORN = 4.0                    # an edge stretched so far hangs on both sides of a limb that went through the cloth
 FOLDED = -0.5                 # cosine between neighbouring triangles' normals: bent by more than 120 degrees
 
 
@@ -71,6 +72,7 @@ def measure(path, data, character, every=1):
     folds = folded(cloth, faces, hinges(faces))
     out = {"clip": data.clip, "frames": len(data.truth), "stretch_p99": round(float(p99.max()), 3),
            "stretch_max": round(float(largest.max()), 3), "stretch_max_frame": int(at[largest.argmax()]),
+           "torn_share": round(float((largest > TORN).mean()), 4),
            "folded_max": round(float(folds.max()), 5), "folded_max_frame": int(at[folds.argmax()]),
            "speed_max": None, "speed_mean": None, "speed_max_frame": None,
            "alive_mm": round(floor.alive(data.joint_matrices[at], cloth), 1) if dynamic else None}

@@ -4,11 +4,11 @@ import html
 from . import quality_text
 
 SORTED_BY = (("order", "listed order", None), ("stretch_max", "stretch, largest", "stretch_max"),
-             ("stretch_p99", "stretch, 99th percentile", "stretch_p99"), ("folded", "folds", "folded_max"),
+             ("stretch_p99", "stretch, 99th percentile", "stretch_p99"), ("torn", "torn frames", "torn_share"), ("folded", "folds", "folded_max"),
              ("penetration", "penetration", "penetration_max_mm"), ("speed", "speed", "speed_max"),
              ("alive", "motion against the hips", "alive_mm"), ("floor", "floor", "floor_mean_mm"))
 FIGURES = (("frames", "frames", "{:d}"), ("stretch_p99", "stretch p99", "{:.2f}"), ("stretch_max", "max", "{:.2f}"),
-           ("folded_max", "folded edges", "{:.2%}"), ("penetration_max_mm", "penetration", "{:.1f} mm"),
+           ("torn_share", "torn frames", "{:.0%}"), ("folded_max", "folded edges", "{:.2%}"), ("penetration_max_mm", "penetration", "{:.1f} mm"),
            ("speed_max", "speed", "{:.1f} m/s"), ("alive_mm", "against the hips", "{:.0f} mm"),
            ("floor_mean_mm", "floor", "{:.2f} mm"), ("floor_entered_mm", "entered late", "{:.2f} mm"))
 
