@@ -5,7 +5,8 @@
 FOLDER holds the bundle and README.md. --data and --fixed-hips name ground truth with root motion and with the hips
 held; the held-out clips there (dataset.HELD_OUT) give FOLDER/errors.json, .txt, .png and errors_fixed_hips.json, .txt,
 and the figures of floor.json, if it lies in DATA, go to FOLDER/floor.json and floor_fixed_hips.json. Pictures of the
-worst frames come from --failures (default: --fixed-hips, else --data) into FOLDER/failures. Without ground truth only
+worst frames come from --failures (default: --fixed-hips, else --data) into FOLDER/failures; the other clips of DATA tell
+how near training came to their motion. Without ground truth only
 README.md is written, from those files. In it stands, for each part wanted,
 
     <!-- card: network -->           what the bundle holds
@@ -23,7 +24,7 @@ import sys
 
 import torch
 
-from . import bundle, card_text, dataset, evaluate, failure_pictures, failures, safetensors_io, sequence
+from . import bundle, card_text, dataset, evaluate, failure_pictures, failures, familiarity, safetensors_io, sequence
 
 PART = re.compile(r"(<!-- card: ([a-z ]+) -->\n).*?(<!-- card end -->)", re.DOTALL)
 FLOOR_FIGURES = ("clip", "frames", "mean_mm", "end_mm", "entered_mm", "alive_mm")
@@ -118,7 +119,10 @@ def main(argv=None):
             for data, suffix in ((options.data, ""), (options.fixed_hips, "_fixed_hips")):
                 if data:
                     measure(model, folder, data, suffix)
-            cases = failures.worst(model[0], model[1], held_out(pictured), options.count, log=lambda t: print(t, file=sys.stderr))
+            learned = familiarity.Training(model[0], model[1], [data for data in (options.data, options.fixed_hips) if data]
+                                           or [pictured])
+            cases = failures.worst(model[0], model[1], held_out(pictured), options.count, training=learned,
+                                   log=lambda t: print(t, file=sys.stderr))
             failures.write(cases, failure_pictures.read_body(path), model[2], os.path.join(folder, "failures"))
         with open(readme) as file:
             before = file.read()

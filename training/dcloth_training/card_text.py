@@ -74,6 +74,14 @@ def errors(results, floors):
             *(row(f"`{name}`", [name], 1) for name in results), row("mean of the clips", list(results), 2)]
 
 
+def _familiar(row):
+    """How far a failure's motion is from training, where that was measured."""
+    if "motion_away" not in row:
+        return ""
+    return (f" Its last third of a second is {row['motion_away']:.2f} deviations a feature away from the nearest in training, "
+            f"`{row['most_alike']}` (over the clip {row['clip_motion_away']:.2f}).")
+
+
 def failures(rows, folder):
     """Pictures of failures.json with what goes wrong, where somebody wrote it down."""
     out = []
@@ -81,5 +89,5 @@ def failures(rows, folder):
         out += [f"**`{row['clip']}`, {row['second']:g} s**", "",
                 f"![{row['clip']}, frame {row['frame']}: truth, prediction and error]({folder}/{row['picture']})", "",
                 *wrapped(f"{row['mean_mm']:.1f} mm on average (the clip: {row['clip_mean_mm']:.1f} mm), {row['p99_mm']:.0f} mm at the "
-                         f"99th percentile, {row['max_mm']:.0f} mm at worst. {row.get('why', '')}"), ""]
+                         f"99th percentile, {row['max_mm']:.0f} mm at worst.{_familiar(row)} {row.get('why', '')}"), ""]
     return out[:-1]

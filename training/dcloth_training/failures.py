@@ -1,9 +1,10 @@
 """Where a model fails: the worst frames of clips it never saw, as pictures and figures.
 
-    python3 -m dcloth_training.failures BUNDLE SEQUENCE... -o FOLDER [--count 4] [--stages skeleton]
+    python3 -m dcloth_training.failures BUNDLE SEQUENCE... -o FOLDER [--count 4] [--training DATA]...
 
 Writes FOLDER/<clip>-<frame>.png, the truth beside what the network makes of the same pose, its error in colour, and
-FOLDER/failures.json. A clip's worst frame is the one with the largest mean vertex distance; each clip appears once.
+FOLDER/failures.json. A clip's worst frame is the one with the largest mean vertex distance; each clip appears once. With the ground truth that the
+network learned from it says how far that moment's motion is from the nearest in training.
 """
 import argparse
 import json
@@ -13,7 +14,7 @@ import sys
 import numpy as np
 import torch
 
-from . import bundle, failure_pictures, metrics, network, reference, sequence
+from . import bundle, failure_pictures, familiarity, metrics, network, reference, sequence
 
 LAGS = 6        # frames by which a prediction may be early or late
 
@@ -43,7 +44,7 @@ def beyond(net, pose, frame):
 class Case:
     """The worst frame of one clip: figures, and the two shapes of the cloth."""
 
-    def __init__(self, net, rig, item, path, stages=None):
+    def __init__(self, net, rig, item, path, stages=None, training=None):
         if item.truth is None:
             raise ValueError(f"{path}: no truth to compare with")
         matrices = reference.matrices_for(item, rig, path)
@@ -64,17 +65,22 @@ class Case:
             "shift_mm": round(float(1e3 * np.linalg.norm((predicted[frame] - item.truth[frame]).mean(0))), 1),
             "frames_late": late, "mean_mm_against_that_frame": round(nearest, 1),
             "features_beyond_training": beyond(net, pose, frame)}
+        if training:
+            away, alike = training.distance(pose)
+            self.figures.update(motion_away=round(float(away[frame]), 2), clip_motion_away=round(float(away.mean()), 2),
+                                most_alike=alike[frame])
 
 
-def worst(net, rig, paths, count, stages=None, log=print):
-    """The `count` worst cases, the worst first; one a clip."""
+def worst(net, rig, paths, count, stages=None, training=None, log=print):
+    """The `count` worst cases, the worst first; one a clip. training: familiarity.Training."""
     cases = {}
     for path in paths:
-        case = Case(net, rig, sequence.read(path), path, stages)
+        case = Case(net, rig, sequence.read(path), path, stages, training)
         found = case.figures
         log(f"{found['clip']}: {found['clip_mean_mm']} mm, worst at {found['second']} s (frame {found['frame']}): "
             f"{found['mean_mm']} mm, p99 {found['p99_mm']}, max {found['max_mm']}; {found['frames_late']:+d} frames late, "
-            f"{found['mean_mm_against_that_frame']} mm from that frame's truth; {found['features_beyond_training']} features beyond training")
+            f"{found['mean_mm_against_that_frame']} mm from that frame's truth; {found['features_beyond_training']} features beyond training"
+            + (f", motion {found['motion_away']} away (clip {found['clip_motion_away']}), nearest {found['most_alike']}" if training else ""))
         if found["clip"] not in cases or cases[found["clip"]].figures["mean_mm"] < found["mean_mm"]:
             cases[found["clip"]] = case
     return sorted(cases.values(), key=lambda case: -case.figures["mean_mm"])[:count]
@@ -111,13 +117,15 @@ def main(argv=None):
     parser.add_argument("sequences", nargs="+", help="clips with truth that training never saw")
     parser.add_argument("-o", "--out", required=True, help="folder of the pictures")
     parser.add_argument("--count", type=int, default=4, help="pictures, at most")
+    parser.add_argument("--training", action="append", help="ground truth that the network learned from; may be repeated")
     parser.add_argument("--stages", choices=network.STAGES)
     options = parser.parse_args(argv)
     if options.count < 1:
         parser.error(f"--count {options.count}: at least 1")
     try:
         net, rig, faces, _ = bundle.read(options.bundle, torch.float32)
-        cases = worst(net, rig, options.sequences, options.count, options.stages)
+        training = familiarity.Training(net, rig, options.training) if options.training else None
+        cases = worst(net, rig, options.sequences, options.count, options.stages, training)
         write(cases, failure_pictures.read_body(options.bundle), faces, options.out)
     except (OSError, ValueError) as error:
         print(f"failures: {error}", file=sys.stderr)

@@ -21,9 +21,9 @@ td.n { text-align: right; font-variant-numeric: tabular-nums; }
 nav { position: sticky; top: 0; background: Canvas; padding: .6rem 0; border-bottom: 1px solid var(--line); z-index: 1; display: flex;
   gap: .8rem; flex-wrap: wrap; align-items: center; }
 article { margin: 0 0 1.1rem; } article p { margin: 0 0 .2rem; }
-article img { display: block; width: 100%; height: auto; border-radius: 6px; background: #f5f5f2; }
+article img { display: block; max-width: 100%; height: auto; border-radius: 6px; background: #f5f5f2; }
 b { font-weight: 600; } .f { margin-left: 1rem; white-space: nowrap; } .f i { font-style: normal; opacity: .65; }
-.fault { color: #c0392b; font-weight: 600; } .tag { background: var(--soft); border-radius: 4px; padding: 0 .4rem; margin-left: .5rem; }
+.fault { color: #c0392b; font-weight: 600; } .tag { background: var(--soft); border-radius: 4px; white-space: nowrap; padding: 0 .4rem; margin-left: .5rem; }
 """
 SCRIPT = """
 const all = [...document.querySelectorAll("article")], list = document.getElementById("clips");
@@ -47,7 +47,7 @@ show();
 
 def figure_text(row):
     """The figures of one clip, as HTML."""
-    return "".join(f'<span class="f"><i>{title}</i> {form.format(row[key])}</span>' for key, title, form in FIGURES
+    return " ".join(f'<span class="f"><i>{title}</i> {form.format(row[key])}</span>' for key, title, form in FIGURES
                    if row.get(key) is not None)
 
 
@@ -59,8 +59,8 @@ def article(order, row):
     fault = f'<span class="f fault">{html.escape(row["fault"])}</span>' if row["fault"] else ""
     strip = (f'<img src="{html.escape(row["picture"])}" loading="lazy" alt="frames of {html.escape(row["clip"])}">'
              if row["picture"] else "")
-    return (f'<article {data}><p><b>{html.escape(row["clip"])}</b><span class="tag">{row["group"].replace("_", " ")}</span>'
-            f'{figure_text(row)}{fault}</p>{strip}</article>')
+    return (f'<article {data}><p><b>{html.escape(row["clip"])}</b><span class="tag">{row["group"].replace("_", " ")}</span> '
+            f'{figure_text(row)} {fault}</p>{strip}</article>')
 
 
 def markdown_table(lines):
