@@ -5,8 +5,8 @@
 FOLDER holds the bundle and README.md. --data and --fixed-hips name ground truth with root motion and with the hips
 held; the held-out clips there (dataset.HELD_OUT) give FOLDER/errors.json, .txt, .png and errors_fixed_hips.json, .txt,
 and the figures of floor.json, if it lies in DATA, go to FOLDER/floor.json and floor_fixed_hips.json. Pictures of the
-worst frames come from --failures (default: --fixed-hips, else --data) into FOLDER/failures; the other clips of DATA tell
-how near training came to their motion. Without ground truth only
+worst frames come from --failures (default: --fixed-hips, else --data) into FOLDER/failures; the other clips of DATA
+tell how near training came to their motion. Without ground truth only
 README.md is written, from those files. In it stands, for each part wanted,
 
     <!-- card: network -->           what the bundle holds
@@ -68,7 +68,8 @@ def measure(model, folder, data, suffix):
     evaluate.write(results, os.path.join(folder, "errors" + suffix), picture=not suffix)
     floor = os.path.join(data, "floor.json")
     if os.path.exists(floor):
-        rows = [{key: row.get(key) for key in FLOOR_FIGURES} for row in read_json(floor)["clips"] if row["clip"] in results]
+        rows = [{key: row.get(key) for key in FLOOR_FIGURES} for row in read_json(floor)["clips"]
+                if row["clip"] in results]
         replace(os.path.join(folder, f"floor{suffix}.json"), json.dumps({"clips": rows}, indent=1) + "\n")
 
 
@@ -81,7 +82,8 @@ def part(name, folder, bundle_path):
         suffix = name[len("errors"):].replace(" ", "_")
         floor = os.path.join(folder, f"floor{suffix}.json")
         rows = read_json(floor)["clips"] if os.path.exists(floor) else []
-        return card_text.errors(read_json(os.path.join(folder, f"errors{suffix}.json")), {row["clip"]: row for row in rows})
+        return card_text.errors(read_json(os.path.join(folder, f"errors{suffix}.json")),
+                                {row["clip"]: row for row in rows})
     if name == "failures":
         return card_text.failures(read_json(os.path.join(folder, "failures", "failures.json")), "failures")
     raise ValueError(f"{os.path.join(folder, 'README.md')}: '<!-- card: {name} -->': allowed are network, errors, "
@@ -119,8 +121,8 @@ def main(argv=None):
             for data, suffix in ((options.data, ""), (options.fixed_hips, "_fixed_hips")):
                 if data:
                     measure(model, folder, data, suffix)
-            learned = familiarity.Training(model[0], model[1], [data for data in (options.data, options.fixed_hips) if data]
-                                           or [pictured])
+            folders = [data for data in (options.data, options.fixed_hips) if data] or [pictured]
+            learned = familiarity.Training(model[0], model[1], folders)
             cases = failures.worst(model[0], model[1], held_out(pictured), options.count, training=learned,
                                    log=lambda t: print(t, file=sys.stderr))
             failures.write(cases, failure_pictures.read_body(path), model[2], os.path.join(folder, "failures"))

@@ -27,11 +27,12 @@ def network(tensors, metadata, size_bytes):
     n, d = len(tensors["template.positions"]), len(tensors["features.mean"])
     residuals = tensors["static.residual_weights"].astype(np.float64)
     weights = tensors["static.initial_weights"].astype(np.float64) + residuals.sum(0)
-    text = (f"{n:,} vertices, {len(tensors['template.faces']):,} triangles, {metadata['tick_rate']} Hz; {size_bytes / 1e6:.1f} MB. "
+    text = (f"{n:,} vertices, {len(tensors['template.faces']):,} triangles, {metadata['tick_rate']} Hz; "
+            f"{size_bytes / 1e6:.1f} MB. "
             f"Cloth bones: {', '.join(bones)} ({len(bones)}). Features: {', '.join(joints)}"
             f"{' and root motion' if metadata['root_motion'] == 'true' else ''} ({d}). "
-            f"Static MLP {d}-{shape('static.mlp.0.bias')[0]}-{shape('static.mlp.2.bias')[0]}, {len(residuals)} residual weight "
-            f"matrices, at most {int((weights > 0).sum(1).max())} bones a vertex")
+            f"Static MLP {d}-{shape('static.mlp.0.bias')[0]}-{shape('static.mlp.2.bias')[0]}, {len(residuals)} "
+            f"residual weight matrices, at most {int((weights > 0).sum(1).max())} bones a vertex")
     units = tensors.get("skeleton.gru.weight_hh")
     if units is not None:
         text += f"; skeleton stage k_S = {units.shape[1]}"
@@ -46,7 +47,7 @@ def network(tensors, metadata, size_bytes):
 
 
 def errors(results, floors):
-    """Table of evaluate.py's results, a row a clip; `floors` {clip: {mean_mm, entered_mm, alive_mm}} as far as known."""
+    """Table of evaluate.py's results, a row a clip; `floors` {clip: {mean_mm, entered_mm, alive_mm}} where known."""
     levels = [level for level in LEVELS if all(level in row for row in results.values())]
     if not levels:
         raise ValueError(f"none of the levels {', '.join(LEVELS)} in every clip")
@@ -78,8 +79,8 @@ def _familiar(row):
     """How far a failure's motion is from training, where that was measured."""
     if "motion_away" not in row:
         return ""
-    return (f" Its last third of a second is {row['motion_away']:.2f} deviations a feature away from the nearest in training, "
-            f"`{row['most_alike']}` (over the clip {row['clip_motion_away']:.2f}).")
+    return (f" Its last third of a second is {row['motion_away']:.2f} deviations a feature away from the nearest in "
+            f"training, `{row['most_alike']}` (over the clip {row['clip_motion_away']:.2f}).")
 
 
 def failures(rows, folder):
@@ -88,6 +89,7 @@ def failures(rows, folder):
     for row in rows:
         out += [f"**`{row['clip']}`, {row['second']:g} s**", "",
                 f"![{row['clip']}, frame {row['frame']}: truth, prediction and error]({folder}/{row['picture']})", "",
-                *wrapped(f"{row['mean_mm']:.1f} mm on average (the clip: {row['clip_mean_mm']:.1f} mm), {row['p99_mm']:.0f} mm at the "
-                         f"99th percentile, {row['max_mm']:.0f} mm at worst.{_familiar(row)} {row.get('why', '')}"), ""]
+                *wrapped(f"{row['mean_mm']:.1f} mm on average (the clip: {row['clip_mean_mm']:.1f} mm), "
+                         f"{row['p99_mm']:.0f} mm at the 99th percentile, {row['max_mm']:.0f} mm at worst."
+                         f"{_familiar(row)} {row.get('why', '')}"), ""]
     return out[:-1]

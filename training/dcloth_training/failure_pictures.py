@@ -65,7 +65,8 @@ def scale_bar(height, limit):
     low, high, left, right = 40, height - 40, 14, 30
     levels = np.linspace(limit, 0, high - low)
     out[low:high, left:right] = colours(levels, limit)[:, None]
-    texts = [(right + 6, low + (high - low) * (1 - share) - 8, f"{share * limit:g}", 12) for share in (0, 0.25, 0.5, 0.75, 1)]
+    texts = [(right + 6, low + (high - low) * (1 - share) - 8, f"{share * limit:g}", 12)
+             for share in (0, 0.25, 0.5, 0.75, 1)]
     return out, [(left, low - 24, "mm", 12)] + texts
 
 
@@ -99,8 +100,8 @@ def draw(path, case, body, faces, limit):
     found, start = case.figures, row.shape[1] - SCALE_WIDTH
     texts = [(x + start, y + HEADER, text, size) for x, y, text, size in texts]
     texts += [(GAP, 8, f"{found['clip']}, {found['second']:.2f} s", -15),
-              (GAP, 30, f"off by {found['mean_mm']:.0f} mm on average, by {found['p99_mm']:.0f} mm at the 99th percentile, "
-                        f"by {found['max_mm']:.0f} mm at worst", 12)]
+              (GAP, 30, f"off by {found['mean_mm']:.0f} mm on average, by {found['p99_mm']:.0f} mm at the 99th "
+                        f"percentile, by {found['max_mm']:.0f} mm at worst", 12)]
     texts += [(GAP + i * (GAP + width), HEADER + SIZE + 4, name, 12)
               for i, name in enumerate(("truth", "dcloth", "dcloth, coloured by error"))]
     picture_file.save(path, image, texts)

@@ -3,8 +3,8 @@
     python3 -m dcloth_training.failures BUNDLE SEQUENCE... -o FOLDER [--count 4] [--training DATA]...
 
 Writes FOLDER/<clip>-<frame>.png, the truth beside what the network makes of the same pose, its error in colour, and
-FOLDER/failures.json. A clip's worst frame is the one with the largest mean vertex distance; each clip appears once. With the ground truth that the
-network learned from it says how far that moment's motion is from the nearest in training.
+FOLDER/failures.json. A clip's worst frame is the one with the largest mean vertex distance; each clip appears once.
+With the ground truth that the network learned from it says how far that moment's motion is from the nearest there.
 """
 import argparse
 import json
@@ -60,7 +60,8 @@ class Case:
         self.figures = {
             "clip": item.clip or os.path.splitext(os.path.basename(path))[0], "frame": frame,
             "second": round(frame / item.fps, 2), "mean_mm": round(float(distance[frame].mean()), 1),
-            "p99_mm": round(float(np.percentile(distance[frame], 99)), 1), "max_mm": round(float(distance[frame].max()), 1),
+            "p99_mm": round(float(np.percentile(distance[frame], 99)), 1),
+            "max_mm": round(float(distance[frame].max()), 1),
             "clip_mean_mm": round(float(distance.mean()), 1),
             "shift_mm": round(float(1e3 * np.linalg.norm((predicted[frame] - item.truth[frame]).mean(0))), 1),
             "frames_late": late, "mean_mm_against_that_frame": round(nearest, 1),
@@ -78,16 +79,18 @@ def worst(net, rig, paths, count, stages=None, training=None, log=print):
         case = Case(net, rig, sequence.read(path), path, stages, training)
         found = case.figures
         log(f"{found['clip']}: {found['clip_mean_mm']} mm, worst at {found['second']} s (frame {found['frame']}): "
-            f"{found['mean_mm']} mm, p99 {found['p99_mm']}, max {found['max_mm']}; {found['frames_late']:+d} frames late, "
-            f"{found['mean_mm_against_that_frame']} mm from that frame's truth; {found['features_beyond_training']} features beyond training"
-            + (f", motion {found['motion_away']} away (clip {found['clip_motion_away']}), nearest {found['most_alike']}" if training else ""))
+            f"{found['mean_mm']} mm, p99 {found['p99_mm']}, max {found['max_mm']}; {found['frames_late']:+d} frames "
+            f"late, {found['mean_mm_against_that_frame']} mm from that frame's truth; "
+            f"{found['features_beyond_training']} features beyond training"
+            + (f", motion {found['motion_away']} away (clip {found['clip_motion_away']}), nearest "
+               f"{found['most_alike']}" if training else ""))
         if found["clip"] not in cases or cases[found["clip"]].figures["mean_mm"] < found["mean_mm"]:
             cases[found["clip"]] = case
     return sorted(cases.values(), key=lambda case: -case.figures["mean_mm"])[:count]
 
 
 def write(cases, body, faces, folder):
-    """Pictures and failures.json. Of an older one, pictures of other frames go and each "why", written by hand, stays."""
+    """Pictures and failures.json; pictures of an older one's other frames go, each "why" written there stays."""
     os.makedirs(folder, exist_ok=True)
     listing = os.path.join(folder, "failures.json")
     try:
@@ -117,7 +120,7 @@ def main(argv=None):
     parser.add_argument("sequences", nargs="+", help="clips with truth that training never saw")
     parser.add_argument("-o", "--out", required=True, help="folder of the pictures")
     parser.add_argument("--count", type=int, default=4, help="pictures, at most")
-    parser.add_argument("--training", action="append", help="ground truth that the network learned from; may be repeated")
+    parser.add_argument("--training", action="append", help="ground truth that the network learned from; repeatable")
     parser.add_argument("--stages", choices=network.STAGES)
     options = parser.parse_args(argv)
     if options.count < 1:

@@ -1,4 +1,4 @@
-"""How far a motion is from all that a network was trained on: the nearest third of a second of training, feature by feature."""
+"""How far a motion is from all that a network learned from: the nearest third of a second, feature by feature."""
 import json
 
 import numpy as np
@@ -11,7 +11,7 @@ KEPT_EVERY = 2            # training frames: neighbours are alike
 
 
 def windows(net, pose):
-    """Standardised features of each frame and of those before it [T, STEPS d]; what lies before the start is the start."""
+    """Standardised features of each frame and of those before it [T, STEPS d]; before the start lies the start."""
     x = net.standardise(pose.x).numpy().astype(np.float32)
     at = np.arange(len(x))
     return np.concatenate([x[np.maximum(at - STRIDE * step, 0)] for step in range(STEPS)], 1)
@@ -31,8 +31,8 @@ class Training:
                 found.append(windows(net, pose)[::KEPT_EVERY])
                 self.clips += [item.clip] * len(found[-1])
         if not found:
-            raise ValueError(f"{', '.join(folders)}: no clips but held-out and validation ones; --training wants ground truth "
-                             f"that the network learned from")
+            raise ValueError(f"{', '.join(folders)}: no clips but held-out and validation ones; --training wants "
+                             f"ground truth that the network learned from")
         self.windows = np.concatenate(found)
         self._squares = (self.windows * self.windows).sum(1)
 

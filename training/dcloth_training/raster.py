@@ -73,7 +73,7 @@ def covered(points, faces, size):
 
 
 def blurred(picture, reach):
-    """The mean over a soft neighbourhood of half-width `reach` samples; two box filters, their cost is that of the picture."""
+    """The mean over a soft neighbourhood of half-width `reach` samples: two box filters, as fast for any reach."""
     width = max(1, int(round(reach)))
     return ndimage.uniform_filter(ndimage.uniform_filter(picture, 2 * width + 1, mode="nearest"), 2 * width + 1,
                                   mode="nearest")
@@ -175,7 +175,8 @@ class Canvas:
         normal = self.normal[lit]
         normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
         key = normal @ (KEY / np.linalg.norm(KEY))
-        direct = np.clip(0.85 * key + 0.15, 0, 1) * (1 - SHADOW_SHARE * shadow[lit])    # wrapped a little: cloth scatters
+        direct = np.clip(0.85 * key + 0.15, 0, 1)     # wrapped a little: cloth scatters
+        direct *= 1 - SHADOW_SHARE * shadow[lit]
         up = 0.5 + 0.5 * (normal @ self.view[:, 1])
         light[lit] = (KEY_LIGHT * direct + GROUND + (SKY - GROUND) * up) * (1 - self._creases()[lit])
         linear = np.clip(self.colour, 0, 1) ** GAMMA * light[..., None]

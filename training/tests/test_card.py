@@ -39,7 +39,8 @@ def held(tiny, tmp_path_factory):
         sequence.write(folder / "dynamic" / f"{name.replace('/', '-')}.safetensors", sequence.Sequence(
             matrices, hang(matrices.astype(np.float64), cloth), NAMES, 30.0, name, "dynamic"))
     (folder / "floor.json").write_text(json.dumps({"clips": [
-        {"clip": "a/later", "frames": 30, "mean_mm": 0.25, "end_mm": 0.5, "entered_mm": None, "alive_mm": 12.0, "per_frame_mm": [0.1]},
+        {"clip": "a/later", "frames": 30, "mean_mm": 0.25, "end_mm": 0.5, "entered_mm": None, "alive_mm": 12.0,
+         "per_frame_mm": [0.1]},
         {"clip": "a/one", "frames": 40, "mean_mm": 9.0, "end_mm": 9.0, "entered_mm": 9.0, "alive_mm": 9.0}]}))
     return folder
 
@@ -70,7 +71,8 @@ def test_one_command_measures_draws_and_writes(model, held, capsys):
     assert "60 vertices, 100 triangles, 30 Hz" in flat and "k_S = 16 over 8 principal components" in flat
     assert "mesh stage three layers of width 8, MLP 60-16-4, k_M = 4" in flat and "at most 3 bones" in flat
     rows = json.loads((model / "failures" / "failures.json").read_text())
-    assert len(rows) == 1 and f"](failures/{rows[0]['picture']})" in text and (model / "failures" / rows[0]["picture"]).exists()
+    assert len(rows) == 1 and f"](failures/{rows[0]['picture']})" in text
+    assert (model / "failures" / rows[0]["picture"]).exists()
     rows[0]["why"] = "Because of the wind."
     (model / "failures" / "failures.json").write_text(json.dumps(rows))
     assert card.main([str(model), "--check"]) == 1 and (model / "README.md").read_text() == text
@@ -80,7 +82,8 @@ def test_one_command_measures_draws_and_writes(model, held, capsys):
 
 
 def test_the_table_of_errors():
-    results = {"a/one": {**figures(4.0, "stage 1"), **figures(1.0)}, "a/two": {**figures(8.0, "stage 1"), **figures(2.5)}}
+    results = {"a/one": {**figures(4.0, "stage 1"), **figures(1.0)},
+               "a/two": {**figures(8.0, "stage 1"), **figures(2.5)}}
     lines = card_text.errors(results, {"a/two": {"mean_mm": 0.4, "entered_mm": 0.2, "alive_mm": 31.0}})
     assert lines == ["| clip | floor | alive | stage 1 | stages 1-3 | p99 | E_n |", "|---|---|---|---|---|---|---|",
                      "| `a/one` | - / - | - | 4.0 | **1.0 ± 0.5** | 10 | 2.0 |",

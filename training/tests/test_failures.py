@@ -33,8 +33,9 @@ def errors(path, clip):
     return metrics.distances_mm(positions, item.truth)
 
 
-def test_the_worst_frames_are_pictured_one_a_clip(made, tiny, tmp_path, capsys):
+def test_the_worst_frames_are_pictured_one_a_clip(made, tiny, tmp_path, capsys, monkeypatch):
     from matplotlib import image
+    monkeypatch.setattr(familiarity, "KEPT_EVERY", 1)
     path, clips = made
     out = tmp_path / "out"
     assert failures.main([path, *clips, clips[0], "-o", str(out), "--count", "2", "--training", str(tiny)]) == 0
@@ -46,12 +47,13 @@ def test_the_worst_frames_are_pictured_one_a_clip(made, tiny, tmp_path, capsys):
         distance = measured[row["clip"]]
         frame = distance.mean(1).argmax()
         assert row["frame"] == frame and row["second"] == round(frame / 30, 2)
-        assert abs(row["mean_mm"] - distance[frame].mean()) < 0.051 and abs(row["max_mm"] - distance[frame].max()) < 0.051
+        assert abs(row["mean_mm"] - distance[frame].mean()) < 0.051
+        assert abs(row["max_mm"] - distance[frame].max()) < 0.051
         assert abs(row["clip_mean_mm"] - distance.mean()) < 0.051 and row["shift_mm"] <= row["mean_mm"] + 0.1
-        assert row["motion_away"] < 1e-3 and row["most_alike"] == row["clip"] or frame % familiarity.KEPT_EVERY
+        assert row["motion_away"] == 0 and row["most_alike"] == row["clip"]       # the clip is in that folder
         picture = image.imread(str(out / row["picture"]))[..., :3]
         assert (out / row["picture"]).stat().st_size < 150_000 and picture.shape[0] > failure_pictures.SIZE
-        assert ((picture[..., 2] > 1.2 * picture[..., 0]).mean(), (picture.min(-1) < 0.3).mean()) > (0.01, 0.0)
+        assert (picture[..., 2] > 1.2 * picture[..., 0]).mean() > 0.01            # blue cloth
     assert sorted(p.name for p in out.iterdir()) == sorted(["failures.json", *(row["picture"] for row in rows)])
     assert capsys.readouterr().out.count("worst at") == 4
 
@@ -94,7 +96,8 @@ def test_distance_to_training_is_that_of_plain_loops(made, tiny, monkeypatch):
     pose = network.pose_of(sequence.read(clips[2]).joint_matrices, rig, torch.float32)
     away, alike = known.distance(pose)
     asked = familiarity.windows(net, pose)
-    wanted = [min((float(np.sqrt(np.mean((a - w) ** 2))), name) for w, name in zip(known.windows, known.clips)) for a in asked]
+    wanted = [min((float(np.sqrt(np.mean((a - w) ** 2))), name) for w, name in zip(known.windows, known.clips))
+              for a in asked]
     assert np.allclose(away, [w for w, _ in wanted], atol=2e-3) and alike[-1] == wanted[-1][1]
     monkeypatch.setattr(familiarity.dataset, "HELD_OUT", ("a/held", "a/one", "a/two"))
     with pytest.raises(ValueError, match="no clips but held-out"):
@@ -102,7 +105,8 @@ def test_distance_to_training_is_that_of_plain_loops(made, tiny, monkeypatch):
 
 
 def test_colours_and_scale():
-    assert failure_pictures.limit_mm([np.full(100, 3.0)]) == 20 and failure_pictures.limit_mm([np.full(9, 41.0), np.ones(9)]) == 60
+    assert failure_pictures.limit_mm([np.full(100, 3.0)]) == 20
+    assert failure_pictures.limit_mm([np.full(9, 41.0), np.ones(9)]) == 60
     colours = failure_pictures.colours([0, 30, 60, 500], 60)
     assert np.allclose(colours[0], failure_pictures.STOPS[0][1]) and np.allclose(colours[2], colours[3])
     assert np.allclose(colours[1], dict(failure_pictures.STOPS)[0.5])
@@ -122,7 +126,8 @@ def test_the_picture_looks_at_the_error():
 
 
 @pytest.mark.parametrize("broken,message", [("no truth", "no truth to compare"), ("no file", "gone.safetensors"),
-                                            ("other garment", "the network makes"), ("no bundle", "expected 'dcloth-bundle'")])
+                                            ("other garment", "the network makes"),
+                                            ("no bundle", "expected 'dcloth-bundle'")])
 def test_what_cannot_be_pictured_is_refused(made, tmp_path, capsys, broken, message):
     path, clips = made
     item = sequence.read(clips[0])

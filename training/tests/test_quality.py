@@ -92,7 +92,8 @@ def test_torn_frames_are_counted(data, tmp_path):
     sequence.write(str(path), clip)
     rows = by_name(run(data, tmp_path / "report", "--pictures", "0")[1])
     assert rows["mocap/walk"]["torn_share"] == round(3 / 44, 4) and rows["mocap/run"]["torn_share"] == 0
-    line = next(line for line in (tmp_path / "report" / "report.md").read_text().splitlines() if "scripted and recorded" in line)
+    text = (tmp_path / "report" / "report.md").read_text()
+    line = next(line for line in text.splitlines() if "scripted and recorded" in line)
     assert f"{3 / 44:.2%} (1 files)" in line
 
 

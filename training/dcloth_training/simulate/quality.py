@@ -142,8 +142,10 @@ def main(arguments=None):
     parser.add_argument("--data", required=True, help="ground truth made by run.py")
     parser.add_argument("-o", "--out", required=True, help="folder of the report")
     parser.add_argument("--floor", help="JSON of floor.py; default: floor.json in --data if there")
-    parser.add_argument("--every", type=int, default=1, help="measure every so many frames; above 1 speeds are the manifest's")
-    parser.add_argument("--pictures", type=int, help="draw so many clips at most, those whose figures stand out; 0: none")
+    parser.add_argument("--every", type=int, default=1,
+                        help="measure every so many frames; above 1 speeds are the manifest's")
+    parser.add_argument("--pictures", type=int,
+                        help="draw so many clips at most, those whose figures stand out; 0: none")
     parser.add_argument("--workers", type=int, default=1, help="clips at a time")
     options = parser.parse_args(arguments)
     if options.every < 1 or options.workers < 1 or (options.pictures or 0) < 0:
@@ -155,7 +157,8 @@ def main(arguments=None):
     except (OSError, ValueError, safetensors_io.SafetensorsError) as error:
         print(f"quality: {error}", file=sys.stderr)
         return 2
-    quality_text.write(options.out, {"report.json": json.dumps(found, indent=1), "report.md": quality_text.markdown(found),
+    quality_text.write(options.out, {"report.json": json.dumps(found, indent=1),
+                                     "report.md": quality_text.markdown(found),
                                      "index.html": quality_page.page(found)})
     faults = [row for row in found["clips"] if row["fault"]]
     for row in faults:

@@ -87,7 +87,8 @@ def measure(path, data, character, every=1):
 def pictured(figures):
     """[(frame, what it shows)] of a clip's strip: evenly spaced frames, then those that stand out."""
     out = {int(f): "" for f in np.linspace(0, figures["frames"] - 1, EVEN_PICTURES)}
-    for key, word in (("stretch_max_frame", "most stretched"), ("folded_max_frame", "most folded"), ("speed_max_frame", "fastest")):
+    for key, word in (("stretch_max_frame", "most stretched"), ("folded_max_frame", "most folded"),
+                      ("speed_max_frame", "fastest")):
         if figures[key] is not None:
             before = out.pop(figures[key], "")
             out[figures[key]] = f"{before}, {word}" if before else word

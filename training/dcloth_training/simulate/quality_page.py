@@ -1,14 +1,16 @@
-"""The quality report as one HTML page: every clip's strip of pictures with its figures, sorted and filtered in place."""
+"""The quality report as one HTML page: every clip's pictures with its figures, sorted and filtered in place."""
 import html
 
 from . import quality_text
 
 SORTED_BY = (("order", "listed order", None), ("stretch_max", "stretch, largest", "stretch_max"),
-             ("stretch_p99", "stretch, 99th percentile", "stretch_p99"), ("torn", "torn frames", "torn_share"), ("folded", "folds", "folded_max"),
+             ("stretch_p99", "stretch, 99th percentile", "stretch_p99"), ("torn", "torn frames", "torn_share"),
+             ("folded", "folds", "folded_max"),
              ("penetration", "penetration", "penetration_max_mm"), ("speed", "speed", "speed_max"),
              ("alive", "motion against the hips", "alive_mm"), ("floor", "floor", "floor_mean_mm"))
 FIGURES = (("frames", "frames", "{:d}"), ("stretch_p99", "stretch p99", "{:.2f}"), ("stretch_max", "max", "{:.2f}"),
-           ("torn_share", "torn frames", "{:.0%}"), ("folded_max", "folded edges", "{:.2%}"), ("penetration_max_mm", "penetration", "{:.1f} mm"),
+           ("torn_share", "torn frames", "{:.0%}"), ("folded_max", "folded edges", "{:.2%}"),
+           ("penetration_max_mm", "penetration", "{:.1f} mm"),
            ("speed_max", "speed", "{:.1f} m/s"), ("alive_mm", "against the hips", "{:.0f} mm"),
            ("floor_mean_mm", "floor", "{:.2f} mm"), ("floor_entered_mm", "entered late", "{:.2f} mm"))
 
@@ -16,14 +18,16 @@ STYLE = """
 :root { color-scheme: light dark; --line: #8884; --soft: #8882; }
 body { font: 14px/1.45 system-ui, sans-serif; margin: 1.5rem auto; max-width: 1640px; padding: 0 1rem; }
 h1 { font-size: 1.5rem; margin: 0 0 .3rem; } h2 { font-size: 1.1rem; margin: 2rem 0 .5rem; }
-table { border-collapse: collapse; } td, th { padding: .15rem .7rem .15rem 0; text-align: left; border-bottom: 1px solid var(--line); }
+table { border-collapse: collapse; }
+td, th { padding: .15rem .7rem .15rem 0; text-align: left; border-bottom: 1px solid var(--line); }
 td.n { text-align: right; font-variant-numeric: tabular-nums; }
-nav { position: sticky; top: 0; background: Canvas; padding: .6rem 0; border-bottom: 1px solid var(--line); z-index: 1; display: flex;
-  gap: .8rem; flex-wrap: wrap; align-items: center; }
+nav { position: sticky; top: 0; background: Canvas; padding: .6rem 0; border-bottom: 1px solid var(--line);
+  z-index: 1; display: flex; gap: .8rem; flex-wrap: wrap; align-items: center; }
 article { margin: 0 0 1.1rem; } article p { margin: 0 0 .2rem; }
 article img { display: block; max-width: 100%; height: auto; border-radius: 6px; background: #f5f5f2; }
 b { font-weight: 600; } .f { margin-left: 1rem; white-space: nowrap; } .f i { font-style: normal; opacity: .65; }
-.fault { color: #c0392b; font-weight: 600; } .tag { background: var(--soft); border-radius: 4px; white-space: nowrap; padding: 0 .4rem; margin-left: .5rem; }
+.fault { color: #c0392b; font-weight: 600; }
+.tag { background: var(--soft); border-radius: 4px; white-space: nowrap; padding: 0 .4rem; margin-left: .5rem; }
 """
 SCRIPT = """
 const all = [...document.querySelectorAll("article")], list = document.getElementById("clips");
@@ -59,16 +63,18 @@ def article(order, row):
     fault = f'<span class="f fault">{html.escape(row["fault"])}</span>' if row["fault"] else ""
     strip = (f'<img src="{html.escape(row["picture"])}" loading="lazy" alt="frames of {html.escape(row["clip"])}">'
              if row["picture"] else "")
-    return (f'<article {data}><p><b>{html.escape(row["clip"])}</b><span class="tag">{row["group"].replace("_", " ")}</span> '
+    return (f'<article {data}><p><b>{html.escape(row["clip"])}</b>'
+            f'<span class="tag">{row["group"].replace("_", " ")}</span> '
             f'{figure_text(row)} {fault}</p>{strip}</article>')
 
 
 def markdown_table(lines):
     """A Markdown table's lines as an HTML table; figures stand to the right."""
-    cells = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in lines if not line.startswith("|---")]
+    cells = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in lines
+             if not line.startswith("|---")]
     head = "".join(f"<th>{html.escape(c)}</th>" for c in cells[0])
-    body = "".join("<tr>" + "".join(f"<td{' class=n' if c[:1].isdigit() else ''}>{html.escape(c)}</td>" for c in row) + "</tr>"
-                   for row in cells[1:])
+    body = "".join("<tr>" + "".join(f"<td{' class=n' if c[:1].isdigit() else ''}>{html.escape(c)}</td>" for c in row)
+                   + "</tr>" for row in cells[1:])
     return f"<table><tr>{head}</tr>{body}</table>"
 
 
@@ -84,8 +90,8 @@ def page(found):
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>Ground truth {html.escape(found['data'])}</title>", f"<style>{STYLE}</style>",
         f"<h1>Ground truth {html.escape(found['data'])}</h1>",
-        f"<p>{len(rows)} files, {frames:,} frames, {found['cloth_vertices']:,} cloth vertices, {found['cloth_faces']:,} triangles; "
-        f"root motion: {html.escape(regimes)}. {quality_text.MEANING}</p>",
+        f"<p>{len(rows)} files, {frames:,} frames, {found['cloth_vertices']:,} cloth vertices, "
+        f"{found['cloth_faces']:,} triangles; root motion: {html.escape(regimes)}. {quality_text.MEANING}</p>",
         markdown_table(quality_text.summary(rows)),
         "<nav><label>sort by <select id=sort>"
         + "".join(f"<option value={word}>{title}</option>" for word, title, key in SORTED_BY

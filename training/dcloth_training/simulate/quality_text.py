@@ -5,17 +5,19 @@ import numpy as np
 
 COLUMNS = (("clip", "clip"), ("frames", "frames"), ("seed", "seed"), ("stretch_p99", "stretch p99"),
            ("stretch_max", "stretch max"), ("stretch_max_frame", "at frame"),
-           ("torn_share", "torn frames"), ("folded_max", "folded edges"), ("folded_max_frame", "at frame"), ("penetration_max_mm", "penetration mm"),
+           ("torn_share", "torn frames"), ("folded_max", "folded edges"), ("folded_max_frame", "at frame"),
+           ("penetration_max_mm", "penetration mm"),
            ("speed_max", "speed max m/s"), ("speed_mean", "speed mean m/s"), ("alive_mm", "against the hips mm"),
-           ("floor_mean_mm", "floor mm"), ("floor_entered_mm", "floor, entered late mm"), ("sha256", "SHA-256"), ("fault", "fault"))
+           ("floor_mean_mm", "floor mm"), ("floor_entered_mm", "floor, entered late mm"), ("sha256", "SHA-256"),
+           ("fault", "fault"))
 GROUPS = (("held_out", "Held out: never trained on"), ("training", "Training: scripted and recorded"),
           ("random", "Training: random procedural"), ("variation", "Training: variations"),
           ("drapes", "Quasi-static drapes"))
-MEANING = ("Stretch is edge length over rest length; p99 and max are of the worst frame. A frame is torn where an edge is four "
-           "times its length: a limb went through the cloth. Folded edges are the share at which the cloth is bent by more than "
-           "120 degrees. Against the hips is the mean distance of the cloth from its mean shape in the hips' frame. The floor is "
-           "the mean distance between two simulations of the clip that differ by 0.05 % of the garment's radius: no network can "
-           "be expected to do better.")
+MEANING = ("Stretch is edge length over rest length; p99 and max are of the worst frame. A frame is torn where an edge "
+           "is four times its length: a limb went through the cloth. Folded edges are the share at which the cloth is "
+           "bent by more than 120 degrees. Against the hips is the mean distance of the cloth from its mean shape in "
+           "the hips' frame. The floor is the mean distance between two simulations of the clip that differ by 0.05 % "
+           "of the garment's radius: no network can be expected to do better.")
 
 
 def _cell(row, key):
@@ -34,8 +36,9 @@ def table(rows):
 
 def summary(rows):
     """One row a group: how much there is, the worst of everything and the mean floor."""
-    lines = ["| group | files | frames | stretch p99 | stretch max | torn frames | folded edges | penetration mm | speed max m/s "
-             "| against the hips mm, mean | floor mm, mean (clips) | floor mm, worst clip | against the hips / floor |", "|---" * 13 + "|"]
+    lines = ["| group | files | frames | stretch p99 | stretch max | torn frames | folded edges | penetration mm "
+             "| speed max m/s | against the hips mm, mean | floor mm, mean (clips) | floor mm, worst clip "
+             "| against the hips / floor |", "|---" * 13 + "|"]
     for group, title in GROUPS:
         own = [row for row in rows if row["group"] == group]
         if not own:
