@@ -28,6 +28,6 @@ def save(path, image, texts=(), colours=256):
     pen = ImageDraw.Draw(pixels)
     for x, y, text, size in texts:
         pen.text((x, y), text, fill=TEXT_COLOUR, font=_font(abs(size), size < 0))
-    few = pixels.quantize(colours, method=Image.Quantize.MEDIANCUT, kmeans=2)
+    few = pixels.quantize(colours, kmeans=2)     # median cut, then refined
     few.save(f"{path}.part", "PNG", optimize=True)
     os.replace(f"{path}.part", path)
