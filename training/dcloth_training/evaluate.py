@@ -57,6 +57,17 @@ def table(results):
     return "\n".join(lines)
 
 
+def write(results, prefix, picture=True):
+    """prefix.json, prefix.txt and, unless `picture` is false, prefix.png."""
+    with open(prefix + ".json", "w") as file:
+        json.dump(results, file, indent=1)
+    with open(prefix + ".txt", "w") as file:
+        file.write(table(results) + "\n")
+    if picture:
+        plots.bars({clip: {level: m["position_mm"]["mean"] for level, m in row.items()}
+                    for clip, row in results.items()}, prefix + ".png")
+
+
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("bundle")
@@ -70,15 +81,9 @@ def main(argv=None):
     for path in options.sequences:
         item = sequence.read(path)
         results[item.clip or path] = evaluate(net, rig, faces, item, path)
-    text = table(results)
-    print(text)
+    print(table(results))
     if options.output:
-        with open(options.output + ".json", "w") as file:
-            json.dump(results, file, indent=1)
-        with open(options.output + ".txt", "w") as file:
-            file.write(text + "\n")
-        plots.bars({clip: {level: m["position_mm"]["mean"] for level, m in row.items()}
-                    for clip, row in results.items()}, options.output + ".png")
+        write(results, options.output)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,14 @@
 """Quality report: right numbers, wrong files found, every clip pictured."""
 import hashlib
 import json
+import re
 import shutil
 
 import numpy as np
 import pytest
 
 from dcloth_training import safetensors_io, sequence
-from dcloth_training.simulate import clips, quality, quality_text
+from dcloth_training.simulate import clips, quality, quality_clip, quality_text
 
 
 @pytest.fixture
@@ -27,7 +28,8 @@ def data(tiny, tmp_path):
                       "sunken_share": 0.0, "seconds_per_frame": 0.02,
                       "sha256": hashlib.sha256(path.read_bytes()).hexdigest()})
     lines += [{"clip": "mocap/punch", "kind": "dynamic", "refused": "stretch_p99 is 3, limit 1.6"},
-              {"clip": "drapes-00", "kind": "static", "frames": 10}]
+              {"clip": "drapes-00", "kind": "static", "frames": 10, "penetration_max_mm": 0.5, "sunken_share": 0.0,
+               "sha256": hashlib.sha256((folder / "static" / "drapes-00.safetensors").read_bytes()).hexdigest()}]
     stale = dict(lines[0], sha256="0" * 64)         # an older simulation: the last line counts
     (folder / "manifest.jsonl").write_text("".join(json.dumps(e) + "\n" for e in [stale, *lines]))
     return folder
@@ -43,11 +45,11 @@ def by_name(found):
 
 
 def test_numbers_are_those_of_the_files(data, tmp_path):
-    status, found = run(data, tmp_path / "report", "--no-pictures")
+    status, found = run(data, tmp_path / "report", "--pictures", "0")
     rows = by_name(found)
-    assert status == 0 and [row["clip"] for row in found["clips"]] == ["mocap/run", "mocap/walk",
-                                                                       "mocap/jump~2"]
-    assert [row["group"] for row in found["clips"]] == ["held_out", "training", "variation"]
+    assert status == 0 and [row["clip"] for row in found["clips"]] == ["mocap/run", "mocap/walk", "mocap/jump~2",
+                                                                       "drapes-00"]
+    assert [row["group"] for row in found["clips"]] == ["held_out", "training", "variation", "drapes"]
     character, _ = safetensors_io.read(str(data / "character.safetensors"))
     clip = sequence.read(str(data / "dynamic" / "mocap-run.safetensors"))
     rest, largest, fastest = character["cloth_template"], 0.0, 0.0
@@ -70,29 +72,126 @@ def test_numbers_are_those_of_the_files(data, tmp_path):
         assert needed in text
 
 
-def test_every_clip_is_pictured_and_sheets_are_split(data, tmp_path, monkeypatch):
+def test_motion_against_the_hips_and_drapes(data, tmp_path):
+    clip = sequence.read(str(data / "dynamic" / "mocap-run.safetensors"))
+    local = []
+    for pose, cloth in zip(clip.joint_matrices, clip.truth):      # plain loops, frame by frame
+        local.append((cloth - pose[0, :3, 3]) @ pose[0, :3, :3])
+    wanted = 1e3 * np.mean([np.linalg.norm(frame - np.mean(local, 0), axis=-1) for frame in local])
+    rows = by_name(run(data, tmp_path / "report", "--pictures", "0")[1])
+    assert abs(rows["mocap/run"]["alive_mm"] - wanted) <= 0.05 + 1e-3 and wanted > 1
+    drapes = rows["drapes-00"]
+    assert drapes["frames"] == 10 and drapes["speed_max"] is None and drapes["alive_mm"] is None
+
+
+def test_torn_frames_are_counted(data, tmp_path):
+    path = data / "dynamic" / "mocap-walk.safetensors"
+    clip = sequence.read(str(path))
+    rest = safetensors_io.read(str(data / "character.safetensors"))[0]["cloth_template"]
+    clip.truth[[3, 4, 20], 17] += 6 * (rest[0] - rest[10])        # one vertex six rings away from its neighbours
+    sequence.write(str(path), clip)
+    rows = by_name(run(data, tmp_path / "report", "--pictures", "0")[1])
+    assert rows["mocap/walk"]["torn_share"] == round(3 / 44, 4) and rows["mocap/run"]["torn_share"] == 0
+    text = (tmp_path / "report" / "report.md").read_text()
+    line = next(line for line in text.splitlines() if "scripted and recorded" in line)
+    assert f"{3 / 44:.2%} (1 files)" in line
+
+
+def test_folds_are_found():
+    flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0], [1, 2, 0]], float)
+    faces = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]])
+    pairs = quality_clip.hinges(faces)
+    assert sorted(map(tuple, np.sort(pairs, 1).tolist())) == [(0, 1), (1, 2), (2, 3)]
+    bent = []
+    for angle in (0.0, 1.9, 2.4, 3.1):      # the upper half turned about the middle edge; 120 degrees are 2.09
+        moved = flat.copy()
+        moved[4:] = [[x, 1 + np.cos(angle), np.sin(angle)] for x in (0, 1)]
+        bent.append(moved)
+    assert quality_clip.folded(np.stack(bent), faces, pairs).tolist() == [0, 0, 1 / 3, 1 / 3]
+
+
+def test_every_clip_is_pictured_on_the_page(data, tmp_path):
     from matplotlib import image
-    monkeypatch.setattr(quality, "ROWS_A_SHEET", 2)
     status, found = run(data, tmp_path / "report")
-    assert status == 0 and found["sheets"] == ["sheet-01.png", "sheet-02.png"]
-    shapes = [image.imread(str(tmp_path / "report" / name)).shape[:2] for name in found["sheets"]]
-    size = quality.PICTURE_SIZE
-    assert [s[0] for s in shapes] == [2 * size, size] and {s[1] for s in shapes} == {6 * size}
-    picture = image.imread(str(tmp_path / "report" / "sheet-02.png"))[..., :3]
-    blue = (picture[..., 2] > 1.3 * picture[..., 0]).reshape(size, 6, size).sum((0, 2))
-    assert (blue > 50).all()                         # cloth in each of the six pictures
+    page = (tmp_path / "report" / "index.html").read_text()
+    assert status == 0 and page.count("<article ") == 4 == page.count("<img ")
+    for row in found["clips"]:
+        assert f'data-name="{row["clip"]}"' in page and f'src="{row["picture"]}"' in page
+        picture = image.imread(str(tmp_path / "report" / row["picture"]))[..., :3]
+        size = quality_clip.PICTURE_SIZE
+        count = len(quality_clip.pictured(row))
+        assert 3 <= count <= 7 and picture.shape == (size, size * count, 3)
+        blue = (picture[..., 2] > 1.3 * picture[..., 0]).reshape(size, count, size).sum((0, 2))
+        assert (blue > 50).all()                         # cloth in each of the pictures
+    assert not re.search(r'(src|href)="?(https?:)?//', page)     # nothing from elsewhere
+
+
+def test_names_cannot_break_the_page(data, tmp_path):
+    path = data / "dynamic" / "mocap-walk.safetensors"
+    clip = sequence.read(str(path))
+    clip.clip = '<b>"&'
+    sequence.write(str(path), clip)
+    status, found = run(data, tmp_path / "report", "--pictures", "0")
+    page = (tmp_path / "report" / "index.html").read_text()
+    assert status == 1 and "<b><b>" not in page and "&lt;b&gt;&quot;&amp;" in page
+
+
+def test_an_interrupted_report_goes_on(data, tmp_path, monkeypatch):
+    out, read = tmp_path / "report", []
+    honest = sequence.read
+    monkeypatch.setattr(sequence, "read", lambda path: read.append(path) or honest(path))
+    _, first = run(data, out, "--pictures", "1")
+    assert [bool(row["picture"]) for row in first["clips"]].count(True) == 1 and len(read) == 4 + 1
+    assert (out / "index.html").read_text().count("<img ") == 1
+    read.clear()
+    _, second = run(data, out)
+    assert all(row["picture"] for row in second["clips"]) and len(read) == 3      # what had no picture yet
+    read.clear()
+    _, third = run(data, out)
+    assert third == second and not read
+    clip = honest(str(data / "dynamic" / "mocap-run.safetensors"))
+    clip.truth[3] *= 1.2
+    sequence.write(str(data / "dynamic" / "mocap-run.safetensors"), clip)
+    status, fourth = run(data, out)
+    assert set(read) == {str(data / "dynamic" / "mocap-run.safetensors")}
+    assert status == 1 and by_name(fourth)["mocap/run"]["stretch_max"] != by_name(third)["mocap/run"]["stretch_max"]
+    read.clear()
+    (out / "clips" / "mocap-walk.json").write_text("{")                          # torn: made anew
+    assert by_name(run(data, out)[1]) == by_name(fourth) and len(read) == 2
+
+
+def test_fewer_frames_and_more_workers(data, tmp_path):
+    lines = [json.loads(line) for line in (data / "manifest.jsonl").read_text().splitlines()]
+    for line in lines:
+        if line["clip"] == "mocap/run":
+            line.update(stretch_p99=1.55, speed_max=12.5, speed_mean=1.25)
+    (data / "manifest.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    _, whole = run(data, tmp_path / "whole", "--pictures", "0")
+    _, some = run(data, tmp_path / "some", "--pictures", "0", "--every", "7", "--workers", "2")
+    whole, some = by_name(whole)["mocap/run"], by_name(some)["mocap/run"]
+    assert some["stretch_max"] <= whole["stretch_max"] and some["stretch_max_frame"] % 7 == 0
+    assert some["stretch_p99"] == 1.55 == whole["stretch_p99"]    # the manifest knows of more frames
+    assert (some["speed_max"], some["speed_mean"]) == (12.5, 1.25) and whole["speed_max"] < 12.5
+
+
+def test_what_stands_out_comes_first():
+    plain = {"torn_share": 0.0, "stretch_max": 1.1, "stretch_p99": 1.0, "folded_max": 0.0, "speed_max": 1.0,
+             "penetration_max_mm": 0.0, "fault": None}
+    rows = [plain, {**plain, "stretch_max": 1.2}, {**plain, "folded_max": 0.1}, {**plain, "fault": "torn"},
+            {**plain, "speed_max": None, "penetration_max_mm": None}]
+    # A fault first, then whoever leads in a figure (row 0 in speed, before those as fast), then the rest.
+    assert quality.standing_out(rows) == [3, 0, 1, 2, 4]
 
 
 def test_floor_is_shown_beside_the_clip(data, tmp_path):
     path = tmp_path / "floor.json"
     path.write_text(json.dumps({"clips": [{"clip": "mocap/run", "mean_mm": 2.5, "end_mm": 4.0,
                                            "entered_mm": 1.5, "alive_mm": 50.0}]}))
-    _, found = run(data, tmp_path / "report", "--no-pictures", "--floor", str(path))
+    _, found = run(data, tmp_path / "report", "--pictures", "0", "--floor", str(path))
     row = by_name(found)["mocap/run"]
-    assert (row["floor_mean_mm"], row["floor_end_mm"], row["floor_entered_mm"], row["alive_mm"]) == (
-        2.5, 4.0, 1.5, 50.0)
+    assert (row["floor_mean_mm"], row["floor_end_mm"], row["floor_entered_mm"]) == (2.5, 4.0, 1.5)
     line = next(line for line in quality_text.summary(found["clips"]) if "Held out" in line)
-    assert "2.50 (1)" in line and line.rstrip(" |").endswith("20")
+    assert "2.50 (1)" in line and line.rstrip(" |").endswith(f"{row['alive_mm'] / 2.5:.0f}")
 
 
 @pytest.mark.parametrize("seeded,expected", [
@@ -114,7 +213,7 @@ def test_a_seeded_fault_is_found(data, tmp_path, capsys, seeded, expected):
     if seeded == "unlisted":
         lines.remove(entry)
     (data / "manifest.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    status, found = run(data, tmp_path / "report", "--no-pictures")
+    status, found = run(data, tmp_path / "report", "--pictures", "0")
     assert status == 1 and expected in by_name(found)["mocap/walk"]["fault"]
     assert "mocap/walk: " in capsys.readouterr().out
     assert by_name(found)["mocap/run"]["fault"] is None
@@ -136,7 +235,7 @@ def test_unusable_data_is_refused_with_the_place(data, tmp_path, capsys, broken,
     else:
         clip.truth = clip.truth[:, :-1] if broken == "other garment" else None
         sequence.write(str(path), clip)
-    status, found = run(data, tmp_path / "report", "--no-pictures")
+    status, found = run(data, tmp_path / "report", "--pictures", "0")
     assert status == 2 and found is None and message in capsys.readouterr().err
 
 

@@ -5,10 +5,10 @@ import struct
 import numpy as np
 import pytest
 
-from dcloth_training import safetensors_io, sequence
+from dcloth_training import raster, safetensors_io, sequence
 from dcloth_training.motion import procedural, skeleton
-from dcloth_training.simulate import (checks, clips, cloth_job, garment, mannequin, render,
-                                      settings, statics)
+from dcloth_training.simulate import (checks, clips, cloth_job, garment, mannequin, settings,
+                                      statics)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def test_mannequin_is_closed_weighted_and_clear_of_the_skirt(body):
     assert (body.weights > 0).sum(1).max() <= mannequin.MAX_INFLUENCES
     keep, faces = mannequin.collider_mesh(body)
     assert 1000 < len(keep) < len(body.vertices) and faces.max() < len(keep)
-    normals = render.vertex_normals(body.vertices[keep], faces)
+    normals = raster.vertex_normals(body.vertices[keep], faces)
     depth = checks.penetration(garment.skirt().vertices, body.vertices[keep], normals)
     assert depth.max() == 0.0
 
@@ -117,17 +117,6 @@ def test_one_bad_drape_does_not_take_the_others_with_it(body):
     kept, good = checks.drapes(cloth_job.Result(cloth, rest, 1.0), body, skirt)
     assert good.tolist() == [True, False, True]
     assert np.array_equal(kept.cloth, cloth[[0, 2]]) and np.array_equal(kept.matrices, rest[[0, 2]])
-
-
-def test_rasteriser_paints_the_nearer_side():
-    canvas = render.Canvas(40, 2.0, (0, 0, 0), yaw=0.0, pitch=0.0)
-    square = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    canvas.draw(square, faces, (0, 1, 0), (1, 0, 0))
-    assert canvas.colour[20, 20, 1] > 0.5 and canvas.colour[20, 20, 0] < 0.1
-    canvas.draw(square + [0, 0, 0.1], faces[:, ::-1], (0, 1, 0), (1, 0, 0))
-    assert canvas.colour[20, 20, 0] > 0.5 and canvas.colour[20, 20, 1] < 0.1
-    assert np.allclose(canvas.colour[1, 1], render.BACKGROUND)
 
 
 def test_sequence_round_trip_and_refusal(tmp_path):

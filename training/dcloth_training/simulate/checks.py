@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from ..motion import skeleton
 from . import cloth_job
-from .render import vertex_normals
+from ..raster import vertex_normals
 
 # Beyond these a clip is refused. Set from clips that were looked at, see README.md.
 MAX_STRETCH_P99 = 1.6          # edge length over rest length, 99th percentile of a frame

@@ -1,0 +1,112 @@
+"""Model cards: what is generated agrees with the figures beside it, and words written by hand stay."""
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+
+from conftest import NAMES, hang, poses
+from dcloth_training import bundle, card, card_text, dataset, export, failure_pictures, safetensors_io, sequence
+
+MODELS = os.path.join(os.path.dirname(__file__), "..", "..", "models")
+README = """# tiny
+<!-- card: network -->
+old
+<!-- card end -->
+By hand.
+<!-- card: errors fixed hips -->
+<!-- card end -->
+<!-- card: failures -->
+<!-- card end -->
+The end.
+"""
+
+
+def figures(mean, level="stages 1-3"):
+    return {level: {"position_mm": {"mean": mean, "std": 0.5, "p99": 10 * mean, "max": 20.0},
+                    "normal_deg": {"mean": 2.0, "std": 1.0, "p99": 9.0}}}
+
+
+@pytest.fixture(scope="module")
+def held(tiny, tmp_path_factory):
+    """Ground truth of the tiny garment with two held-out clips and the floor of one."""
+    folder = tmp_path_factory.mktemp("held") / "data"
+    shutil.copytree(tiny, folder)
+    cloth = safetensors_io.read(str(folder / "character.safetensors"))[0]["cloth_template"]
+    for name, seed in (("a/unseen", 11), ("a/later", 12)):
+        matrices = poses(30, np.random.default_rng(seed)).astype(np.float32)
+        sequence.write(folder / "dynamic" / f"{name.replace('/', '-')}.safetensors", sequence.Sequence(
+            matrices, hang(matrices.astype(np.float64), cloth), NAMES, 30.0, name, "dynamic"))
+    (folder / "floor.json").write_text(json.dumps({"clips": [
+        {"clip": "a/later", "frames": 30, "mean_mm": 0.25, "end_mm": 0.5, "entered_mm": None, "alive_mm": 12.0,
+         "per_frame_mm": [0.1]},
+        {"clip": "a/one", "frames": 40, "mean_mm": 9.0, "end_mm": 9.0, "entered_mm": 9.0, "alive_mm": 9.0}]}))
+    return folder
+
+
+@pytest.fixture
+def model(tiny, trained, tmp_path, monkeypatch):
+    """models/tiny with its bundle and a card."""
+    monkeypatch.setattr(failure_pictures, "SAMPLES", 1)
+    monkeypatch.setattr(dataset, "HELD_OUT", ("a/unseen", "a/later"))
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    net, fitted, character, provenance = export.load_trained(str(trained[1]), str(tiny))
+    bundle.write(folder / "tiny.safetensors", net, fitted, character, provenance)
+    (folder / "README.md").write_text(README)
+    return folder
+
+
+def test_one_command_measures_draws_and_writes(model, held, capsys):
+    assert card.main([str(model), "--fixed-hips", str(held), "--count", "1"]) == 0
+    text = (model / "README.md").read_text()
+    assert "old" not in text and "By hand." in text and text.endswith("<!-- card end -->\nThe end.\n")
+    results = json.loads((model / "errors_fixed_hips.json").read_text())
+    assert list(results) == ["a/unseen", "a/later"] and not (model / "errors.json").exists()
+    mean = results["a/later"]["stages 1-3"]["position_mm"]
+    assert f"**{mean['mean']:.1f} ± {mean['std']:.1f}**" in text and "| `a/later` | 0.2 / - | 12 |" in text
+    assert "| `a/unseen` | - / - | - |" in text and "a/one" not in (model / "floor_fixed_hips.json").read_text()
+    flat = " ".join(text.split())
+    assert "60 vertices, 100 triangles, 30 Hz" in flat and "k_S = 16 over 8 principal components" in flat
+    assert "mesh stage three layers of width 8, MLP 60-16-4, k_M = 4" in flat and "at most 3 bones" in flat
+    rows = json.loads((model / "failures" / "failures.json").read_text())
+    assert len(rows) == 1 and f"](failures/{rows[0]['picture']})" in text
+    assert (model / "failures" / rows[0]["picture"]).exists()
+    rows[0]["why"] = "Because of the wind."
+    (model / "failures" / "failures.json").write_text(json.dumps(rows))
+    assert card.main([str(model), "--check"]) == 1 and (model / "README.md").read_text() == text
+    assert "differs from the figures" in capsys.readouterr().err
+    assert card.main([str(model)]) == 0 and "Because of the wind." in (model / "README.md").read_text()
+    assert card.main([str(model), "--check"]) == 0
+
+
+def test_the_table_of_errors():
+    results = {"a/one": {**figures(4.0, "stage 1"), **figures(1.0)},
+               "a/two": {**figures(8.0, "stage 1"), **figures(2.5)}}
+    lines = card_text.errors(results, {"a/two": {"mean_mm": 0.4, "entered_mm": 0.2, "alive_mm": 31.0}})
+    assert lines == ["| clip | floor | alive | stage 1 | stages 1-3 | p99 | E_n |", "|---|---|---|---|---|---|---|",
+                     "| `a/one` | - / - | - | 4.0 | **1.0 ± 0.5** | 10 | 2.0 |",
+                     "| `a/two` | 0.4 / 0.2 | 31 | 8.0 | **2.5 ± 0.5** | 25 | 2.0 |",
+                     "| mean of the clips | 0.4 / 0.2 | 31 | 6.00 | **1.75** | 18 | 2.0 |"]
+
+
+@pytest.mark.parametrize("text,message", [
+    (README.replace("errors fixed hips", "speed"), "'<!-- card: speed -->': allowed are"),
+    (README.replace("<!-- card end -->\nThe", "The"), "3 marks '<!-- card: PART -->' and 2"),
+    ("# no marks", "0 marks"), (README.replace("<!-- card: failures -->", "<!-- card: failures-->"), "in 2 pairs"),
+    (README, "errors_fixed_hips.json")])
+def test_a_card_that_cannot_be_written_stays_as_it_was(model, capsys, text, message):
+    (model / "README.md").write_text(text)
+    assert card.main([str(model)]) == 2 and message in capsys.readouterr().err
+    assert (model / "README.md").read_text() == text
+
+
+def test_without_held_out_clips_nothing_is_measured(model, tiny, capsys):
+    assert card.main([str(model), "--data", str(tiny)]) == 2
+    assert "none of the held-out clips a/unseen" in capsys.readouterr().err and not (model / "errors.json").exists()
+
+
+@pytest.mark.parametrize("name", sorted(n for n in os.listdir(MODELS) if os.path.isdir(os.path.join(MODELS, n))))
+def test_cards_of_bundled_models_agree_with_their_figures(name):
+    assert card.main([os.path.join(MODELS, name), "--check"]) == 0
