@@ -43,16 +43,21 @@ class Walk {
  public:
   Walk(const PosedBody& posed, Vec point) : posed_(posed), point_(point) {}
 
-  // True where a face around `vertex` is nearer than all before. A vertex that was looked around has nothing new.
-  bool LookAround(uint32_t vertex) {
-    const format::BodyView& body = *posed_.body;
-    bool nearer = false;
-    for (size_t i = 0; i < seen_count_; ++i) {
-      if (seen_[i] == vertex) return false;
+  void From(uint32_t start) {
+    LookAround(start);
+    for (uint32_t step = 0; step < kMaxSteps && found_; ++step) {
+      const uint16_t* corners = posed_.body->faces + size_t{3} * face_;
+      bool nearer = false;
+      for (size_t c = 0; c < 3; ++c) nearer |= LookAround(corners[c]);
+      if (!nearer) break;
     }
-    if (seen_count_ < kMostSeen) seen_[seen_count_++] = vertex;
-    for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) nearer |= LookAt(body.columns[i]);
-    return nearer;
+  }
+
+  bool HasSeen(uint32_t vertex) const {
+    for (size_t i = 0; i < seen_count_; ++i) {
+      if (seen_[i] == vertex) return true;
+    }
+    return false;
   }
 
   ClosestPoint Result() const {
@@ -68,10 +73,17 @@ class Walk {
     return result;
   }
 
-  uint32_t face() const { return face_; }
-  bool found() const { return found_; }
-
  private:
+  // True where a face around `vertex` is nearer than all before. A vertex that was looked around has nothing new.
+  bool LookAround(uint32_t vertex) {
+    if (HasSeen(vertex)) return false;
+    if (seen_count_ < kMostSeen) seen_[seen_count_++] = vertex;
+    const format::BodyView& body = *posed_.body;
+    bool nearer = false;
+    for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) nearer |= LookAt(body.columns[i]);
+    return nearer;
+  }
+
   Vec Corner(uint32_t face, size_t corner) const {
     const float* p = posed_.positions + size_t{3} * posed_.body->faces[size_t{3} * face + corner];
     return {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
@@ -114,16 +126,17 @@ class Walk {
 
 }  // namespace
 
-ClosestPoint SearchBody(const PosedBody& posed, uint32_t start, const double point[3]) {
-  Walk walk(posed, {point[0], point[1], point[2]});
-  walk.LookAround(start);
-  for (uint32_t step = 0; step < kMaxSteps && walk.found(); ++step) {
-    const uint16_t* corners = posed.body->faces + size_t{3} * walk.face();
-    bool nearer = false;
-    for (size_t c = 0; c < 3; ++c) nearer |= walk.LookAround(corners[c]);
-    if (!nearer) break;
-  }
-  return walk.Result();
+ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second, const double point[3]) {
+  const Vec from = {point[0], point[1], point[2]};
+  Walk walk(posed, from);
+  walk.From(first);
+  const ClosestPoint closest = walk.Result();
+  if (walk.HasSeen(second)) return closest;
+  Walk other(posed, from);
+  other.From(second);
+  const ClosestPoint found = other.Result();
+  const bool nearer = found.found && (!closest.found || std::fabs(found.distance) < std::fabs(closest.distance));
+  return nearer ? found : closest;
 }
 
 }  // namespace dcloth::engine
