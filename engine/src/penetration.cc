@@ -66,13 +66,14 @@ void PlaceFaces(const BodyView& body, float clearance, const BodyMemory& memory)
   }
   for (size_t f = 0; f < body.face_count; ++f) {
     const uint16_t* face = body.faces + 3 * f;
+    const float* const p[3] = {positions + size_t{3} * face[0], positions + size_t{3} * face[1],
+                               positions + size_t{3} * face[2]};
     float longest = 0;
     for (size_t c = 0; c < 3; ++c) {
-      const size_t from = face[c], to = face[c == 2 ? 0 : c + 1];
-      const float *p = positions + 3 * from, *q = positions + 3 * to;
-      memory.offsets[from] = Larger(Height(normals + 3 * from, q), memory.offsets[from]);
-      memory.offsets[to] = Larger(Height(normals + 3 * to, p), memory.offsets[to]);
-      const float edge[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]};
+      const float *n = normals + size_t{3} * face[c], *next = p[(c + 1) % 3], *last = p[(c + 2) % 3];
+      const float highest = Larger(Height(n, next), Height(n, last));
+      memory.offsets[face[c]] = Larger(highest, memory.offsets[face[c]]);
+      const float edge[3] = {next[0] - p[c][0], next[1] - p[c][1], next[2] - p[c][2]};
       longest = Larger(Height(edge, edge), longest);
     }
     const float slack = longest < kFar ? kThird * longest : kFar;

@@ -1,11 +1,11 @@
-// Lanes are points, or groups where a box is held against many. The patch's box leaves a list of the groups that may hold
-// its points' nearest sites or suspects; a block of two vectors of points looks into the group nearest to one of them, then
-// into those of the list that may still matter to any. That asks how near alone; which sites they were is asked again for
-// the few blocks that have a suspect. Rejected, by time or by counted looks on the bundled skirt: spheres in place of boxes
-// (a third more groups are looked into); blocks along the mesh's own order (a quarter more); a shorter list for each block;
-// groups of eight sites; to ask first whether any group may hold a suspect, by a cone or a box around its normals;
-// Highway's CompressStore, whose table is copied to the stack in every call. And a descent along the body's edges from a
-// stored start, which stays on the limb it starts from (NETWORK.md, "Penetration").
+// Lanes are points, or groups where a box is held against many. The patch's box leaves a list of the groups that may
+// hold its points' nearest sites or suspects; a block of two vectors of points looks into the group nearest to one of
+// them, then into those of the list that may still matter to any. That asks how near alone; which sites they were is
+// asked again for the few blocks that have a suspect. Rejected, by time or by counted looks on the bundled skirt:
+// spheres in place of boxes (a third more groups are looked into); blocks along the mesh's own order (a quarter more);
+// a shorter list for each block; groups of eight sites; to ask first whether any group may hold a suspect, by a cone or
+// a box around its normals; Highway's CompressStore, whose table is copied to the stack in every call. And a descent
+// along the body's edges from a stored start, which stays on the limb it starts from (NETWORK.md, "Penetration").
 #include "kernels/nearest/nearest.h"
 #include "kernels/simd.h"
 

@@ -79,7 +79,8 @@ class NearestTest : public KernelTest {
     }
     std::vector<uint16_t> shuffled(points);
     std::iota(shuffled.begin(), shuffled.end(), uint16_t{0});
-    for (size_t i = points - 1; i > 0; --i) std::swap(shuffled[i], shuffled[random.Below(static_cast<uint32_t>(i + 1))]);
+    for (size_t i = points - 1; i > 0; --i)
+      std::swap(shuffled[i], shuffled[random.Below(static_cast<uint32_t>(i + 1))]);
     for (size_t begin = 0; begin < points; begin += kNearestPatch) {
       const size_t count = std::min(points - begin, kNearestPatch);
       const auto first = shuffled.begin() + static_cast<std::ptrdiff_t>(begin);
@@ -176,9 +177,10 @@ TEST_P(NearestTest, SitesThatAreNoNumbersAreNoFault) {
   for (const size_t count : {size_t{64}, size_t{2000}}) {
     for (const float bad : {NAN, INFINITY, -INFINITY}) {
       Sites sites(count, 0.1f, &random);
+      const size_t stride = NearestBoundStride(sites.groups);
       for (float& x : sites.packed) x = bad;
       for (size_t g = 0; g < sites.groups; ++g) {
-        for (size_t row = 0; row < kNearestBounds; ++row) sites.bounds[row * NearestBoundStride(sites.groups) + g] = bad;
+        for (size_t row = 0; row < kNearestBounds; ++row) sites.bounds[row * stride + g] = bad;
       }
       const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
       std::vector<float> at(3 * 9, 0.2f);
