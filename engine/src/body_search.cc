@@ -66,8 +66,7 @@ class Walk {
     if (!found_) return result;
     const double distance = std::sqrt(squared_), side = square_on_ < 0 ? -1 : 1;
     const bool touching = squared_ <= kTouching * extent_;
-    const Vec away = point_ - closest_;
-    const Vec direction = touching ? normal_ : (side / distance) * away;
+    const Vec direction = touching ? normal_ : (side / distance) * away_;
     const Vec point = closest_;
     result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, true};
     return result;
@@ -89,8 +88,17 @@ class Walk {
     return {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
   }
 
+  // Where the best face is seen squarely, a face beyond its plane holds nothing nearer, nor is it seen more squarely:
+  // all faces around, where the body is convex.
+  bool LiesBeyond(Vec a, Vec b, Vec c) const {
+    const double reached = squared_ * (1 - kSame);
+    return square_on_ * square_on_ >= reached && Dot(away_, point_ - a) >= reached &&
+           Dot(away_, point_ - b) >= reached && Dot(away_, point_ - c) >= reached;
+  }
+
   bool LookAt(uint32_t face) {
     const Vec a = Corner(face, 0), b = Corner(face, 1), c = Corner(face, 2);
+    if (found_ && LiesBeyond(a, b, c)) return false;
     const Vec area = Cross(b - a, c - a);
     const double square = Dot(area, area);
     if (!(square > 0)) return false;
@@ -109,6 +117,7 @@ class Walk {
     squared_ = squared;
     square_on_ = square_on;
     closest_ = closest;
+    away_ = away;
     normal_ = normal;
     extent_ = std::sqrt(square);
     face_ = face;
@@ -116,7 +125,7 @@ class Walk {
   }
 
   const PosedBody& posed_;
-  Vec point_, closest_ = {}, normal_ = {};
+  Vec point_, closest_ = {}, away_ = {}, normal_ = {};
   double squared_ = 0, square_on_ = 0, extent_ = 0;
   uint32_t face_ = 0;
   bool found_ = false;

@@ -3,9 +3,10 @@
 // them, then into those of the list that may still matter to any. That asks how near alone; which sites they were is
 // asked again for the few blocks that have a suspect. Rejected, by time or by counted looks on the bundled skirt:
 // spheres in place of boxes (a third more groups are looked into); blocks along the mesh's own order (a quarter more);
-// a shorter list for each block; groups of eight sites; to ask first whether any group may hold a suspect, by a cone or
-// a box around its normals; Highway's CompressStore, whose table is copied to the stack in every call. And a descent
-// along the body's edges from a stored start, which stays on the limb it starts from (NETWORK.md, "Penetration").
+// a shorter list for each block; groups of eight sites; to rule sites out one by one as groups are; minima of bits as
+// integers; to ask first whether any group may hold a suspect, by a cone or a box around its normals; Highway's
+// CompressStore, whose table is copied to the stack in every call. And a descent along the body's edges from a stored
+// start, which stays on the limb it starts from (NETWORK.md, "Penetration").
 #include "kernels/nearest/nearest.h"
 #include "kernels/simd.h"
 
@@ -168,26 +169,30 @@ HWY_INLINE Site FirstSite(const NearestJob& job, size_t group) {
   return {job.sites + group * kNearestSiteFloats * kNearestGroup};
 }
 
-// How near, not which. An excess below 0 counts as 0, which no nearest site is below either.
+// How near, not which. An excess below 0 counts as 0, which no nearest site is below either. What is found stays in
+// variables of its own: in an array the compiler keeps it in memory, and each site waits for the one before.
 HWY_INLINE void LookInto(const NearestJob& job, size_t group, Block* block) {
-  Block b = *block;
+  static_assert(kVectors == 2, "");
   const V none = hn::Set(d, kNoSuspect);
+  V nearest0 = block->nearest_squared[0], nearest1 = block->nearest_squared[1];
+  V suspect0 = block->suspect_excess[0], suspect1 = block->suspect_excess[1];
   Site site = FirstSite(job, group);
   for (size_t k = 0; k < kNearestGroup; ++k, ++site.at) {
-    const V sx = site.All(0), sy = site.All(1), sz = site.All(2), nx = site.All(3), ny = site.All(4), nz = site.All(5);
-    const V offset = site.All(6), slack = site.All(7);
-    for (size_t v = 0; v < kVectors; ++v) {
-      const V squared = SquaredLength(hn::Sub(b.x[v], sx), hn::Sub(b.y[v], sy), hn::Sub(b.z[v], sz));
-      const V height = MultiplyAdd(nx, b.x[v], MultiplyAdd(ny, b.y[v], hn::Mul(nz, b.z[v])));
-      const V clear = hn::And(hn::VecFromMask(d, hn::Ge(height, offset)), none);
-      b.nearest_squared[v] = hn::Min(squared, b.nearest_squared[v]);
-      b.suspect_excess[v] = hn::Min(hn::Max(hn::Sub(squared, slack), clear), b.suspect_excess[v]);
-    }
+    const auto look = [&](size_t v, V* nearest, V* suspect) {
+      const V x = block->x[v], y = block->y[v], z = block->z[v];
+      const V squared = SquaredLength(hn::Sub(x, site.All(0)), hn::Sub(y, site.All(1)), hn::Sub(z, site.All(2)));
+      const V height = MultiplyAdd(site.All(3), x, MultiplyAdd(site.All(4), y, hn::Mul(site.All(5), z)));
+      const V clear = hn::And(hn::VecFromMask(d, hn::Ge(height, site.All(6))), none);
+      *nearest = hn::Min(squared, *nearest);
+      *suspect = hn::Min(hn::Max(hn::Sub(squared, site.All(7)), clear), *suspect);
+    };
+    look(0, &nearest0, &suspect0);
+    look(1, &nearest1, &suspect1);
   }
-  for (size_t v = 0; v < kVectors; ++v) {
-    block->nearest_squared[v] = b.nearest_squared[v];
-    block->suspect_excess[v] = b.suspect_excess[v];
-  }
+  block->nearest_squared[0] = nearest0;
+  block->nearest_squared[1] = nearest1;
+  block->suspect_excess[0] = suspect0;
+  block->suspect_excess[1] = suspect1;
 }
 
 // Whether there are points that the box may matter to.

@@ -176,7 +176,7 @@ TEST_P(GarmentRateTest, TicksAreThoseOfThirtyHertzAsFarAsFramesTell) {
   double slow = 0, slow_with_all = 0;
   for (const Clip& clip : garment.clips) {
     const SmoothMotion motion(clip.motion, kTick);
-    for (const double rate : {24.0, 30.0, 60.0, 90.0, 120.0, 144.0, 0.0}) {
+    for (const double rate : {24.0, 30.0, 60.0, 75.0, 90.0, 120.0, 144.0, 0.0}) {
       const Errors errors = ErrorsAt(model, motion, rate);
       std::printf("%s, %g Hz: %zu ticks, cloth off by up to %.3f mm, joints by up to %.3f mm\n", clip.name.c_str(),
                   rate, errors.ticks, errors.cloth * 1e3, errors.joints * 1e3);
