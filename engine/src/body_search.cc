@@ -43,16 +43,21 @@ class Walk {
  public:
   Walk(const PosedBody& posed, Vec point) : posed_(posed), point_(point) {}
 
-  // True where a face around `vertex` is nearer than all before. A vertex that was looked around has nothing new.
-  bool LookAround(uint32_t vertex) {
-    const format::BodyView& body = *posed_.body;
-    bool nearer = false;
-    for (size_t i = 0; i < seen_count_; ++i) {
-      if (seen_[i] == vertex) return false;
+  void From(uint32_t start) {
+    LookAround(start);
+    for (uint32_t step = 0; step < kMaxSteps && found_; ++step) {
+      const uint16_t* corners = posed_.body->faces + size_t{3} * face_;
+      bool nearer = false;
+      for (size_t c = 0; c < 3; ++c) nearer |= LookAround(corners[c]);
+      if (!nearer) break;
     }
-    if (seen_count_ < kMostSeen) seen_[seen_count_++] = vertex;
-    for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) nearer |= LookAt(body.columns[i]);
-    return nearer;
+  }
+
+  bool HasSeen(uint32_t vertex) const {
+    for (size_t i = 0; i < seen_count_; ++i) {
+      if (seen_[i] == vertex) return true;
+    }
+    return false;
   }
 
   ClosestPoint Result() const {
@@ -61,24 +66,39 @@ class Walk {
     if (!found_) return result;
     const double distance = std::sqrt(squared_), side = square_on_ < 0 ? -1 : 1;
     const bool touching = squared_ <= kTouching * extent_;
-    const Vec away = point_ - closest_;
-    const Vec direction = touching ? normal_ : (side / distance) * away;
+    const Vec direction = touching ? normal_ : (side / distance) * away_;
     const Vec point = closest_;
     result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, true};
     return result;
   }
 
-  uint32_t face() const { return face_; }
-  bool found() const { return found_; }
-
  private:
+  // True where a face around `vertex` is nearer than all before. A vertex that was looked around has nothing new.
+  bool LookAround(uint32_t vertex) {
+    if (HasSeen(vertex)) return false;
+    if (seen_count_ < kMostSeen) seen_[seen_count_++] = vertex;
+    const format::BodyView& body = *posed_.body;
+    bool nearer = false;
+    for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) nearer |= LookAt(body.columns[i]);
+    return nearer;
+  }
+
   Vec Corner(uint32_t face, size_t corner) const {
     const float* p = posed_.positions + size_t{3} * posed_.body->faces[size_t{3} * face + corner];
     return {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
   }
 
+  // Where the best face is seen squarely, a face beyond its plane holds nothing nearer, nor is it seen more squarely:
+  // all faces around, where the body is convex.
+  bool LiesBeyond(Vec a, Vec b, Vec c) const {
+    const double reached = squared_ * (1 - kSame);
+    return square_on_ * square_on_ >= reached && Dot(away_, point_ - a) >= reached &&
+           Dot(away_, point_ - b) >= reached && Dot(away_, point_ - c) >= reached;
+  }
+
   bool LookAt(uint32_t face) {
     const Vec a = Corner(face, 0), b = Corner(face, 1), c = Corner(face, 2);
+    if (found_ && LiesBeyond(a, b, c)) return false;
     const Vec area = Cross(b - a, c - a);
     const double square = Dot(area, area);
     if (!(square > 0)) return false;
@@ -97,6 +117,7 @@ class Walk {
     squared_ = squared;
     square_on_ = square_on;
     closest_ = closest;
+    away_ = away;
     normal_ = normal;
     extent_ = std::sqrt(square);
     face_ = face;
@@ -104,7 +125,7 @@ class Walk {
   }
 
   const PosedBody& posed_;
-  Vec point_, closest_ = {}, normal_ = {};
+  Vec point_, closest_ = {}, away_ = {}, normal_ = {};
   double squared_ = 0, square_on_ = 0, extent_ = 0;
   uint32_t face_ = 0;
   bool found_ = false;
@@ -114,16 +135,17 @@ class Walk {
 
 }  // namespace
 
-ClosestPoint SearchBody(const PosedBody& posed, uint32_t start, const double point[3]) {
-  Walk walk(posed, {point[0], point[1], point[2]});
-  walk.LookAround(start);
-  for (uint32_t step = 0; step < kMaxSteps && walk.found(); ++step) {
-    const uint16_t* corners = posed.body->faces + size_t{3} * walk.face();
-    bool nearer = false;
-    for (size_t c = 0; c < 3; ++c) nearer |= walk.LookAround(corners[c]);
-    if (!nearer) break;
-  }
-  return walk.Result();
+ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second, const double point[3]) {
+  const Vec from = {point[0], point[1], point[2]};
+  Walk walk(posed, from);
+  walk.From(first);
+  const ClosestPoint closest = walk.Result();
+  if (walk.HasSeen(second)) return closest;
+  Walk other(posed, from);
+  other.From(second);
+  const ClosestPoint found = other.Result();
+  const bool nearer = found.found && (!closest.found || std::fabs(found.distance) < std::fabs(closest.distance));
+  return nearer ? found : closest;
 }
 
 }  // namespace dcloth::engine

@@ -22,9 +22,10 @@ struct ClosestPoint {
   bool found;           // false where all faces looked at have no area
 };
 
-// Looks at the faces around `start`, then around the corners of the best one as long as that is nearer, at most eight
-// times. On an edge or corner that faces share, the one seen most squarely decides which side is outside.
-ClosestPoint SearchBody(const PosedBody& posed, uint32_t start, const double point[3]);
+// The nearer of two walks. A walk looks at the faces around its start, then around the corners of the best one as long
+// as that is nearer, at most eight times; the one from `second` is spared where the one from `first` has looked around
+// that vertex too. On an edge or corner that faces share, the one seen most squarely decides which side is outside.
+ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second, const double point[3]);
 
 }  // namespace dcloth::engine
 

@@ -67,6 +67,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
     std::memset(storage, 0, arena.size());
     *out = new (cloth) Cloth(placed);
     for (uint32_t j = 0; j < model.joint_count; ++j) placed.binding.joint_map[j] = j;
+    OrderGarment(model, placed.body);
     ResetCloth(*out);
   }
   return arena.size();

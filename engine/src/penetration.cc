@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "engine/src/body_search.h"
+#include "engine/src/patch_order.h"
 
 namespace dcloth::engine {
 namespace {
@@ -14,10 +15,8 @@ using kernels::kNearestSiteFloats;
 
 // A push may lead under another part of the body: in a fold, between two legs.
 constexpr int kMaxPushes = 4;
-constexpr double kPushedFar = 0.99;    // of the clearance: rounded to floats, a vertex that was pushed stays put
-constexpr float kNoGroup = 1e18f;      // where groups lie that only fill a row up
-constexpr float kRounding = 1.00001f;  // of a bound
-constexpr float kFar = 1e18f;          // squared
+constexpr double kPushedFar = 0.99;  // of the clearance: rounded to floats, a vertex that was pushed stays put
+constexpr float kFar = 1e18f;        // squared
 constexpr float kThird = 0.33334f;
 
 size_t Groups(const BodyView& body) { return (body.vertex_count + kNearestGroup - 1) / kNearestGroup; }
@@ -48,66 +47,55 @@ void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& mode
   for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i) memory.normals[i] = -memory.normals[i];
 }
 
+float Height(const float* normal, const float* point) {
+  return normal[0] * point[0] + normal[1] * point[1] + normal[2] * point[2];
+}
+
+float Larger(float a, float b) { return a > b ? a : b; }
+
 // Planes over the faces around each vertex, and its slack: the squared distance of a point to the nearest corner of its
 // closest face is at most that to the surface and slack^2, as every point of a triangle is within longest edge /
 // sqrt(3) of a corner. Rejected: one slack for the whole body, its longest edge's, which makes most of the waist
 // suspect.
 void PlaceFaces(const BodyView& body, float clearance, const BodyMemory& memory) {
+  const float *positions = memory.positions, *normals = memory.normals;
   for (size_t i = 0; i < body.vertex_count; ++i) {
-    memory.offsets[i] = -3e38f;
+    const bool has_faces = body.row_starts[i + 1] != body.row_starts[i];
+    memory.offsets[i] = has_faces ? Height(normals + 3 * i, positions + 3 * i) : -3e38f;
     memory.slacks[i] = 0;
   }
   for (size_t f = 0; f < body.face_count; ++f) {
     const uint16_t* face = body.faces + 3 * f;
-    const float* p[3] = {memory.positions + size_t{3} * face[0], memory.positions + size_t{3} * face[1],
-                         memory.positions + size_t{3} * face[2]};
+    const float* const p[3] = {positions + size_t{3} * face[0], positions + size_t{3} * face[1],
+                               positions + size_t{3} * face[2]};
     float longest = 0;
     for (size_t c = 0; c < 3; ++c) {
-      const float* n = memory.normals + size_t{3} * face[c];
-      float highest = memory.offsets[face[c]];
-      for (const float* corner : p) {
-        const float height = n[0] * corner[0] + n[1] * corner[1] + n[2] * corner[2];
-        highest = height > highest ? height : highest;
-      }
-      memory.offsets[face[c]] = highest;
-      const float* q = p[c == 2 ? 0 : c + 1];
-      const float edge[3] = {q[0] - p[c][0], q[1] - p[c][1], q[2] - p[c][2]};
-      const float squared = edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2];
-      longest = squared > longest ? squared : longest;
+      const float *n = normals + size_t{3} * face[c], *next = p[(c + 1) % 3], *last = p[(c + 2) % 3];
+      const float highest = Larger(Height(n, next), Height(n, last));
+      memory.offsets[face[c]] = Larger(highest, memory.offsets[face[c]]);
+      const float edge[3] = {next[0] - p[c][0], next[1] - p[c][1], next[2] - p[c][2]};
+      longest = Larger(Height(edge, edge), longest);
     }
     const float slack = longest < kFar ? kThird * longest : kFar;
-    for (size_t c = 0; c < 3; ++c) {
-      float& widest = memory.slacks[face[c]];
-      widest = slack > widest ? slack : widest;
-    }
+    for (size_t c = 0; c < 3; ++c) memory.slacks[face[c]] = Larger(slack, memory.slacks[face[c]]);
   }
   for (size_t i = 0; i < body.vertex_count; ++i) memory.offsets[i] += clearance;
 }
 
-// The sphere of a group whose sites are in place, and its slack.
+// The box of a group whose sites are in place, and its slack.
 void PlaceBounds(const float* site, float* bounds, size_t stride) {
-  const auto at = [&](size_t row, size_t k) { return site[row * kNearestGroup + k]; };
-  float centre[3], furthest = 0, slack = 0;
-  for (size_t c = 0; c < 3; ++c) {
-    float low = at(c, 0), high = low;
-    for (size_t k = 0; k < kNearestGroup; ++k) {
-      low = at(c, k) < low ? at(c, k) : low;
-      high = at(c, k) > high ? at(c, k) : high;
+  for (size_t c = 0; c < 3; ++c, site += kNearestGroup) {
+    float low = site[0], high = low;
+    for (size_t k = 1; k < kNearestGroup; ++k) {
+      low = site[k] < low ? site[k] : low;
+      high = site[k] > high ? site[k] : high;
     }
-    centre[c] = 0.5f * low + 0.5f * high;
-    bounds[(kernels::kCentre + c) * stride] = centre[c];
+    bounds[(kernels::kLow + c) * stride] = low;
+    bounds[(kernels::kHigh + c) * stride] = high;
   }
-  for (size_t k = 0; k < kNearestGroup; ++k) {
-    float apart = 0;
-    for (size_t c = 0; c < 3; ++c) {
-      const float d = at(c, k) - centre[c];
-      apart += d * d;
-    }
-    furthest = apart > furthest ? apart : furthest;
-    slack = at(7, k) > slack ? at(7, k) : slack;
-  }
-  bounds[kernels::kRadius * stride] = static_cast<float>(std::sqrt(static_cast<double>(furthest))) * kRounding;
-  bounds[kernels::kSlack * stride] = static_cast<float>(std::sqrt(static_cast<double>(slack))) * kRounding;
+  float slack = 0;
+  for (size_t k = 0; k < kNearestGroup; ++k) slack = Larger(site[4 * kNearestGroup + k], slack);
+  bounds[kernels::kSlack * stride] = slack;
 }
 
 void PlaceSites(const BodyView& body, const BodyMemory& memory) {
@@ -126,25 +114,16 @@ void PlaceSites(const BodyView& body, const BodyMemory& memory) {
     PlaceBounds(site, memory.bounds + g, stride);
   }
   for (size_t g = groups; g < stride; ++g) {
-    for (size_t row = 0; row < kernels::kNearestBounds; ++row) memory.bounds[row * stride + g] = 0;
-    memory.bounds[g] = kNoGroup;
+    for (size_t row = 0; row < kernels::kSlack; ++row) memory.bounds[row * stride + g] = kernels::kNoGroup;
+    memory.bounds[kernels::kSlack * stride + g] = 0;
   }
-}
-
-// The nearer of the walks from both vertices.
-ClosestPoint Closest(const PosedBody& posed, uint16_t nearest, uint16_t suspect, const double v[3]) {
-  ClosestPoint closest = SearchBody(posed, suspect, v);
-  if (nearest == suspect) return closest;
-  const ClosestPoint other = SearchBody(posed, nearest, v);
-  const bool nearer = other.found && (!closest.found || std::fabs(other.distance) < std::fabs(closest.distance));
-  return nearer ? other : closest;
 }
 
 void PushOut(const PosedBody& posed, uint16_t nearest, uint16_t suspect, double clearance, float* position) {
   double v[3] = {static_cast<double>(position[0]), static_cast<double>(position[1]), static_cast<double>(position[2])};
   bool moved = false;
   for (int push = 0; push < kMaxPushes; ++push) {
-    const ClosestPoint closest = Closest(posed, nearest, suspect, v);
+    const ClosestPoint closest = SearchBody(posed, suspect, nearest, v);
     if (!closest.found || closest.distance >= kPushedFar * clearance) break;
     for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + clearance * closest.direction[c];
     moved = true;
@@ -166,9 +145,12 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.slacks = arena->Take<float>(b);
   memory.sites = arena->Take<float>(groups * kNearestSiteFloats * kNearestGroup);
   memory.bounds = arena->Take<float>(kernels::kNearestBounds * kernels::NearestBoundStride(groups));
-  memory.nearest = arena->Take<uint16_t>(model.vertex_count);
-  memory.suspect = arena->Take<uint16_t>(model.vertex_count);
+  memory.order = arena->Take<uint16_t>(model.vertex_count);
   return memory;
+}
+
+void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
+  if (memory.order != nullptr) OrderByPlace(model.template_positions, model.vertex_count, memory.order);
 }
 
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
@@ -181,21 +163,26 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   PlaceFaces(body, static_cast<float>(clearance), memory);
   PlaceSites(body, memory);
   kernels::NearestJob job = {};
+  uint16_t nearest[kernels::kNearestPatch], suspect[kernels::kNearestPatch];
   job.points = surface.positions;
   job.point_stride_bytes = surface.position_stride_bytes;
-  job.points_count = model.vertex_count;
   job.sites = memory.sites;
   job.bounds = memory.bounds;
   job.groups = Groups(body);
   job.reach = static_cast<float>(static_cast<double>(body.reach) * units_per_metre);
-  job.nearest = memory.nearest;
-  job.suspect = memory.suspect;
-  kernels.nearest(job);
+  job.nearest = nearest;
+  job.suspect = suspect;
   const PosedBody posed = {&body, memory.positions, space.mirrored ? -1.0 : 1.0};
-  for (size_t i = 0; i < model.vertex_count; ++i) {
-    if (memory.suspect[i] == kernels::kNoSite) continue;
-    auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + i * surface.position_stride_bytes;
-    PushOut(posed, memory.nearest[i], memory.suspect[i], clearance, reinterpret_cast<float*>(bytes));
+  for (size_t begin = 0; begin < model.vertex_count; begin += job.points_count) {
+    const size_t left = model.vertex_count - begin;
+    job.order = memory.order + begin;
+    job.points_count = left < kernels::kNearestPatch ? left : kernels::kNearestPatch;
+    kernels.nearest(job);
+    for (size_t i = 0; i < job.points_count; ++i) {
+      if (suspect[i] == kernels::kNoSite) continue;
+      auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
+      PushOut(posed, nearest[i], suspect[i], clearance, reinterpret_cast<float*>(bytes));
+    }
   }
 }
 

@@ -9,7 +9,7 @@
 
 namespace dcloth::engine {
 
-// Scratch of a frame; all null where the model has no body.
+// Scratch of a frame but for `order`; all null where the model has no body.
 struct BodyMemory {
   float* matrices;   // [joint_count, 12]
   float* positions;  // [b, 3] posed
@@ -18,11 +18,13 @@ struct BodyMemory {
   float* slacks;     // [b] squared, see PlaceFaces
   float* sites;      // see kernels::NearestJob
   float* bounds;
-  uint16_t* nearest;  // [n]
-  uint16_t* suspect;  // [n]
+  uint16_t* order;   // [n] the garment's vertices, neighbours together
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
+
+// Once, before the first KeepOutside: fills in `order`.
+void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
 // Moves each vertex of `surface` that is less than the clearance outside the posed body's closest point until it is
 // just that. Run it after skinning, while positions are relative to the hips. Does nothing where the model has no body.

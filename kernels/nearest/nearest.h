@@ -1,6 +1,6 @@
-// For each of many points a site near it whose plane the point is not above, and the nearest of all sites: where a
-// garment may lie under a body (NETWORK.md, "Penetration"). Exact but for rounding; bounds of groups of sites only save
-// work: a point is looked up in the few groups that may hold its nearest site or a suspect.
+// For each point of a patch a site near it whose plane the point is not above, and the nearest of all sites: where a
+// garment may lie under a body (NETWORK.md, "Penetration"). Exact but for rounding; boxes around groups of sites and
+// around the points only save work, as a distance to a box, rounded like one to a site within, is never above it.
 #ifndef DCLOTH_KERNELS_NEAREST_NEAREST_H_
 #define DCLOTH_KERNELS_NEAREST_NEAREST_H_
 
@@ -10,29 +10,34 @@
 namespace dcloth::kernels {
 
 constexpr size_t kNearestGroup = 16;      // sites in a group
+constexpr size_t kNearestPatch = 64;      // most points of a patch
 constexpr size_t kNearestSiteFloats = 8;  // position, plane normal, plane offset, slack^2
 constexpr size_t kMaxNearestGroups = 512;
 constexpr uint16_t kNoSite = 0xFFFF;
 
-// Rows of `bounds`: a sphere around each group's sites, and the largest slack of them.
-enum NearestBound { kCentre = 0, kRadius = 3, kSlack = 4, kNearestBounds = 5 };
+// Rows of `bounds`: the box around each group's sites, and their largest slack^2.
+enum NearestBound { kLow = 0, kHigh = 3, kSlack = 6, kNearestBounds = 7 };
+constexpr float kNoGroup = 1e18f;  // where the boxes of padding lie
 
 // Floats between the rows of `bounds`.
 constexpr size_t NearestBoundStride(size_t groups) { return (groups + 15) / 16 * 16; }
 
 // Site s is lane s % 16 of group s / 16. A point v is not above its plane where normal . v < offset; the site is
-// suspect where moreover distance^2 - slack^2 is at most the squared distance of the nearest site.
+// suspect where moreover distance^2 - slack^2 is at most the squared distance of the nearest site. Of equals the first
+// counts.
 struct NearestJob {
-  const float* points;        // first point's three floats; the next one lies point_stride_bytes further
+  const float* points;        // point p's three floats lie at p point_stride_bytes
   size_t point_stride_bytes;  // at least 12, a multiple of 4
-  size_t points_count;
+  const uint16_t* order;      // [points_count], the p to look up: work grows with how far they spread, and so it does
+                              // for each run of 4, 8 and 16 from the start
+  size_t points_count;        // 1 to kNearestPatch
   const float* sites;   // [groups][8][16]: x, y, z, normal x, y, z, offset, slack^2; filled up with the last one
-  const float* bounds;  // [kNearestBounds][NearestBoundStride]; padding at x = 1e18, all else 0
+  const float* bounds;  // [kNearestBounds][NearestBoundStride]; padding at kNoGroup, slack 0
   size_t groups;        // 1 to kMaxNearestGroups
   float reach;          // points with no site nearer than this have none; 0 to 1e9
   uint16_t* nearest;    // [points_count]; kNoSite where there is no suspect
   uint16_t* suspect;    // [points_count]; the suspect of least distance^2 - slack^2, or kNoSite; of a point that
-                        // is no number, and of those near one in this order, kNoSite
+                        // is no number, and of others of its patch, kNoSite or any site
 };
 
 }  // namespace dcloth::kernels

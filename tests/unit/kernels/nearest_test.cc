@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <numeric>
+
 #include "tests/unit/kernels/kernel_test.h"
 
 namespace dcloth::kernels {
@@ -31,7 +34,7 @@ struct Sites {
     packed.resize(groups * kNearestSiteFloats * kNearestGroup);
     bounds.resize(kNearestBounds * stride);
     for (size_t g = 0; g < stride; ++g) {
-      bounds[g] = 1e18f;
+      for (size_t row = 0; row < kSlack; ++row) bounds[row * stride + g] = kNoGroup;
       if (g >= groups) continue;
       for (size_t k = 0; k < kNearestGroup; ++k) {
         const size_t s = std::min(g * kNearestGroup + k, count - 1);
@@ -45,19 +48,16 @@ struct Sites {
     }
   }
 
-  // The first site is as good a centre as any.
   void Bound(size_t g, float* to, size_t stride) {
-    const size_t first = g * kNearestGroup;
-    double radius = 0, widest = 0;
-    for (size_t s = first; s < std::min(first + kNearestGroup, count); ++s) {
-      double apart = 0;
-      for (size_t c = 0; c < 3; ++c) apart += std::pow(double{position[3 * s + c]} - position[3 * first + c], 2);
-      radius = std::max(radius, std::sqrt(apart));
-      widest = std::max(widest, std::sqrt(double{slack_squared[s]}));
+    for (size_t s = g * kNearestGroup; s < std::min((g + 1) * kNearestGroup, count); ++s) {
+      const bool first = s % kNearestGroup == 0;
+      for (size_t c = 0; c < 3; ++c) {
+        float &low = to[(kLow + c) * stride], &high = to[(kHigh + c) * stride];
+        low = first ? position[3 * s + c] : std::min(low, position[3 * s + c]);
+        high = first ? low : std::max(high, position[3 * s + c]);
+      }
+      to[kSlack * stride] = std::max(first ? 0.0f : to[kSlack * stride], slack_squared[s]);
     }
-    for (size_t c = 0; c < 3; ++c) to[(kCentre + c) * stride] = position[3 * first + c];
-    to[kRadius * stride] = static_cast<float>(radius * 1.00001);
-    to[kSlack * stride] = static_cast<float>(widest * 1.00001);
   }
 
   size_t count, groups;
@@ -77,11 +77,21 @@ class NearestTest : public KernelTest {
     for (size_t i = 0; i < points; ++i) {
       for (size_t c = 0; c < 3; ++c) at[i * stride_floats + c] = random.Uniform(-1.3f, 1.3f);
     }
-    GuardedBuffer<uint16_t> nearest(points), suspect(points);
-    table().nearest({at.data(), 4 * stride_floats, points, packed.data(), bounds.data(), sites.groups, reach,
-                     nearest.data(), suspect.data()});
-    ASSERT_TRUE(nearest.SlackUntouched() && suspect.SlackUntouched());
-    for (size_t i = 0; i < points; ++i) CheckPoint(sites, &at[i * stride_floats], reach, nearest[i], suspect[i]);
+    std::vector<uint16_t> shuffled(points);
+    std::iota(shuffled.begin(), shuffled.end(), uint16_t{0});
+    for (size_t i = points - 1; i > 0; --i)
+      std::swap(shuffled[i], shuffled[random.Below(static_cast<uint32_t>(i + 1))]);
+    for (size_t begin = 0; begin < points; begin += kNearestPatch) {
+      const size_t count = std::min(points - begin, kNearestPatch);
+      const auto first = shuffled.begin() + static_cast<std::ptrdiff_t>(begin);
+      const GuardedBuffer<uint16_t> order(std::vector<uint16_t>(first, first + static_cast<std::ptrdiff_t>(count)));
+      GuardedBuffer<uint16_t> nearest(count), suspect(count);
+      table().nearest({at.data(), 4 * stride_floats, order.data(), count, packed.data(), bounds.data(), sites.groups,
+                       reach, nearest.data(), suspect.data()});
+      ASSERT_TRUE(nearest.SlackUntouched() && suspect.SlackUntouched());
+      for (size_t i = 0; i < count; ++i)
+        CheckPoint(sites, &at[order[i] * stride_floats], reach, nearest[i], suspect[i]);
+    }
   }
 
   // A squared distance has a rounded difference, product and two sums: at most gamma(5) off; a height three products
@@ -151,12 +161,39 @@ TEST_P(NearestTest, PointsThatAreNoNumbersHaveNoSite) {
   std::vector<float> at(3 * 40, 0.0f);
   at[3 * 7 + 1] = NAN;
   at[3 * 30] = INFINITY;
-  std::vector<uint16_t> nearest(40, 1), suspect(40, 1);
-  table().nearest({at.data(), 12, 40, sites.packed.data(), sites.bounds.data(), sites.groups, 9.0f, nearest.data(),
-                   suspect.data()});
+  std::vector<uint16_t> order(40), nearest(40, 1), suspect(40, 1);
+  std::iota(order.begin(), order.end(), uint16_t{0});
+  table().nearest({at.data(), 12, order.data(), 40, sites.packed.data(), sites.bounds.data(), sites.groups, 9.0f,
+                   nearest.data(), suspect.data()});
   for (size_t i : {size_t{7}, size_t{30}}) {
     EXPECT_EQ(nearest[i], kNoSite) << i;
     EXPECT_EQ(suspect[i], kNoSite) << i;
+  }
+}
+
+// A body that is no number either: no place is read that is not there, with the list of its groups short or not.
+TEST_P(NearestTest, SitesThatAreNoNumbersAreNoFault) {
+  Random random(6);
+  for (const size_t count : {size_t{64}, size_t{2000}}) {
+    for (const float bad : {NAN, INFINITY, -INFINITY}) {
+      Sites sites(count, 0.1f, &random);
+      const size_t stride = NearestBoundStride(sites.groups);
+      for (float& x : sites.packed) x = bad;
+      for (size_t g = 0; g < sites.groups; ++g) {
+        for (size_t row = 0; row < kNearestBounds; ++row) sites.bounds[row * stride + g] = bad;
+      }
+      const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
+      std::vector<float> at(3 * 9, 0.2f);
+      at[5] = bad;
+      const std::vector<uint16_t> order = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+      std::vector<uint16_t> nearest(9), suspect(9);
+      table().nearest({at.data(), 12, order.data(), 9, packed.data(), bounds.data(), sites.groups, 9.0f, nearest.data(),
+                       suspect.data()});
+      for (size_t i = 0; i < 9; ++i) {
+        EXPECT_TRUE(suspect[i] == kNoSite || suspect[i] < sites.groups * kNearestGroup);
+        EXPECT_TRUE(nearest[i] == kNoSite || nearest[i] < sites.groups * kNearestGroup);
+      }
+    }
   }
 }
 
