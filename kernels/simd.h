@@ -14,8 +14,8 @@
 #define TOOLCHAIN_MISS_SYS_AUXV_H
 #endif
 
-// SSSE3 alone is not worth its code; AVX-512 is a build option (DCLOTH_AVX512); SVE and RVV are scalable, and the kernels
-// keep arrays of vectors.
+// SSSE3 alone is not worth its code; AVX-512 may be left out (DCLOTH_AVX512); AVX3_DL asks for what Ice Lake lacks; SVE
+// and RVV are scalable, and the kernels keep arrays of vectors.
 #if defined(DCLOTH_AVX512)
 #define DCLOTH_DISABLED_AVX3 0
 #else

@@ -1,9 +1,11 @@
 // The graph-recurrent layer, block by block of 16 vertices, everything row-major with lanes over features.
 //
-// Lanes over features read weights as they lie in the model and need no transposition; a product tile of 4 vertices by 3
-// vectors takes 7 loads for 12 multiply-adds. Each stage runs over the whole block, columns outside and vertices inside, so
-// that a column of weights comes to L1 once for 16 vertices. Rejected: tiles of 6 by 2 over blocks of 24 (Zen 3: no gain at
-// any width). The only horizontal sums are in gsgru_norm-inl.h.
+// Lanes over features read weights as they lie in the model and need no transposition; a product tile of 4 vertices by
+// 3 vectors takes 7 loads for 12 multiply-adds. Each stage runs over the whole block, columns outside and vertices
+// inside, so that a column of weights comes to L1 once for 16 vertices. The only horizontal sums are in
+// gsgru_norm-inl.h. A width that does not fill 16 lanes goes to gsgru_over_vertices-inl.h. Rejected: tiles of 6 by 2
+// over blocks of 24 (Zen 3: no gain at any width); with 16 lanes, on a Zen 5, tiles of 8 vertices (F 32: 856 us a layer
+// against 825).
 #include "kernels/simd.h"
 
 #include "kernels/gsgru/gsgru.h"
@@ -13,7 +15,9 @@
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
 #include "kernels/activation/activation-inl.h"
+#include "kernels/gsgru/gsgru_mean-inl.h"
 #include "kernels/gsgru/gsgru_norm-inl.h"
+#include "kernels/gsgru/gsgru_over_vertices-inl.h"
 #include "kernels/multiply_add-inl.h"
 
 #if DCLOTH_VECTOR_TARGET
@@ -42,36 +46,6 @@ HWY_INLINE void AddProduct(D d, const float* HWY_RESTRICT x, size_t x_stride, si
       for (size_t i = 0; i < kUsed; ++i) acc[v][i] = MultiplyAdd(value, w[i], acc[v][i]);
     }
   }
-}
-
-template <size_t kVectors, class D>
-HWY_INLINE void MeanColumns(D d, const GsgruJob& job, size_t stride, size_t vertex, size_t f, float* mean) {
-  const uint32_t begin = job.row_starts[vertex], end = job.row_starts[vertex + 1];
-  hn::Vec<D> sum[kVectors];
-  for (size_t i = 0; i < kVectors; ++i) sum[i] = hn::Zero(d);
-  for (uint32_t e = begin; e < end; ++e) {
-    const float* row = job.x + job.columns[e] * stride + f;
-    for (size_t i = 0; i < kVectors; ++i) sum[i] = hn::Add(sum[i], hn::Load(d, row + i * hn::Lanes(d)));
-  }
-  const auto inverse = hn::Set(d, 1.0f / static_cast<float>(end - begin));
-  for (size_t i = 0; i < kVectors; ++i) hn::Store(hn::Mul(sum[i], inverse), d, mean + f + i * hn::Lanes(d));
-}
-
-template <class D>
-HWY_INLINE void Aggregate(D d, const GsgruJob& job, size_t first, size_t count, float* HWY_RESTRICT mean) {
-  const size_t lanes = hn::Lanes(d);
-  const size_t stride = GsgruInputStride(job.input_width);
-  for (size_t v = 0; v < count; ++v) {
-    if (job.input_width == 3) {
-      MeanColumns<1>(hn::CappedTag<float, 4>(), job, stride, first + v, 0, mean + v * stride);
-      continue;
-    }
-    size_t f = 0;
-    for (; f + 4 * lanes <= stride; f += 4 * lanes) MeanColumns<4>(d, job, stride, first + v, f, mean + v * stride);
-    for (; f + 2 * lanes <= stride; f += 2 * lanes) MeanColumns<2>(d, job, stride, first + v, f, mean + v * stride);
-    for (; f < stride; f += lanes) MeanColumns<1>(d, job, stride, first + v, f, mean + v * stride);
-  }
-  for (size_t i = count * stride; i < kGsgruBlock * stride; ++i) mean[i] = 0.0f;
 }
 
 // z and r h complete, the candidate's input part.
@@ -166,7 +140,8 @@ HWY_NOINLINE void RunLayer(D d, const GsgruJob& caller_job) {
   const size_t tile = kGsgruBlock * job.features;
   const Tiles tiles = {job.scratch, job.scratch + tile, job.scratch + 2 * tile, job.scratch + 3 * tile};
   for (size_t first = 0; first < job.vertices; first += kGsgruBlock) {
-    const size_t count = HWY_MIN(kGsgruBlock, job.vertices - first);
+    const size_t count = HWY_MIN(kGsgruBlock, job.vertices - first), next = first + count;
+    PrefetchBlock(job, next, HWY_MIN(kGsgruBlock, job.vertices - next));
     float* h = job.state + first * job.features;
     Aggregate(d, job, first, count, tiles.mean);
     Gates(d, job, h, tiles);
@@ -180,15 +155,19 @@ HWY_NOINLINE void RunLayer(D d, const GsgruJob& caller_job) {
 }  // namespace
 
 void Gsgru(const GsgruJob& job) {
-  // Only 16-lane vectors can fail to divide a multiple of 8.
-  const hn::CappedTag<float, 8> d8;
   const hn::ScalableTag<float> d;
   switch (HWY_TARGET == HWY_SSE4 ? 0 : job.features) {  // old CPUs are not worth 20 KB
-    case 8: return RunLayer<8>(d8, job);
     case 16: return RunLayer<16>(d, job);
     case 32: return RunLayer<32>(d, job);
-    default: return job.features % HWY_LANES(float) == 0 ? RunLayer<0>(d, job) : RunLayer<0>(d8, job);
+#if HWY_TARGET != HWY_AVX3
+    case 8: return RunLayer<8>(d, job);
+#endif
+    default: break;
   }
+#if HWY_TARGET == HWY_AVX3
+  if (job.features % HWY_LANES(float) != 0) return over_vertices::RunLayer(job);
+#endif
+  RunLayer<0>(d, job);
 }
 
 }  // namespace dcloth::kernels::HWY_NAMESPACE

@@ -55,6 +55,14 @@ TEST(Dispatch, OffersWhatTheCompilerSaysTheCpuHas) {
   const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
                     __builtin_cpu_supports("bmi2");
   EXPECT_EQ(FindKernels("avx2") != nullptr, avx2);
+#if defined(DCLOTH_AVX512)
+  const bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+                      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
+                      __builtin_cpu_supports("avx512vbmi2");
+#else
+  const bool avx512 = false;
+#endif
+  EXPECT_EQ(FindKernels("avx3") != nullptr, avx512);
 #endif
 #elif defined(__aarch64__)
   EXPECT_NE(FindKernels("neon"), nullptr);
