@@ -35,6 +35,7 @@ class Clip:
     rate: float                              # Hz
     residual: Optional[np.ndarray] = None    # [T, n, 3] template space, float16, after unskin
     sample: Optional[np.ndarray] = None      # [T, n / SAMPLE_EVERY, 3] of it, in memory
+    coarse: Optional[tuple] = None           # stage 2: coefficients [T, R], basis [R, n, 3] shared by all clips
 
     def __len__(self):
         return len(self.pose)
@@ -45,6 +46,15 @@ class Clip:
         if vertices is not None:
             part = part[:, vertices] if isinstance(vertices, slice) else part.take(vertices, 1)
         return part.astype(np.float32)
+
+    def remainder(self, ticks, vertices):
+        """What stage 2 leaves of the residual, [t, v, 3] float32; after fit_skeleton.subtract that is the residual."""
+        wanted = self.wanted(ticks, vertices)
+        if self.coarse is None:
+            return wanted
+        coefficients, basis = self.coarse
+        columns = basis[:, vertices].reshape(len(basis), -1)
+        return wanted - (coefficients[ticks] @ columns).reshape(wanted.shape)
 
     def sampled(self, ticks, rows):
         """Residual [t, v, 3] float32 of sampled vertices: SAMPLE_EVERY * rows."""

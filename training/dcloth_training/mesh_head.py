@@ -7,32 +7,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, losses, loop, unskin
+from . import losses, loop, mesh_bptt, mesh_windows, unskin
 
 BATCH = 256
 VERTICES = 128
-
-
-@torch.no_grad()
-def embed(mesh, body_points, clips, batch=2):
-    """s [T, n] float32 of every clip from a reset, several clips side by side."""
-    out = [None] * len(clips)
-    order = sorted(range(len(clips)), key=lambda i: len(clips[i]))
-    for at in range(0, len(order), batch):
-        some = order[at:at + batch]
-        longest = max(len(clips[i]) for i in some)
-        frames = torch.stack([clips[i].pose.body_frame[[min(t, len(clips[i]) - 1)
-                                                        for t in range(longest)]] for i in some])
-        rows = [np.empty((len(clips[i]), mesh.mlp[0].in_features), np.float32) for i in some]
-        states = mesh.reset(len(some), mesh.embed.weight)
-        for t in range(longest):
-            s, states = mesh.embedded(body_points(frames[:, t]), states)
-            for row, values in zip(rows, s.numpy()):
-                if t < len(row):
-                    row[t] = values
-        for i, row in zip(some, rows):
-            out[i] = row
-    return out
 
 
 class Embeddings:
@@ -112,11 +90,12 @@ def fit(stage, mesh, body_points, static, components, deviations, training, vali
         folder, log=print):
     """Fit a fresh head to the standing graph layers and unfold it into `mesh` -> history."""
     count, every = len(static.template), 8
-    embedded = embed(mesh, body_points, training)
+    recurrence = mesh_bptt.recurrence(mesh)
+    embedded = mesh_windows.embed(recurrence, body_points, training)
     embeddings = Embeddings(embedded, options.head_rank, options.seed)
     u = torch.cat([embeddings.reduce(s) for s in embedded])
     del embedded
-    held = [embeddings.reduce(s) for s in embed(mesh, body_points, validation)]
+    held = [embeddings.reduce(s) for s in mesh_windows.embed(recurrence, body_points, validation)]
     linear = torch.cat([c.pose.linear for c in training])
     place = [(c, t) for c in training for t in range(len(c))]
     weights = static.weights().detach()
