@@ -48,9 +48,11 @@ class Clip:
         return part.astype(np.float32)
 
     def remainder(self, ticks, vertices):
-        """What stage 2 leaves of the residual, [t, v, 3] float32; after fit_skeleton.subtract that is the residual."""
-        wanted = self.wanted(ticks, vertices)
-        if self.coarse is None:
+        """What stage 2 leaves of the residual, [t, v, 3] float32, or [v, 3] of one tick."""
+        wanted = self.residual[ticks]
+        wanted = wanted[..., vertices, :] if isinstance(vertices, slice) else wanted.take(vertices, -2)
+        wanted = wanted.astype(np.float32)
+        if self.coarse is None:     # fit_skeleton.subtract has been here
             return wanted
         coefficients, basis = self.coarse
         columns = basis[:, vertices].reshape(len(basis), -1)

@@ -55,15 +55,23 @@ class Learner(nn.Module):
 
 
 def train_layers(mesh, body_points, static, components, deviations, everything, validation, options, folder, log=print):
-    """Truncated back-propagation through time -> (history, error in metres); leaves the best epoch in `mesh`."""
+    """Back-propagation through time -> ({step: history}, error in metres); leaves its best epoch in `mesh`."""
     count, every = len(static.template), 8
     weights = static.weights().detach()
     recurrence = mesh_bptt.recurrence(mesh, log)
-    sample = mesh_windows.embed(recurrence, body_points, validation)
-    patches = Patches(static.template, options.mesh_patches, sample)
+    patches = Patches(static.template, options.mesh_patches, mesh_windows.embed(recurrence, body_points, validation))
     torch.manual_seed(options.seed)
     head = mesh_head.Head(len(patches.directions), mesh.mlp[0].out_features, components, deviations, options)
+
+    def reduced(clips):
+        return mesh_windows.embed(recurrence, body_points, clips, keep=lambda s: patches.reduce(torch.from_numpy(s)))
+
+    # A head that asks the standing layers for something: from zero their gradient would be noise.
+    histories = {"mesh_patches": mesh_head.fit_standing(
+        "mesh_patches", head, reduced(everything), reduced(validation), static, everything, validation, options, folder,
+        log, keep_last=True)[0]}
     learner = Learner(mesh, head)
+    log(f"mesh_layers: {'C++' if isinstance(recurrence, mesh_bptt.Native) else 'PyTorch'}, {len(everything)} clips")
     coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
 
     def batches(generator):
@@ -77,18 +85,18 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
 
     @torch.no_grad()
     def predicted():
-        return [(head(patches.reduce(torch.from_numpy(s))) @ coarse).reshape(len(s), -1, 3)
-                for s in mesh_windows.embed(recurrence, body_points, validation)]
+        return [(head(u) @ coarse).reshape(len(u), -1, 3) for u in reduced(validation)]
 
     def validate():
         return mesh_head.best_shrink(weights[::every], validation, predicted(), every)[1]
 
-    history = loop.fit("mesh_layers", learner, options.mesh_epochs, batches, validate, folder, seed=options.seed,
-                       rate=options.mesh_rate, log=log)
+    layers = list(mesh.layers.parameters()) + list(mesh.embed.parameters())
+    histories["mesh_layers"] = loop.fit("mesh_layers", learner, options.mesh_epochs, batches, validate, folder,
+                                        seed=options.seed, rate=options.mesh_rate, followers=layers, log=log)
     shrink, error = mesh_head.best_shrink(weights[::every], validation, predicted(), every)
     log(f"mesh_layers: basis times {shrink:.1f}, {1e3 * error:.3f} mm on validation")
     head.unfold(mesh, patches, shrink)
-    return history, error
+    return histories, error
 
 
 def train(mesh, body_points, static, drawn, everything, validation, options, folder, log=print):
@@ -107,8 +115,9 @@ def train(mesh, body_points, static, drawn, everything, validation, options, fol
     best = copy.deepcopy(mesh.state_dict())
     if options.mesh_epochs:
         mesh.load_state_dict(initial)
-        histories["mesh_layers"], reached = train_layers(mesh, body_points, static, components, deviations, everything,
-                                                         validation, options, folder, log)
+        found, reached = train_layers(mesh, body_points, static, components, deviations, everything, validation,
+                                      options, folder, log)
+        histories.update(found)
         if reached < lowest:
             lowest, best = reached, copy.deepcopy(mesh.state_dict())
     mesh.load_state_dict(best)

@@ -72,8 +72,8 @@ def run(recurrence, body_points, clips, options, generator):
 
 
 @torch.no_grad()
-def embed(recurrence, body_points, clips, ticks=32):
-    """s [T, n] float32 of every clip from a reset, clips of like length side by side."""
+def embed(recurrence, body_points, clips, ticks=32, keep=lambda s: s):
+    """keep(s [T, n] float32) of every clip from a reset, clips of like length side by side."""
     out = [None] * len(clips)
     order = sorted(range(len(clips)), key=lambda i: len(clips[i]))
     for at in range(0, len(order), mesh_bptt.LANES):
@@ -84,5 +84,5 @@ def embed(recurrence, body_points, clips, ticks=32):
                                   for c in some])
             rows.append(recurrence.run(mesh_bptt.window_points(body_points, frames), states).numpy())
         for lane, i in enumerate(order[at:at + mesh_bptt.LANES]):
-            out[i] = np.concatenate([r[:, lane] for r in rows])[:len(clips[i])].copy()
+            out[i] = keep(np.concatenate([r[:, lane] for r in rows])[:len(clips[i])])
     return out
