@@ -10,6 +10,7 @@ from torch import nn
 from . import losses, loop, mesh_bptt, mesh_windows, unskin
 
 BATCH = 256
+EPOCH_TICKS = 20_000    # at most: an epoch over all clips would outlast the layers' own
 VERTICES = 128
 
 
@@ -96,7 +97,7 @@ def fit_standing(stage, head, u, held, static, training, validation, options, fo
     coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
 
     def batches(generator):
-        for ticks in torch.randperm(len(u), generator=generator).split(BATCH):
+        for ticks in torch.randperm(len(u), generator=generator)[:EPOCH_TICKS].split(BATCH):
             rows = losses.pick_vertices(count, VERTICES, generator)
             at = rows.numpy()
             target = np.stack([place[i][0].remainder(place[i][1], at) for i in ticks.tolist()])
