@@ -35,6 +35,7 @@ class Clip:
     rate: float                              # Hz
     residual: Optional[np.ndarray] = None    # [T, n, 3] template space, float16, after unskin
     sample: Optional[np.ndarray] = None      # [T, n / SAMPLE_EVERY, 3] of it, in memory
+    coarse: Optional[tuple] = None           # stage 2: coefficients [T, R], basis [R, n, 3] shared by all clips
 
     def __len__(self):
         return len(self.pose)
@@ -45,6 +46,17 @@ class Clip:
         if vertices is not None:
             part = part[:, vertices] if isinstance(vertices, slice) else part.take(vertices, 1)
         return part.astype(np.float32)
+
+    def remainder(self, ticks, vertices):
+        """What stage 2 leaves of the residual, [t, v, 3] float32, or [v, 3] of one tick."""
+        wanted = self.residual[ticks]
+        wanted = wanted[..., vertices, :] if isinstance(vertices, slice) else wanted.take(vertices, -2)
+        wanted = wanted.astype(np.float32)
+        if self.coarse is None:     # fit_skeleton.subtract has been here
+            return wanted
+        coefficients, basis = self.coarse
+        columns = basis[:, vertices].reshape(len(basis), -1)
+        return wanted - (coefficients[ticks] @ columns).reshape(wanted.shape)
 
     def sampled(self, ticks, rows):
         """Residual [t, v, 3] float32 of sampled vertices: SAMPLE_EVERY * rows."""

@@ -1,93 +1,123 @@
 """Stage 3: graph-recurrent layers and their head, stages 1 and 2 frozen.
 
-Three steps, each kept only where it lowers the validation error: a head on the initial layers
-(random recurrent features already tell poses and their recent past apart), truncated
-back-propagation through time of the layers below that head, a fresh head on the trained layers.
-The head stands still in the second step: with its n h weights free, the first epoch overfits.
+Two ways, and the one with the lower validation error is kept: a head on the initial layers (random recurrent features
+already tell poses and their recent past apart; minutes), and truncated back-propagation through time of layers and
+head together, on windows of all clips. There the head reads means of s over patches of cloth: with n h weights of its
+own it overfits in an epoch, and a patch keeps what a graph layer knows, which is local.
 """
 import copy
 
 import numpy as np
 import torch
+from torch import nn
 
-from . import losses, loop, mesh_head, unskin
+from . import losses, loop, mesh_bptt, mesh_head, mesh_windows, unskin
 
 BASIS_EVERY = 2
-SEQUENCES = 4      # side by side; more only costs memory once a layer's rows fill the cache
 VERTICES = 512
 
 
-@torch.no_grad()
-def _errors(mesh, static, clips, embedded, every=8):
-    """Typical error in metres of the whole stage over clips, on every eighth vertex."""
-    basis = mesh.basis[:, ::every].flatten(1)
-    predicted = [(mesh.coefficients(torch.from_numpy(s)) @ basis).reshape(len(clip), -1, 3)
-                 for clip, s in zip(clips, embedded)]
-    return mesh_head.typical(static.weights()[::every], clips, predicted, every)
-
-
-def _chunks(mesh, body_points, static, clips, options, generator):
-    """Losses of truncated back-propagation: one a chunk of `options.chunk` ticks."""
-    count = len(static.template)
-    weights = static.weights().detach()
-    order = torch.randperm(len(clips), generator=generator).tolist()[:options.mesh_clips]
-    order.sort(key=lambda i: len(clips[i]))
-    for at in range(0, len(order), SEQUENCES):
-        some = [clips[i] for i in order[at:at + SEQUENCES]]
-        shortest = min(map(len, some))
-        states = mesh.reset(len(some), mesh.embed.weight)
-        for first in range(0, shortest - options.chunk + 1, options.chunk):
-            ticks = slice(first, first + options.chunk)
-            frames = torch.stack([c.pose.body_frame[ticks] for c in some])
-            embedded = []
-            for t in range(options.chunk):
-                s, states = mesh.embedded(body_points(frames[:, t]), states)
-                embedded.append(s)
-            rows = losses.pick_vertices(count, VERTICES, generator)
-            target = np.stack([c.wanted(ticks, rows.numpy()) for c in some])
-            q = mesh.coefficients(torch.stack(embedded, 1))
-            delta = (q @ mesh.basis[:, rows].flatten(1)).reshape(target.shape)
-            linear = torch.stack([c.pose.linear[ticks] for c in some])
-            yield losses.skinned_distance(linear, weights[rows], delta - torch.from_numpy(target))
-            states = [s.detach() for s in states]
-
-
 def draw(clips, options):
-    """At most options.head_clips of `clips`: what stage 3 learns from, residuals and embeddings in memory."""
+    """At most options.head_clips of `clips`: what stage 3's head learns from, residuals and embeddings in memory."""
     chosen = np.random.default_rng(options.seed).permutation(len(clips))[:options.head_clips]
     return [clips[i] for i in sorted(chosen)]
 
 
-def train(mesh, body_points, static, training, validation, options, folder, log=print):
-    """-> {step: history}; leaves the best of the three steps in `mesh`."""
+class Patches:
+    """u [.., r] from s [.., n]: standardised means over r patches of cloth; as mesh_head.Embeddings, without a fit."""
+
+    def __init__(self, template, rank, embedded):
+        """template [n, 3], embedded: some s [T, n], which say what u's mean and deviation are."""
+        points = np.asarray(template, np.float64)
+        distance, centres = np.full(len(points), np.inf), []
+        while len(centres) < min(rank, len(points)):   # each the farthest from all before it
+            centres.append(int(distance.argmax()) if centres else 0)
+            distance = np.minimum(distance, np.linalg.norm(points - points[centres[-1]], axis=1))
+        owner = np.linalg.norm(points[:, None] - points[centres], axis=2).argmin(1)
+        self.directions = (owner == np.arange(len(centres))[:, None]).astype(np.float32)
+        self.directions /= self.directions.sum(1, keepdims=True)
+        self.mean = np.mean([e.mean(0) for e in embedded], 0).astype(np.float32)
+        rows = np.concatenate([(e - self.mean) @ self.directions.T for e in embedded])
+        self.deviation = np.maximum(rows.std(0), 1e-3 * rows.std()).astype(np.float32)
+
+    def reduce(self, s):
+        """The same of a tensor, with gradient."""
+        mean, directions, deviation = map(torch.from_numpy, (self.mean, self.directions, self.deviation))
+        return (s - mean) @ directions.t() / deviation
+
+
+class Learner(nn.Module):
+    """What back-propagation through time trains: layers and embedding of the stage, and its head."""
+
+    def __init__(self, mesh, head):
+        super().__init__()
+        self.layers, self.embed, self.head = mesh.layers, mesh.embed, head
+
+
+def train_layers(mesh, body_points, static, components, deviations, everything, validation, options, folder, log=print):
+    """Back-propagation through time -> ({step: history}, error in metres); leaves its best epoch in `mesh`."""
+    count, every = len(static.template), 8
+    weights = static.weights().detach()
+    recurrence = mesh_bptt.recurrence(mesh, log)
+    patches = Patches(static.template, options.mesh_patches, mesh_windows.embed(recurrence, body_points, validation))
+    torch.manual_seed(options.seed)
+    head = mesh_head.Head(len(patches.directions), mesh.mlp[0].out_features, components, deviations, options)
+
+    def reduced(clips):
+        return mesh_windows.embed(recurrence, body_points, clips, keep=lambda s: patches.reduce(torch.from_numpy(s)))
+
+    # A head that asks the standing layers for something: from zero their gradient would be noise.
+    histories = {"mesh_patches": mesh_head.fit_standing(
+        "mesh_patches", head, reduced(everything), reduced(validation), static, everything, validation, options, folder,
+        log, keep_last=True)[0]}
+    learner = Learner(mesh, head)
+    log(f"mesh_layers: {'C++' if isinstance(recurrence, mesh_bptt.Native) else 'PyTorch'}, {len(everything)} clips")
+    coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
+
+    def batches(generator):
+        for ticks, s, clips in mesh_windows.run(recurrence, body_points, everything, options, generator):
+            rows = losses.pick_vertices(count, VERTICES, generator)
+            target = np.stack([c.remainder(t, rows.numpy()) for c, t in zip(clips, ticks)])
+            columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
+            delta = (head(patches.reduce(s.transpose(0, 1))) @ columns).reshape(target.shape)
+            linear = torch.stack([c.pose.linear[t] for c, t in zip(clips, ticks)])
+            yield losses.skinned_distance(linear, weights[rows], delta - torch.from_numpy(target))
+
+    @torch.no_grad()
+    def predicted():
+        return [(head(u) @ coarse).reshape(len(u), -1, 3) for u in reduced(validation)]
+
+    def validate():
+        return mesh_head.best_shrink(weights[::every], validation, predicted(), every)[1]
+
+    layers = list(mesh.layers.parameters()) + list(mesh.embed.parameters())
+    histories["mesh_layers"] = loop.fit("mesh_layers", learner, options.mesh_epochs, batches, validate, folder,
+                                        seed=options.seed, rate=options.mesh_rate, followers=layers, log=log)
+    shrink, error = mesh_head.best_shrink(weights[::every], validation, predicted(), every)
+    log(f"mesh_layers: basis times {shrink:.1f}, {1e3 * error:.3f} mm on validation")
+    head.unfold(mesh, patches, shrink)
+    return histories, error
+
+
+def train(mesh, body_points, static, drawn, everything, validation, options, folder, log=print):
+    """-> {step: history}; leaves the better of the two steps in `mesh`.
+
+    drawn: clips for the head and the basis, stage 2 subtracted; everything: clips for back-propagation through time.
+    """
     count = len(static.template)
     components, deviations = unskin.principal(
-        lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
-        sum(-(-len(c) // BASIS_EVERY) for c in training), len(mesh.basis), options.seed)
-    mesh.basis.requires_grad_(False)
-
-    def head(stage):
-        return mesh_head.fit(stage, mesh, body_points, static, components, deviations, training, validation,
-                             options, folder, log)
-
-    histories = {}
-    histories["mesh_head"], lowest = head("mesh_head")
+        lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in drawn),
+        sum(-(-len(c) // BASIS_EVERY) for c in drawn), len(mesh.basis), options.seed)
+    initial = copy.deepcopy(mesh.state_dict())
+    found, lowest = mesh_head.fit("mesh_head", mesh, body_points, static, components, deviations, drawn, validation,
+                                  options, folder, log)
+    histories = {"mesh_head": found}
     best = copy.deepcopy(mesh.state_dict())
     if options.mesh_epochs:
-        def validate():
-            return _errors(mesh, static, validation,
-                           mesh_head.embed(mesh, body_points, validation))
-
-        mesh.mlp.requires_grad_(False)
-        histories["mesh_layers"] = loop.fit(
-            "mesh_layers", mesh, options.mesh_epochs,
-            lambda generator: _chunks(mesh, body_points, static, training, options, generator),
-            validate, folder, seed=options.seed, rate=options.mesh_rate,
-            log=log)
-        reached = min(h["validation_mm"] for h in histories["mesh_layers"]) / 1e3
-        if reached < lowest:
-            lowest, best = reached, copy.deepcopy(mesh.state_dict())
-        histories["mesh_refit"], reached = head("mesh_refit")
+        mesh.load_state_dict(initial)
+        found, reached = train_layers(mesh, body_points, static, components, deviations, everything, validation,
+                                      options, folder, log)
+        histories.update(found)
         if reached < lowest:
             lowest, best = reached, copy.deepcopy(mesh.state_dict())
     mesh.load_state_dict(best)

@@ -170,9 +170,22 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
 
 
 @torch.no_grad()
-def subtract(skeleton, standardise, clips):
-    """Take the stage's displacement off every clip's residual, in place."""
-    flat = skeleton.basis.reshape(len(skeleton.basis), -1)
+def add_coarse(skeleton, standardise, clips):
+    """Fill clip.coarse: what the stage gives, in its own directions, for clips too many to subtract it in memory."""
+    found = bundle.factors(skeleton.basis.detach().numpy())
+    readout = None if found is None else torch.from_numpy(np.ascontiguousarray(found[0], np.float32))
+    basis = skeleton.basis.detach().numpy() if found is None else found[1].astype(np.float32)
+    order = sorted(range(len(clips)), key=lambda i: len(clips[i]))
+    for at in range(0, len(order), BATCH):
+        some = [clips[i] for i in order[at:at + BATCH]]
+        x = nn.utils.rnn.pad_sequence([standardise(c.pose.x) for c in some], batch_first=True)
+        states = skeleton(x)[0]
+        for clip, rows in zip(some, states if readout is None else states @ readout):
+            clip.coarse = rows[:len(clip)].numpy().copy(), basis
+
+
+def subtract(clips):
+    """Take the stage's displacement (clip.coarse) off every clip's residual, in place and in memory."""
     for clip in clips:
-        state = skeleton(standardise(clip.pose.x)[None])[0][0]
-        clip.residual[:] = clip.wanted() - (state @ flat).reshape(clip.residual.shape).numpy()
+        clip.residual[:] = clip.remainder(slice(None), slice(None))
+        clip.coarse = None

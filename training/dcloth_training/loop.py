@@ -15,6 +15,7 @@ from . import checkpoint
 
 CLIP_NORM = 1.0
 FINAL_RATE = 0.02     # of the first learning rate, at the end of the cosine
+FOLLOW, HOLD = 0.1, 0.1
 
 
 _limit_minutes = None
@@ -50,10 +51,13 @@ def seed_epoch(seed, stage, epoch):
 
 
 def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, decay=0.0,
-        patience=None, validate_every=1, keep_last=False, log=print):
+        patience=None, validate_every=1, keep_last=False, followers=(), log=print):
     """Train `module` and leave it at its best validated epoch -> history (list of dicts).
 
     keep_last: leave it at the last epoch, where `batches` teach what validation does not measure.
+
+    followers: parameters that learn at FOLLOW of the rate, and not at all in the first HOLD of the epochs: until what
+    reads them has learned something their gradient is noise, which Adam would blow up to full steps.
 
     batches(generator): yields loss tensors, one a step. validate(): error in metres.
     Resumes from folder/<stage>.safetensors and saves there after every validated epoch. A history
@@ -62,7 +66,10 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
     started = time.monotonic()
     path = os.path.join(folder, stage + ".safetensors")
     parameters = [p for p in module.parameters() if p.requires_grad]
-    optimiser = torch.optim.AdamW(parameters, lr=rate, weight_decay=decay)
+    behind = {id(p) for p in followers}
+    groups = [[p for p in parameters if (id(p) in behind) == late] for late in (False, True)]
+    groups, shares = zip(*[(g, s) for g, s in zip(groups, (1.0, FOLLOW)) if g])
+    optimiser = torch.optim.AdamW([{"params": g} for g in groups], lr=rate, weight_decay=decay)
     state = checkpoint.load(path)
     if state:
         module.load_state_dict(state["module"])
@@ -83,9 +90,10 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         if epoch >= epochs or patience and epoch - best_at > patience:
             break
         began = time.monotonic()
-        for group in optimiser.param_groups:
-            share = 0.5 * (1 + math.cos(math.pi * epoch / epochs))
-            group["lr"] = rate * (FINAL_RATE + (1 - FINAL_RATE) * share)
+        for group, share in zip(optimiser.param_groups, shares):
+            held = share < 1 and epoch < HOLD * epochs
+            cosine = 0.5 * (1 + math.cos(math.pi * epoch / epochs))
+            group["lr"] = 0.0 if held else share * rate * (FINAL_RATE + (1 - FINAL_RATE) * cosine)
         module.train()
         total, steps = 0.0, 0
         for loss in batches(seed_epoch(seed, stage, epoch)):

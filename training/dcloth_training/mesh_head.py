@@ -7,32 +7,11 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, losses, loop, unskin
+from . import losses, loop, mesh_bptt, mesh_windows, unskin
 
 BATCH = 256
+EPOCH_TICKS = 20_000    # at most: an epoch over all clips would outlast the layers' own
 VERTICES = 128
-
-
-@torch.no_grad()
-def embed(mesh, body_points, clips, batch=2):
-    """s [T, n] float32 of every clip from a reset, several clips side by side."""
-    out = [None] * len(clips)
-    order = sorted(range(len(clips)), key=lambda i: len(clips[i]))
-    for at in range(0, len(order), batch):
-        some = order[at:at + batch]
-        longest = max(len(clips[i]) for i in some)
-        frames = torch.stack([clips[i].pose.body_frame[[min(t, len(clips[i]) - 1)
-                                                        for t in range(longest)]] for i in some])
-        rows = [np.empty((len(clips[i]), mesh.mlp[0].in_features), np.float32) for i in some]
-        states = mesh.reset(len(some), mesh.embed.weight)
-        for t in range(longest):
-            s, states = mesh.embedded(body_points(frames[:, t]), states)
-            for row, values in zip(rows, s.numpy()):
-                if t < len(row):
-                    row[t] = values
-        for i, row in zip(some, rows):
-            out[i] = row
-    return out
 
 
 class Embeddings:
@@ -108,28 +87,20 @@ def typical(weights, clips, predicted, every=8):
     return float(np.exp(np.mean(logs)))
 
 
-def fit(stage, mesh, body_points, static, components, deviations, training, validation, options,
-        folder, log=print):
-    """Fit a fresh head to the standing graph layers and unfold it into `mesh` -> history."""
+def fit_standing(stage, head, u, held, static, training, validation, options, folder, log=print, **more):
+    """Fit `head` to standing u [T, r] of training clips -> (history, shrink, error in metres); held: of validation."""
     count, every = len(static.template), 8
-    embedded = embed(mesh, body_points, training)
-    embeddings = Embeddings(embedded, options.head_rank, options.seed)
-    u = torch.cat([embeddings.reduce(s) for s in embedded])
-    del embedded
-    held = [embeddings.reduce(s) for s in embed(mesh, body_points, validation)]
+    u = torch.cat(u)
     linear = torch.cat([c.pose.linear for c in training])
     place = [(c, t) for c in training for t in range(len(c))]
     weights = static.weights().detach()
-    torch.manual_seed(options.seed)
-    head = Head(u.shape[1], mesh.mlp[0].out_features, components, deviations, options)
     coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
 
     def batches(generator):
-        for ticks in torch.randperm(len(u), generator=generator).split(BATCH):
+        for ticks in torch.randperm(len(u), generator=generator)[:EPOCH_TICKS].split(BATCH):
             rows = losses.pick_vertices(count, VERTICES, generator)
             at = rows.numpy()
-            target = np.stack([place[i][0].residual[place[i][1]].take(at, 0)
-                               for i in ticks.tolist()]).astype(np.float32)
+            target = np.stack([place[i][0].remainder(place[i][1], at) for i in ticks.tolist()])
             columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
             delta = (head(u[ticks]) @ columns).reshape(target.shape)
             yield losses.skinned_distance(linear[ticks], weights[rows],
@@ -144,8 +115,22 @@ def fit(stage, mesh, body_points, static, components, deviations, training, vali
 
     history = loop.fit(stage, head, options.head_epochs, batches, validate, folder,
                        seed=options.seed, rate=options.head_rate, decay=options.head_decay,
-                       validate_every=options.validate_every, log=log)
-    shrink, error = best_shrink(weights[::every], validation, predicted())
+                       validate_every=options.validate_every, log=log, **more)
+    return (history, *best_shrink(weights[::every], validation, predicted()))
+
+
+def fit(stage, mesh, body_points, static, components, deviations, training, validation, options,
+        folder, log=print):
+    """Fit a fresh head to the standing graph layers and unfold it into `mesh` -> (history, error in metres)."""
+    recurrence = mesh_bptt.recurrence(mesh)
+    embedded = mesh_windows.embed(recurrence, body_points, training)
+    embeddings = Embeddings(embedded, options.head_rank, options.seed)
+    u = [embeddings.reduce(s) for s in embedded]
+    del embedded
+    held = [embeddings.reduce(s) for s in mesh_windows.embed(recurrence, body_points, validation)]
+    torch.manual_seed(options.seed)
+    head = Head(len(embeddings.directions), mesh.mlp[0].out_features, components, deviations, options)
+    history, shrink, error = fit_standing(stage, head, u, held, static, training, validation, options, folder, log)
     log(f"{stage}: basis times {shrink:.1f}, {1e3 * error:.2f} mm on validation")
     head.unfold(mesh, embeddings, shrink)
     return history, error

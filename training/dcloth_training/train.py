@@ -58,10 +58,11 @@ def arguments(argv=None):
     add("--mesh-width", type=int, default=8, help="F")
     add("--mesh-layers", type=int, default=3, help="L")
     add("--mesh-hidden", type=int, default=256, help="h")
-    add("--mesh-epochs", type=int, default=4)
-    add("--mesh-clips", type=int, default=16, help="clips drawn for one such epoch")
+    add("--mesh-epochs", type=int, default=10, help="of truncated back-propagation through time")
+    add("--mesh-windows", type=int, default=256, help="windows of clips in one such epoch")
+    add("--mesh-patches", type=int, default=192, help="of cloth, whose means the head reads then")
     add("--mesh-rate", type=float, default=1e-3)
-    add("--chunk", type=int, default=16, help="ticks of truncated back-propagation")
+    add("--chunk", type=int, default=16, help="ticks that a gradient goes back, a step")
     add("--head-data", help="folder of clips that stage 2 never sees, for stage 3")
     add("--head-clips", type=int, default=10 ** 6, help="clips drawn for stage 3, at most")
     add("--head-rank", type=int, default=32)
@@ -208,15 +209,18 @@ def run(options):
                                                    training, validation, static_clips, options,
                                                    options.out, log)
         net.skeleton.requires_grad_(False)
-    seen = training
+    seen, everything = training, []
     if options.stages == "mesh":
         if options.head_data:
             seen = unseen_clips(options, fitted.rig, character, training)
             dataset.add_residuals(seen, net.static, net.standardise, character, residuals)
             log(f"stage 3: {len(seen)} clips with mirror images that stage 2 never saw")
+        everything = (seen if options.head_data else []) + (training if options.mesh_epochs else [])
         seen = fit_mesh.draw(seen, options)
-        fit_skeleton.subtract(net.skeleton, net.standardise, seen + validation)
-        histories.update(fit_mesh.train(net.mesh, net.body_points, net.static, seen,
+        fit_skeleton.add_coarse(net.skeleton, net.standardise,
+                                list({id(c): c for c in everything + seen + validation}.values()))
+        fit_skeleton.subtract(seen + validation)
+        histories.update(fit_mesh.train(net.mesh, net.body_points, net.static, seen, everything,
                                         validation, options, options.out, log))
     provenance = {
         "command": {k: v for k, v in vars(options).items()
@@ -225,7 +229,7 @@ def run(options):
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
         "training_folders": by_folder(training),
-        "stage_3_clips": sorted({c.name for c in seen}),
+        "stage_3_clips": sorted({c.name for c in seen + everything}),
         "validation_clips": sorted({c.name for c in validation}),
         "held_out_clips": list(dataset.HELD_OUT),
         "frames": {"training": sum(map(len, training)) // 2,

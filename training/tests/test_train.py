@@ -30,7 +30,7 @@ def test_same_seed_gives_the_same_network_and_another_seed_another(tiny, trained
     assert not torch.equal(first["skeleton.basis"], other["skeleton.basis"])
 
 
-@pytest.mark.parametrize("stage,epoch", [("static", 5), ("skeleton", 10), ("mesh_layers", 1)])
+@pytest.mark.parametrize("stage,epoch", [("static", 5), ("skeleton", 10), ("mesh_patches", 5), ("mesh_layers", 1)])
 def test_resumes_bit_for_bit(tiny, trained, tmp_path, monkeypatch, stage, epoch):
     """Stop a run just after a checkpoint, start it again, compare with the unbroken one."""
     class Stop(Exception):
@@ -76,6 +76,25 @@ def test_not_finite_loss_stops_training(tmp_path):
     with pytest.raises(FloatingPointError, match="epoch 1"):
         loop.fit("x", module, 3, lambda g: [module(torch.full((1, 1), float("nan"))).sum()],
                  lambda: 1.0, str(tmp_path), log=lambda text: None)
+
+
+def test_followers_wait_and_learn_at_a_tenth(tmp_path):
+    """Adam's step is the rate in size: a leader moves by it from the first epoch, a follower by a tenth after HOLD."""
+    module = torch.nn.ParameterList([torch.nn.Parameter(torch.zeros(1)) for _ in range(2)])
+    seen = []
+
+    def batches(generator):
+        seen.append([float(p) for p in module])
+        yield (module[0] + module[1]).sum()
+
+    loop.fit("x", module, 20, batches, lambda: 1.0, str(tmp_path), rate=1e-3, followers=[module[1]], keep_last=True,
+             log=lambda text: None)
+    seen.append([float(p) for p in module])
+    steps = np.diff(np.array(seen), axis=0)
+    assert (steps[:, 0] < 0).all() and steps[0, 0] == pytest.approx(-1e-3, rel=1e-3)
+    held = int(20 * loop.HOLD)
+    assert held == 2 and (steps[:held, 1] == 0).all()
+    assert np.allclose(steps[held:, 1], loop.FOLLOW * steps[held:, 0], rtol=1e-3)
 
 
 def test_held_out_clips_are_never_found(tiny, tmp_path):

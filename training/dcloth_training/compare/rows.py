@@ -20,7 +20,7 @@ from .static_pose import StaticPose
 from .virtual_bones import VirtualBones
 
 FITS = {"static": ("static", "static_pruned"), "skeleton": ("skeleton",),
-        "mesh": ("mesh_head", "mesh_layers", "mesh_refit")}
+        "mesh": ("mesh_head", "mesh_patches", "mesh_layers")}
 
 
 @dataclass
