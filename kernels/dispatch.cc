@@ -2,6 +2,7 @@
 #include "kernels/simd.h"
 
 #include "kernels/cpu.h"
+#include "kernels/gsgru/gsgru_strands.h"
 #include "kernels/kernels.h"
 
 // Highway falls back to emulation in silence where the compiler was not told of SIMD.
@@ -41,13 +42,17 @@ DCLOTH_KERNEL_TABLE(N_NEON, "neon")
 DCLOTH_KERNEL_TABLE(N_WASM, "wasm")
 #endif
 DCLOTH_KERNEL_TABLE(scalar, "scalar")
-// 128-bit vectors, nothing fused: the same operations in the same order everywhere (multiply_add-inl.h).
+// 128-bit vectors, nothing fused: the same operations in the same order everywhere (multiply_add-inl.h). Where a build has
+// none of these, the scalar references, whose bits differ in one kernel alone (gsgru_strands.cc).
 #if HWY_TARGETS & HWY_SSE4
 DCLOTH_KERNEL_ALIAS(N_SSE4, reproducible, "reproducible")
 #elif (HWY_TARGETS & HWY_NEON) && HWY_ARCH_ARM_A64
 DCLOTH_KERNEL_TABLE(N_NEON_SPLIT, "reproducible")
 #elif HWY_TARGETS & HWY_WASM
 DCLOTH_KERNEL_ALIAS(N_WASM, reproducible, "reproducible")
+#else
+DCLOTH_KERNEL_ALIAS(scalar, strands, "reproducible")
+#define DCLOTH_REPRODUCIBLE_IS_SCALAR
 #endif
 
 namespace {
@@ -57,7 +62,7 @@ struct Choice {
   const KernelTable* table;
 };
 
-// Best first; then the reproducible one; scalar, which every CPU runs, last.
+// Best first; the reproducible one and scalar, which every CPU runs, are the last two.
 constexpr Choice kChoices[] = {
 #if HWY_TARGETS & HWY_AVX3
     {kCpuAvx3, &N_AVX3::kTable},
@@ -82,6 +87,9 @@ constexpr Choice kChoices[] = {
     {kCpuWasm, &reproducible::kTable},
 #endif
     {kCpuScalar, &scalar::kTable},
+#if defined(DCLOTH_REPRODUCIBLE_IS_SCALAR)
+    {kCpuScalar, &strands::kTable},
+#endif
 };
 
 bool SameText(const char* a, const char* b) {

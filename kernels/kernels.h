@@ -24,8 +24,8 @@ const KernelTable* BestKernels();
 // The table of that name, or null where the build or this CPU lacks it.
 const KernelTable* FindKernels(const char* name);
 
-// The tables this CPU runs, best first, then "reproducible" where it has 128-bit vectors; the last one is "scalar".
-// "reproducible" gives the same bits on every CPU that has it.
+// The tables this CPU runs, best first; "reproducible", which only an x86 CPU before SSE4.2 lacks, and "scalar" are the
+// last two. "reproducible" gives the same bits on every CPU.
 size_t KernelTableCount();
 const KernelTable* KernelTableAt(size_t index);
 

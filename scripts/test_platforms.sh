@@ -2,7 +2,9 @@
 # Builds the C++ tests for other platforms and runs them under emulators:
 # `test_platforms.sh [--only PATTERN] [aarch64] [windows]`, both platforms when none is named.
 # aarch64: 64-bit Arm Linux under qemu-user. windows: x86-64 by mingw-w64 under Wine, with the command line.
-# PATTERN chooses test executables by name (grep -E), "kernels_|engine_" for instance; no others are built.
+# PATTERN chooses test executables by name (grep -E), "kernels_|engine_" for instance; no others are built. "picture" is
+# tests/picture on Windows: the pinned hashes of the reproducible mode, of models that DCLOTH_TOOL, a native `dcloth`,
+# converts; without it, it is built.
 # What ran and what was left out is printed last; what is known of each platform: platforms/README.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -51,6 +53,20 @@ report() {
     }' "$log"
 }
 
+# The bundled models as the platform's program draws them, against the hashes that are pinned for all.
+test_picture() {
+  local folder=$1 log=$1/picture.log tool=${DCLOTH_TOOL:-}
+  if [ -z "$tool" ]; then
+    tool=build/dcloth
+    scripts/install_dependencies.sh test
+    { { [ -f build/CMakeCache.txt ] || cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=OFF; } &&
+      ninja -C build dcloth_cli; } >"$log" 2>&1 || { cat "$log" >&2; return 1; }
+  fi
+  DCLOTH_BIN=$(realpath "$tool") DCLOTH_PICTURE_OTHERS="windows=wine $PWD/$folder/dcloth_picture.exe" \
+    /usr/bin/python3 -m pytest -q -rP -p no:cacheprovider tests/picture >"$log" 2>&1 || { cat "$log" >&2; return 1; }
+  echo "windows: the pinned pictures: $(tail -n 1 "$log")" >>"$summary"
+}
+
 summary=$(mktemp)
 trap 'rm -f "$summary"' EXIT
 failed=0
@@ -64,9 +80,8 @@ for platform in "${platforms[@]}"; do
     scripts/build.sh "$folder" --preset "$preset"
   else
     cmake --preset "$preset" >"$folder/configure.log" 2>&1 || { cat "$folder/configure.log" >&2; exit 1; }
-    mapfile -t targets < <(ninja -C "$folder" -t targets all | grep -oE '^[a-z0-9_]+_test(\.exe)?:' | tr -d : |
-      grep -v '^cmake_' |
-      grep -E "$only")
+    mapfile -t targets < <(ninja -C "$folder" -t targets all | grep -oE '^([a-z0-9_]+_test|dcloth_picture):' | tr -d : |
+      grep -v '^cmake_' | grep -E "$only")
     [ ${#targets[@]} -gt 0 ] || { echo "test_platforms: no test executable is named '$only'" >&2; exit 2; }
     echo "building $folder: ${targets[*]}" >&2
     ninja -C "$folder" "${targets[@]}" >"$folder/build.log" 2>&1 || { cat "$folder/build.log" >&2; exit 1; }
@@ -75,6 +90,10 @@ for platform in "${platforms[@]}"; do
   log=$folder/ctest.log status=0
   export WINEPREFIX=$PWD/$folder/wine WINEDEBUG=-all
   [ "$platform" = aarch64 ] || wine wineboot --init >/dev/null 2>&1
+  if [[ $platform = windows && dcloth_picture =~ ${only:-.} ]]; then
+    test_picture "$folder" || failed=1
+    if [ -n "$only" ] && [ "${targets[*]}" = dcloth_picture ]; then continue; fi
+  fi
   ctest --test-dir "$folder" --no-tests=error -LE "$left_out" -j "$(nproc)" -V ${only:+-R "$only"} >"$log" 2>&1 ||
     status=$?
   [ "$status" -eq 0 ] || { grep -E 'Failure$|FAILED|\*\*\*|^Errors' "$log" >&2 || tail -n 40 "$log" >&2; failed=1; }

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the web package and page and tests them: `test_web.sh`, or `test_web.sh --only PATTERN` for the tests whose
-# files match (grep -E): module, api, types, output (against the native command line, in Node), page (in Chromium).
+# files match (grep -E): module, api, types, output (against the native command line, in Node), page (in Chromium), and
+# picture, the hashes of the reproducible mode with SIMD and scalar, in Node (tests/picture).
 # DCLOTH_TOOL names a built `dcloth`; without it, it is built. Pictures of the page: build-web/pictures.
 # Not part of scripts/test.sh: two more builds of the engine, and three.js and TypeScript come from npm.
 set -euo pipefail
@@ -15,7 +16,8 @@ fi
 
 folder=build-web
 scripts/install_dependencies.sh build web
-command -v chromium >/dev/null || scripts/install_dependencies.sh test
+{ command -v chromium && /usr/bin/python3 -c "import numpy, pytest"; } >/dev/null 2>&1 ||
+  scripts/install_dependencies.sh test
 python3 platforms/web/generate_abi.py engine/abi.json --js platforms/web/api/abi.js --check
 scripts/build_web.sh "$folder"
 
@@ -27,12 +29,24 @@ for sequence in models/skirt/sequences/*.safetensors; do
     -o "$DCLOTH_WEB_NATIVE/$(basename "$sequence")"
 done
 
+picture=tests/picture/test_same_picture.py
 mapfile -t tests < <(printf '%s\n' tests/web/*_test.js | grep -E "tests/web/.*($pattern).*_test")
+[[ ! picture =~ $pattern ]] || tests+=("$picture")
 [ ${#tests[@]} -gt 0 ] || { echo "test_web: no test's file matches '$pattern'" >&2; exit 2; }
 failed=()
 for test in "${tests[@]}"; do
   echo "== $test"
-  node --expose-gc --test-reporter spec "$test" || failed+=("$test")
+  if [ "$test" != "$picture" ]; then
+    node --expose-gc --test-reporter spec "$test" || failed+=("$test")
+    continue
+  fi
+  for variant in simd scalar; do
+    ninja -C "$folder/$variant" dcloth_picture >"$folder/picture.log" 2>&1 || { cat "$folder/picture.log" >&2; exit 1; }
+  done
+  DCLOTH_BIN=$(realpath "${DCLOTH_TOOL:-build/dcloth}") \
+    DCLOTH_PICTURE_OTHERS="wasm=node $PWD/$folder/simd/dcloth_picture.js
+wasm-scalar=node $PWD/$folder/scalar/dcloth_picture.js" \
+    /usr/bin/python3 -m pytest -q -rP -p no:cacheprovider "$picture" || failed+=("$test")
 done
 [ ${#failed[@]} -eq 0 ] || { echo "test_web: failed: ${failed[*]}" >&2; exit 1; }
 echo "test_web: ${#tests[@]} files passed"

@@ -8,6 +8,7 @@ WAY: find_package, pkg_config (of what `cmake --install BUILD_FOLDER` installs, 
 and CC name other programs than pkg-config and cc.
 """
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -63,8 +64,24 @@ def check_pkg_config(prefix, work, model):
     run(os.environ.get("CC", "cc"), *WARNINGS, HOST, "-o", program, *ask("--cflags", "--libs"), "-lm")
     libraries = [flag[2:] for flag in ask("--libs-only-L")]
     play(program, model, env={**os.environ, "LD_LIBRARY_PATH": ":".join(libraries)})
+    check_page(work, ask("--cflags", "--libs"), model, {**os.environ, "LD_LIBRARY_PATH": ":".join(libraries)})
     if f"dcloth {version} " not in run(program, model, env={**os.environ, "LD_LIBRARY_PATH": ":".join(libraries)}):
         sys.exit(f"error: pkg-config says version {version}, the library another one")
+
+
+def check_page(work, flags, model, environment):
+    """The host that docs/integrate.md shows, as it stands there."""
+    blocks = re.findall(r"^```c\n(.*?)^```$", (ROOT / "docs/integrate.md").read_text(encoding="utf-8"),
+                        re.DOTALL | re.MULTILINE)
+    if len(blocks) != 1:
+        sys.exit(f"error: {len(blocks)} programs in C on docs/integrate.md, one is expected")
+    source, program = work / "game.c", work / "page"
+    source.write_text(blocks[0], encoding="utf-8")
+    run(os.environ.get("CC", "cc"), *WARNINGS, source, "-o", program, *flags)
+    said = run(program, model, env=environment)
+    if not re.fullmatch(r".+ on \w+: \d+ vertices, the first at( -?\d+\.\d{3}){3}\n", said):
+        sys.exit(f"error: the host of docs/integrate.md says {said!r}")
+    print(f"docs/integrate.md: {said.strip()}")
 
 
 def main():

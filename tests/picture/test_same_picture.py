@@ -5,8 +5,10 @@ int8 models round activations to integers, so that the last bit of one moves oth
 vertices of each frame stays within 0.01 mm, and the largest distance below what int8 itself costs (tests/model).
 
 DCLOTH_PICTURE_OTHERS names programs of other platforms, one a line, "aarch64=qemu-aarch64 -L ROOT PROGRAM": they play the
-same model bytes and poses. `python3 test_same_picture.py --pin` writes the hashes anew, after a model or the arithmetic
-has changed; a change of hashes is a change that replays notice, and belongs into the change log.
+same model bytes and poses. Without DCLOTH_PICTURE, the host's program, they alone do.
+
+`python3 test_same_picture.py --pin` writes the hashes anew, after a model or the arithmetic has changed; a change of hashes
+is a change that replays notice, and belongs into the change log.
 """
 import hashlib
 import json
@@ -29,7 +31,8 @@ PINNED = pathlib.Path(__file__).with_name("hashes.json")
 GARMENTS = sorted(path.parent.name for path in (ROOT / "models").glob("*/*.safetensors") if path.stem == path.parent.name)
 PRECISIONS = ["int8", "fp16", "fp32"]
 HOST_ISAS = ["reproducible", "sse4", "avx2", "avx3", "neon", "scalar"]
-OTHER_ISAS = {"aarch64": ["neon", "reproducible"]}
+OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"], "wasm": ["reproducible", "wasm"],
+              "wasm-scalar": ["reproducible", "scalar"]}
 LIMIT_MM = 0.01
 INT8_MM = 0.3
 
@@ -61,13 +64,15 @@ def play(command, model, poses, isa, *more):
 
 def programs(precision):
     """Label, command, instruction sets to try; the host first, and of it what all others are compared to."""
-    # Scalar frames take ten times as long; the shipped precision has to do.
-    isas = [isa for isa in HOST_ISAS if isa != "scalar" or precision == "int8"]
-    found = [("host", [os.environ["DCLOTH_PICTURE"]], isas)]
+    found = []
+    if "DCLOTH_PICTURE" in os.environ:
+        found.append(("host", [os.environ["DCLOTH_PICTURE"]], HOST_ISAS))
     for line in os.environ.get("DCLOTH_PICTURE_OTHERS", "").splitlines():
         label, command = line.split("=", 1)
         found.append((label, shlex.split(command), OTHER_ISAS[label]))
-    return found
+    # Scalar frames take ten times as long; the shipped precision has to do.
+    return [(label, command, [isa for isa in isas if isa != "scalar" or precision == "int8"])
+            for label, command, isas in found]
 
 
 def pictures(garment, precision, folder, players):
@@ -97,15 +102,19 @@ def test_there_are_garments():
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("garment", GARMENTS)
 def test_same_picture(garment, precision, tmp_path):
-    drawn, model = pictures(garment, precision, tmp_path, programs(precision))
+    players = programs(precision)
+    drawn, model = pictures(garment, precision, tmp_path, players)
     for (label, isa), (picture, largest_mm, mean_mm, frame_ms) in drawn.items():
         print(f"{garment} {precision} {label} {isa}: {picture}, {largest_mm:.6f} mm, mean {mean_mm:.6f} mm, "
               f"{frame_ms:.3f} ms a frame")
-    assert len(drawn) >= 2 and (precision != "int8" or ("host", "scalar") in drawn), "nothing to compare"
+    labels = {label for label, _ in drawn}
+    assert len(drawn) >= 2 and labels == {label for label, *_ in players}, "nothing to compare"
+    assert precision != "int8" or "host" not in labels or ("host", "scalar") in drawn
     assert max(largest for _, largest, _, _ in drawn.values()) <= (INT8_MM if precision == "int8" else LIMIT_MM)
     assert max(mean for _, _, mean, _ in drawn.values()) <= LIMIT_MM
     same = {picture for (_, isa), (picture, *_) in drawn.items() if isa == "reproducible"}
     assert len(same) == 1, f"the reproducible mode drew {drawn}"
+    assert {label for label, isa in drawn if isa == "reproducible"} == labels
     if FRAMES != 2000:
         return
     pinned = json.loads(PINNED.read_text())[garment][precision]

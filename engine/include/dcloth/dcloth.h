@@ -270,8 +270,8 @@ DCLOTH_API const char* dcloth_isa_name(void);
 
 /* Chooses the instruction set for the whole process: a name dcloth_isa_name may return on this CPU ("scalar" always),
  * or null for the best; call it while no cloth is running. "reproducible", for lockstep games and replays, gives the
- * same bits from the same model file and calls on x86 with SSE4.2, AArch64 and WebAssembly with SIMD, in about twice
- * AVX2's time. Between others, for tests alone, vertices differ by less than 0.01 mm (int8: their mean).
+ * same bits from the same model file and calls on x86 with SSE4.2, AArch64 and WebAssembly, in about twice AVX2's
+ * time. Between others, for tests alone, vertices differ by less than 0.01 mm (int8: their mean).
  * Memory: none. Thread: one at a time. Errors: ARGUMENT when the CPU or the build lacks it. Cost: none. */
 DCLOTH_API dcloth_status dcloth_isa_select(const char* name);
 

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "kernels/activation/activation_scalar.h"
+#include "kernels/gsgru/gsgru_strands.h"
 #include "kernels/scalar_math.h"
 #include "tests/unit/kernels/kernel_test.h"
 
@@ -16,7 +17,7 @@ class ReproducibleTest : public testing::Test {
     table_ = FindKernels("reproducible");
     if (table_ == nullptr) {
       ASSERT_EQ(KernelTableCount(), 1u) << "a CPU with vectors has the table";
-      GTEST_SKIP() << "no 128-bit vectors";
+      GTEST_SKIP() << "an x86 CPU before SSE4.2";
     }
   }
   const KernelTable* table_ = nullptr;
@@ -187,8 +188,8 @@ TEST_F(ReproducibleTest, GraphLayer) {
     Aligned output_bias = weights(1, width), gain = weights(1, width), offset = weights(1, width);
     Aligned embed = weights(width, 1), scratch(GsgruScratchFloats(width));
     std::vector<float> before = random_.Floats(GsgruStateFloats(n, width), -1, 1), s(n), plain_s(n);
-    Aligned state(before);
-    const GsgruJob job = {x.data(),
+    Aligned state(before), strands_state(before), next_x(n * width), strands_next_x(n * width);
+    GsgruJob job = {x.data(),
                           row_starts.data(),
                           columns.data(),
                           input.data(),
@@ -212,8 +213,23 @@ TEST_F(ReproducibleTest, GraphLayer) {
     table_->gsgru(job);
     for (size_t i = 0; i < n; ++i) plain_s[i] = PlainVertex(job, i, &before[i * width]);
     ExpectSameBits(s, plain_s);
+    const auto floats = [&](Aligned& values) { return std::vector<float>(values.data(), values.data() + n * width); };
     before.resize(n * width);
-    ExpectSameBits(std::vector<float>(state.data(), state.data() + n * width), before);
+    ExpectSameBits(floats(state), before);
+
+    // The table's layer where there are no vectors; then both once more, without the embedding.
+    GsgruJob strands_job = job;
+    strands_job.state = strands_state.data();
+    strands_job.s = plain_s.data();
+    strands::Gsgru(strands_job);
+    ExpectSameBits(plain_s, s);
+    job.embed = strands_job.embed = nullptr;
+    job.next_x = next_x.data();
+    strands_job.next_x = strands_next_x.data();
+    table_->gsgru(job);
+    strands::Gsgru(strands_job);
+    ExpectSameBits(floats(next_x), floats(strands_next_x));
+    ExpectSameBits(floats(state), floats(strands_state));
   }
 }
 
