@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Builds engine and kernels with counters (g++, no optimisation), runs the tests of both and prints how many lines of each
-# file they ran; fails below 95 %. `coverage.sh --missing` names the lines, too. Not part of scripts/test.sh: it is a
-# build of its own. Left out: attack_stack, whose bound is that of an optimised build, and what needs the converter.
+# Builds engine and kernels with counters (g++, no optimisation), runs the tests of both and prints how many lines of
+# each file they ran; fails below 95 %. `coverage.sh --missing` names the lines, too. Not part of scripts/test.sh: it is
+# a build of its own. Left out: attack_stack, whose bound is that of an optimised build, and what needs the converter.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=build-coverage

@@ -121,5 +121,6 @@ def broken_bvh(text):
     yield "row_long", text.replace("\n" + rows[0], "\n" + rows[0] + " 1" * 100_000, 1).encode()
     deep = "".join(f"JOINT j{i}\n{{\nOFFSET 0 0 0.1\nCHANNELS 0\n" for i in range(20_000))
     yield "deep", text.replace("JOINT Chest", deep + "JOINT Chest", 1).encode()
-    wide = "".join(f"JOINT w{i}\n{{\nOFFSET 0 0 0.1\nCHANNELS 0\nEnd Site\n{{\nOFFSET 0 0 1\n}}\n}}\n" for i in range(70_000))
+    leaf = "\n{\nOFFSET 0 0 0.1\nCHANNELS 0\nEnd Site\n{\nOFFSET 0 0 1\n}\n}\n"
+    wide = "".join(f"JOINT w{i}{leaf}" for i in range(70_000))
     yield "wide", text.replace("JOINT Chest", wide + "JOINT Chest", 1).encode()

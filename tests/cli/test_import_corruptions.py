@@ -47,7 +47,7 @@ def test_named_corruptions(extension, dcloth, importing, tmp_path):  # noqa: F81
     answers = complaints(dcloth, tmp_path, extension, cases)
     refused = [answer for answer in answers if answer is not None]
     crashes = sum("the reader crashed" in answer for answer in refused)
-    print(f"{extension}: {len(answers)} corruptions, {len(refused)} refused, of these {crashes} because the reader crashed")
+    print(f"{extension}: {len(answers)} corruptions, {len(refused)} refused, {crashes} because the reader crashed")
     assert len(answers) == len(cases) >= {"glb": 200, "bvh": 60}[extension]
     assert len(answers) // 2 < len(refused) < len(answers)    # neither everything nor little
 
@@ -61,6 +61,7 @@ def test_a_broken_promise_is_noticed(tmp_path):
     def leaves_a_file(*arguments):
         Path(arguments[-1]).write_bytes(b"half")
         return Result(2, "0.bvh: found a, expected b")
-    for command in (lambda *a: Result(0), lambda *a: Result(1, "0.bvh: found a, expected b"), lambda *a: Result(2, "no"), leaves_a_file):
+    words = "0.bvh: found a, expected b"
+    for command in (lambda *a: Result(0), lambda *a: Result(1, words), lambda *a: Result(2, "no"), leaves_a_file):
         with pytest.raises((AssertionError, OSError)):
             complaint(command, tmp_path, 0, "bvh", b"")

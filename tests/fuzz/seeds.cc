@@ -74,8 +74,7 @@ std::vector<Seed> FactoredSeeds(const BundleSpec& spec) {
   seeds.push_back(SeedOf("factored_too_wide", Factored(spec, spec.skeleton_basis + 1, 0.25f), false));
   seeds.push_back(SeedOf("factored_beyond_f32", Factored(spec, 1, 2e20f), false));
   RawFile flat = whole;
-  flat.Replace("skeleton.components", {1, size_t{3} * spec.vertices},
-               std::vector<float>(size_t{3} * spec.vertices));
+  flat.Replace("skeleton.components", {1, size_t{3} * spec.vertices}, std::vector<float>(size_t{3} * spec.vertices));
   seeds.push_back(SeedOf("factored_flat_components", flat, false));
   return seeds;
 }
