@@ -30,6 +30,10 @@ function(dcloth_runtime target)
   set_target_properties(${target} PROPERTIES CXX_STANDARD 17 CXX_STANDARD_REQUIRED ON)
   target_compile_options(${target} PRIVATE
     $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU,Clang,AppleClang>>:-fno-exceptions;-fno-rtti>)
+  if(DCLOTH_COVERAGE)
+    target_compile_options(${target} PRIVATE --coverage -fprofile-update=atomic -O0)
+    target_link_options(${target} PUBLIC --coverage)
+  endif()
 endfunction()
 
 function(dcloth_offline target)

@@ -6,10 +6,10 @@
 namespace dcloth::testing {
 namespace {
 
-Seed SeedOf(const std::string& name, const RawFile& file) {
+Seed SeedOf(const std::string& name, const RawFile& file, bool sound = true) {
   const converter::AlignedBytes bytes = file.Bytes();
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
-  return {name, {data, data + bytes.size()}, true};
+  return {name, {data, data + bytes.size()}, sound};
 }
 
 std::vector<Seed> ModelSeeds() {
@@ -43,12 +43,49 @@ BundleSpec SmallBundle() {
   return spec;
 }
 
+// The basis of the skeleton stage as readout [k_S, R] x components [R, n, 3].
+RawFile Factored(const BundleSpec& spec, uint32_t rank, float size) {
+  const auto ramp = [&](size_t count, float first) {
+    std::vector<float> values(count);
+    for (size_t i = 0; i < count; ++i) values[i] = size * (first + 0.125f * static_cast<float>(i % 5));
+    return values;
+  };
+  RawFile file = BuildBundle(spec);
+  file.Erase("skeleton.basis");
+  file.Replace("skeleton.readout", {spec.skeleton_basis, rank}, ramp(size_t{spec.skeleton_basis} * rank, -0.25f));
+  file.Replace("skeleton.components", {rank, spec.vertices, 3}, ramp(size_t{3} * rank * spec.vertices, 0.5f));
+  return file;
+}
+
+std::vector<Seed> FactoredSeeds(const BundleSpec& spec) {
+  std::vector<Seed> seeds;
+  for (uint32_t rank = 1; rank <= spec.skeleton_basis; ++rank)
+    seeds.push_back(SeedOf("factored_" + std::to_string(rank), Factored(spec, rank, 0.25f)));
+  const RawFile whole = Factored(spec, 1, 0.25f);
+  for (const char* missing : {"skeleton.readout", "skeleton.components"}) {
+    RawFile file = whole;
+    file.Erase(missing);
+    seeds.push_back(SeedOf(std::string("without_") + missing, file, false));
+  }
+  RawFile both = whole;
+  both.Replace("skeleton.basis", {spec.skeleton_basis, spec.vertices, 3},
+               std::vector<float>(size_t{3} * spec.skeleton_basis * spec.vertices));
+  seeds.push_back(SeedOf("factored_and_whole", both, false));
+  seeds.push_back(SeedOf("factored_too_wide", Factored(spec, spec.skeleton_basis + 1, 0.25f), false));
+  seeds.push_back(SeedOf("factored_beyond_f32", Factored(spec, 1, 2e20f), false));
+  RawFile flat = whole;
+  flat.Replace("skeleton.components", {1, size_t{3} * spec.vertices}, std::vector<float>(size_t{3} * spec.vertices));
+  seeds.push_back(SeedOf("factored_flat_components", flat, false));
+  return seeds;
+}
+
 std::vector<Seed> BundleSeeds() {
   std::vector<Seed> seeds;
   BundleSpec spec = SmallBundle();
   seeds.push_back(SeedOf("mesh", BuildBundle(spec)));
   spec.half_weights = true;
   seeds.push_back(SeedOf("half", BuildBundle(spec)));
+  for (Seed& seed : FactoredSeeds(SmallBundle())) seeds.push_back(std::move(seed));
   spec.mesh = false;
   seeds.push_back(SeedOf("skeleton", BuildBundle(spec)));
   spec.skeleton = spec.root_motion = false;

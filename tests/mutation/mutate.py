@@ -4,9 +4,11 @@
     mutate.py BUILD [--files PATTERN] [--sample N] [--seed S] [--results FILE]
 
 BUILD is a Ninja build of this tree with all tests built. A mutant is compiled by the build's own command into a folder of
-its own and linked before the libraries, so neither tree nor build changes. Verdicts are added to FILE
-(out/mutation/results.jsonl), and a mutant that has one is not tried again: stop and go on at will. At the end the
-survivors are listed; explained.json says of those that no test can tell apart why, and any other makes the exit code 1.
+its own and linked before the libraries, so neither tree nor build changes. What passes all tests is compiled again with each
+index into an array checked, as the sanitized tests of scripts/test.sh have it: a step past an array on the stack may
+change nothing in a release build. Verdicts are added to FILE (out/mutation/results.jsonl), and a mutant that has one is
+not tried again: stop and go on at will. At the end the survivors are listed; explained.json says of those that no test
+can tell apart why, and any other makes the exit code 1.
 """
 import argparse
 import collections
@@ -23,16 +25,21 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 HERE = pathlib.Path(__file__).resolve().parent
 TIMEOUT_S = 300
+CHECKED = ("-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")  # a trap: needs no library of the sanitizer's
 
 # Source to the tests that own it.
 KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
            for family in ("activation", "gru", "gsgru", "nearest", "normals", "skinning")}
 KERNELS["matvec"] = [f"kernels_{kind}_test" for kind in ("matvec_f32", "matvec_f16", "matvec_i8", "quantize")]
 VERIFIER = ["attack_ladder_test", "attack_odd_files_test", "engine_format_test", "engine_format_body_test",
-            "engine_format_head_test"]
+            "engine_format_head_test", "engine_scan_test"]
 STATE = ["attack_state_test", "engine_state_test"]
-CONVERTER = {"body_surface", "correct", "fold", "half", "loss", "mesh_graph", "metrics", "pack", "prune", "quantize",
-             "rank", "reduce", "rollout", "safetensors", "sequence", "tensor_cost", "write_model"}
+# Sources of the converter that have no test of their name; every other one has.
+WHOLE = ["converter_convert_test", "converter_convert_rank_test"]
+CONVERTER = {"assemble": WHOLE, "attempts": WHOLE, "model_maker": WHOLE, "bundle_metadata": ["converter_bundle_test"],
+             "calibrate": ["converter_rank_test", "converter_convert_rank_test"],
+             "safetensors_header": ["converter_safetensors_test"],
+             "tensor_reader": ["converter_bundle_test", "converter_sequence_test"]}
 
 
 def owners():
@@ -44,8 +51,8 @@ def owners():
         found[str(path.relative_to(ROOT))] = VERIFIER
     for name in ("state", "state_check", "state_layout"):
         found[f"engine/src/{name}.cc"] = STATE
-    for name in sorted(CONVERTER):
-        found[f"converter/{name}.cc"] = [f"converter_{name}_test"]
+    for path in sorted((ROOT / "converter").glob("*.cc")):
+        found[str(path.relative_to(ROOT))] = CONVERTER.get(path.stem, [f"converter_{path.stem}_test"])
     return found
 
 
@@ -90,7 +97,7 @@ class Build:
     def ninja(self, *arguments):
         return subprocess.run(["ninja", *arguments], cwd=self.folder, check=True, capture_output=True, text=True).stdout
 
-    def compile(self, file, text, folder):
+    def compile(self, file, text, folder, more=()):
         """The object, or None where the compiler refuses."""
         words = shlex.split(self.compiles[str(ROOT / file)])
         words = [w for w in words if not w.endswith("ccache") and w != "-Werror"]
@@ -104,7 +111,7 @@ class Build:
                 at = words.index(flag)
                 del words[at:at + (1 if flag == "-MD" else 2)]
         # The folder first: sources that include themselves once per instruction set find the mutant.
-        done = subprocess.run([words[0], f"-I{folder}", *words[1:]], cwd=self.folder, capture_output=True)
+        done = subprocess.run([words[0], f"-I{folder}", *words[1:], *more], cwd=self.folder, capture_output=True)
         return target if done.returncode == 0 else None
 
     def link(self, test, mutant, folder):
@@ -130,12 +137,13 @@ def try_mutant(build, mutant, tests):
     lines[mutant.number] = mutant.after
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        mutated = build.compile(mutant.file, "\n".join(lines), folder)
-        if mutated is None:
-            return "does not compile"
-        for test in tests:
-            if notices(build.link(test, mutated, folder)):
-                return "killed"
+        for more in ((), CHECKED):
+            mutated = build.compile(mutant.file, "\n".join(lines), folder, more)
+            if mutated is None:
+                return "does not compile"
+            for test in tests:
+                if notices(build.link(test, mutated, folder)):
+                    return "killed with indices checked" if more else "killed"
     return "survived"
 
 
@@ -143,10 +151,11 @@ def sound(build, file, tests):
     """The unchanged source passes: else every mutant would be killed by nothing."""
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        same = build.compile(file, (ROOT / file).read_text(), folder)
-        assert same is not None, file
-        for test in tests:
-            assert not notices(build.link(test, same, folder)), f"{test} fails without a mutant"
+        for more in ((), CHECKED):
+            same = build.compile(file, (ROOT / file).read_text(), folder, more)
+            assert same is not None, file
+            for test in tests:
+                assert not notices(build.link(test, same, folder)), f"{test} fails without a mutant"
 
 
 def run(options):

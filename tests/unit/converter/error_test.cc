@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <string>
+
 namespace dcloth::converter {
 namespace {
 
@@ -44,6 +47,29 @@ TEST(ErrorTest, PathTextKeepsUtf8AndReplacesTheRest) {
   EXPECT_EQ(PathText("\xED\xA0\x80"), "???");       // surrogate
   EXPECT_EQ(PathText("\xF4\x90\x80\x80"), "????");  // beyond U+10FFFF
   EXPECT_EQ(PathText("x\xE2\x82"), "x??");          // cut off
+}
+
+// Every lead with every second byte, by the code point they stand for: kept where it needs as many bytes as it has, is
+// no surrogate and not beyond U+10FFFF; a byte that leads nowhere costs itself alone.
+TEST(ErrorTest, Utf8EndsWhereUnicodeDoes) {
+  constexpr uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};
+  size_t kept = 0;
+  for (uint32_t lead = 0x80; lead <= 0xFF; ++lead) {
+    const size_t length = lead < 0xC0 ? 1 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4;
+    for (uint32_t second = 0; second <= 0xFF; ++second) {
+      std::string text = {static_cast<char>(lead), static_cast<char>(second)};
+      uint32_t point = (lead & (0x7Fu >> length)) << 6 | (second & 0x3F);
+      for (size_t i = 2; i < length; ++i) {
+        text += '\x80';
+        point <<= 6;
+      }
+      const bool sound = length > 1 && lead < 0xF8 && second >= 0x80 && second <= 0xBF && point >= kLeast[length] &&
+                         point <= 0x10FFFF && !(point >= 0xD800 && point <= 0xDFFF);
+      EXPECT_EQ(PathText(text), sound ? text : "?" + PathText(text.substr(1))) << lead << " " << second;
+      kept += sound ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(kept, 30u * 64 + 14 * 64 + 2 * 32 + 48 + 3 * 64 + 16);  // C2-DF; E0-EF, E0 and ED halved; F0, F1-F3, F4
 }
 #endif
 

@@ -26,6 +26,23 @@ TEST(Open, DescribesTheModel) {
   EXPECT_EQ(dcloth_model_joint_name(nullptr, 0), nullptr);
 }
 
+TEST(Open, DescribesOnlyIntoAStructOfItsSize) {
+  const OpenedModel opened(BuildModel({}));
+  dcloth_model_info info = {};
+  const auto untouched = [&] { return info.joint_count == 0 && info.name == nullptr && info.triangles == nullptr; };
+  for (const uint32_t size : {0u, 4u, static_cast<uint32_t>(sizeof(info)) - 1}) {
+    info.struct_size = size;
+    EXPECT_EQ(dcloth_model_describe(opened.get(), &info), DCLOTH_ERROR_ARGUMENT) << size;
+    EXPECT_TRUE(untouched()) << size;
+  }
+  info.struct_size = sizeof(info);
+  EXPECT_EQ(dcloth_model_describe(nullptr, &info), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_TRUE(untouched());
+  EXPECT_EQ(dcloth_model_describe(opened.get(), nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_model_describe(opened.get(), &info), DCLOTH_OK);
+  EXPECT_FALSE(untouched());
+}
+
 TEST(Open, RefusesBadArguments) {
   const AlignedBytes bytes = BuildModel({}).Bytes();
   AlignedBytes storage(dcloth_model_storage_size() + 64);

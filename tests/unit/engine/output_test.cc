@@ -140,6 +140,31 @@ TEST_F(OutputTest, TangentsFollowTheTexture) {
   EXPECT_GT(checked, n() * 3 / 4);
 }
 
+// Texture coordinates in one point say nothing: a unit vector in the surface then, along +x or +y as far as the normal
+// lets it. Sixteen roundings of 2^-24 at most: the normal's length 4, the sum along it 5, what is taken off 2, the
+// length of the rest 5.
+TEST_F(OutputTest, TangentsWithoutATextureLieInTheSurface) {
+  std::fill(texture_.begin(), texture_.end(), 0.25f);
+  const Frame frame = Floats();
+  size_t along_x = 0;
+  for (size_t i = 0; i < n(); ++i) {
+    const float *normal = &frame.normals[3 * i], *tangent = &frame.tangents[4 * i];
+    double along = 0, square = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      along += static_cast<double>(normal[c]) * static_cast<double>(tangent[c]);
+      square += static_cast<double>(tangent[c]) * static_cast<double>(tangent[c]);
+    }
+    EXPECT_NEAR(along, 0, 0x1p-20) << i;
+    EXPECT_NEAR(square, 1, 0x1p-20) << i;
+    EXPECT_EQ(tangent[3], 1.0f) << i;
+    const bool steep = normal[0] * normal[0] > 0.5f;
+    EXPECT_GT(tangent[steep ? 1 : 0], 0.7f) << i;  // sqrt(1/2) at least is left of the axis
+    along_x += steep ? 1 : 0;
+  }
+  EXPECT_GT(along_x, 0u);
+  EXPECT_LT(along_x, n());
+}
+
 // Every mix of formats in one interleaved buffer: the halves are the floats rounded, the floats are the
 // floats, and between attributes, behind the last vertex and behind the scratch nothing changes.
 TEST_F(OutputTest, FormatsAndPlacesMix) {

@@ -329,6 +329,12 @@ TEST_F(SceneTest, RefusesWhatIsNone) {
   choice.struct_size = sizeof(choice);
   EXPECT_EQ(dcloth_scene_get(scene, 0, &choice), DCLOTH_ERROR_ARGUMENT) << "an empty slot";
   EXPECT_EQ(dcloth_scene_get(scene_, 0, &choice), DCLOTH_OK);
+  EXPECT_EQ(dcloth_scene_get(scene_, kCharacters, &choice), DCLOTH_ERROR_ARGUMENT) << "behind the last slot";
+  EXPECT_EQ(dcloth_scene_get(nullptr, 0, &choice), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_scene_get(scene_, 0, nullptr), DCLOTH_ERROR_ARGUMENT);
+  choice.struct_size = sizeof(choice) - 1;
+  EXPECT_EQ(dcloth_scene_get(scene_, 0, &choice), DCLOTH_ERROR_ARGUMENT);
+  choice.struct_size = sizeof(choice);
   EXPECT_EQ(dcloth_scene_set(scene_, 0, nullptr), DCLOTH_OK);
   EXPECT_EQ(dcloth_scene_get(scene_, 0, &choice), DCLOTH_ERROR_ARGUMENT);
   Plan(1 / 60.0f, 5000);  // with a hole in it
