@@ -17,6 +17,10 @@ function(dcloth_common target)
     target_compile_options(${target} PRIVATE -fsanitize=${DCLOTH_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
     target_link_options(${target} PUBLIC -fsanitize=${DCLOTH_SANITIZE})
   endif()
+  get_target_property(type ${target} TYPE)
+  if(DCLOTH_BUILD_FUZZERS AND type STREQUAL STATIC_LIBRARY)  # fuzzers count edges there; tests need none in their own code
+    target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
+  endif()
   set(relocatable ON)
   if(EMSCRIPTEN)  # a module is linked as a whole
     set(relocatable OFF)

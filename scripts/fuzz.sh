@@ -12,22 +12,8 @@ if ! [[ $seconds =~ ^[1-9][0-9]*$ ]]; then
   echo "fuzz: found SECONDS '$seconds'; allowed: a whole number from 1" >&2
   exit 2
 fi
-command -v clang++ >/dev/null || {
-  echo "fuzz: found no clang++; run scripts/install_dependencies.sh build test" >&2
-  exit 2
-}
-
-folder=build-fuzz
-log=$(mktemp)
-trap 'rm -f "$log"' EXIT
-echo "building $folder" >&2
-{
-  cmake -S . -B "$folder" -G Ninja -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ \
-    -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DDCLOTH_BUILD_TOOLS=OFF -DDCLOTH_BUILD_TESTS=ON \
-    -DDCLOTH_BUILD_FUZZERS=ON -DDCLOTH_SANITIZE=address,undefined,fuzzer-no-link \
-    -DPython3_EXECUTABLE=/usr/bin/python3
-  cmake --build "$folder" --target fuzzers
-} >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
+folder=build-sanitize
+scripts/build_sanitized.sh "$folder" fuzzers
 
 mkdir -p out/fuzz/corpus out/fuzz/findings
 "$folder/fuzz_write_seeds" out/fuzz/seeds >&2

@@ -15,7 +15,15 @@ void Count() {
 
 }  // namespace
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(__has_feature)  // clang's word for it
+#if __has_feature(address_sanitizer)
+#define DCLOTH_ADDRESS_SANITIZER
+#endif
+#elif defined(__SANITIZE_ADDRESS__)
+#define DCLOTH_ADDRESS_SANITIZER
+#endif
+
+#if defined(DCLOTH_ADDRESS_SANITIZER)
 
 // AddressSanitizer owns malloc and tells a hook instead, if its shared library can see it.
 extern "C" __attribute__((visibility("default"))) void __sanitizer_malloc_hook(const volatile void*, size_t) {
