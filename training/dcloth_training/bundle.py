@@ -1,5 +1,6 @@
 """The training bundle of converter/BUNDLE.md: written from a network, read back into one."""
 import json
+import os
 
 import numpy as np
 import torch
@@ -52,8 +53,8 @@ def _trained(net):
     return out
 
 
-def write(path, net, fitted, character, training, garment="skirt", half=True):
-    """Write one garment. Trained weights as F16 when `half`, geometry as F32, indices as I32."""
+def write(path, net, fitted, character, training, garment=None, half=True):
+    """Write one garment, named as the file unless told. Trained weights F16 when `half`, geometry F32, indices I32."""
     rig = fitted.rig
     with np.errstate(over="ignore"):    # an overflow is reported below, by name
         tensors = {name: value.astype(np.float16 if half else np.float32)
@@ -80,7 +81,8 @@ def write(path, net, fitted, character, training, garment="skirt", half=True):
     tensors["body.faces"] = character.body_faces.astype(np.int32)
     names = rig.joint_names
     safetensors_io.write(path, tensors, {
-        "format": "dcloth-bundle", "format_version": "1", "garment": garment,
+        "format": "dcloth-bundle", "format_version": "1",
+        "garment": garment or os.path.splitext(os.path.basename(path))[0],
         "tick_rate": f"{rig.rate:g}", "joint_names": json.dumps(list(names)),
         "hips": names[rig.hips],
         "feature_joints": json.dumps([names[j] for j in rig.feature_joints]),

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import torch
 
-from . import bundle, checkpoint, rig, safetensors_io, sequence, train
+from . import assemble, bundle, checkpoint, rig, safetensors_io, sequence
 
 
 def load_trained(folder, data):
@@ -25,7 +25,7 @@ def load_trained(folder, data):
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
     standard = {k: v.numpy() for k, v in saved["standard"].items()}
     statistics = (torch.zeros(3), torch.ones(3))    # the state holds the real ones
-    net = train.build(fitted, character, standard, options, statistics, options.stages)
+    net = assemble.build(fitted, character, standard, options, statistics, options.stages)
     net.load_state_dict(saved["state"])
     return net.eval(), fitted, character, json.loads(saved["provenance"])
 
@@ -50,15 +50,14 @@ def main(argv=None):
     one.add_argument("--data", required=True)
     one.add_argument("-o", "--output", required=True)
     one.add_argument("--float32", action="store_true", help="trained weights as F32, not F16")
-    one.add_argument("--garment", default="skirt")
+    one.add_argument("--garment", help="its name (default: the bundle's)")
     two = verbs.add_parser("sequence")
     two.add_argument("sequence")
     two.add_argument("-o", "--output", required=True)
     options = parser.parse_args(argv)
     if options.verb == "bundle":
         net, fitted, character, provenance = load_trained(options.training, options.data)
-        bundle.write(options.output, net, fitted, character, provenance, options.garment,
-                     not options.float32)
+        bundle.write(options.output, net, fitted, character, provenance, options.garment, not options.float32)
     else:
         safetensors_io.write(options.output, *compact(sequence.read(options.sequence)))
     print(f"{options.output}: {os.path.getsize(options.output) / 1e6:.2f} MB", file=sys.stderr)

@@ -14,11 +14,8 @@ import time
 import numpy as np
 import torch
 
-from . import (augment, checkpoint, dataset, features, fit_mesh, fit_skeleton, fit_static, geometry, loop,
+from . import (assemble, augment, bundle, checkpoint, dataset, export, features, fit_mesh, fit_skeleton, fit_static, loop,
                network, plots, rig)
-from .stages.mesh_stage import MeshStage
-from .stages.skeleton_stage import SkeletonStage
-from .stages.static_stage import StaticStage
 
 
 # What --freeze keeps from training: pivots start at D = 0, weights at the nearest-point weights.
@@ -72,25 +69,6 @@ def arguments(argv=None):
     add("--head-noise", type=float, default=0.5)
     add("--head-decay", type=float, default=0.3)
     return parser.parse_args(argv)
-
-
-def build(fitted, character, standard, options, body_statistics=None, last="mesh"):
-    """A fresh network in float32; body_statistics (mean, deviation) of the mesh stage's input."""
-    n, d = len(character.template), len(standard["mean"])
-    torch.manual_seed(options.seed)
-    static = StaticStage(torch.from_numpy(np.asarray(character.template)),
-                         torch.from_numpy(character.bind[fitted.rig.bones, :3, 3]),
-                         torch.from_numpy(fitted.initial_weights), d, options.static_width)
-    skeleton = body = mesh = None
-    if last != "static":
-        skeleton = SkeletonStage(n, d, options.skeleton_size)
-    if last == "mesh":
-        body = network.BodyPoints(fitted.nearest_points, fitted.nearest_weights)
-        mean, deviation = body_statistics
-        mesh = MeshStage(*geometry.padded_neighbours(character.faces, n), mean, deviation,
-                         options.mesh_width, options.mesh_layers, options.mesh_hidden,
-                         options.mesh_size)
-    return network.DCloth(features.Standardise(**standard), static, skeleton, body, mesh).float()
 
 
 @torch.no_grad()
@@ -164,7 +142,6 @@ def by_folder(clips):
 
 def start_from(options, fitted):
     """The network of --start -> (network, its features' statistics, its provenance)."""
-    from . import export    # which reads what this file writes
     net, other, _, provenance = export.load_trained(options.start, options.data)
     if net.skeleton is None or other.rig.feature_joints != fitted.rig.feature_joints or \
             len(net.skeleton.basis) != options.skeleton_size or other.rig.root_motion != fitted.rig.root_motion:
@@ -187,7 +164,7 @@ def run(options):
     else:
         standard = features.fit_standard(feature_rows(training, options))
     statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
-    net = build(fitted, character, standard, options, statistics, options.stages)
+    net = assemble.build(fitted, character, standard, options, statistics, options.stages)
     if options.freeze:
         getattr(net.static, FROZEN[options.freeze]).requires_grad_(False)
     if before:
@@ -252,7 +229,6 @@ def main(argv=None):
     options = arguments(argv)
     net, fitted, character, provenance = run(options)
     if options.export:
-        from . import bundle
         bundle.write(options.export, net, fitted, character, provenance)
 
 
