@@ -104,8 +104,9 @@ HWY_INLINE Boxes BoxesAround(const NearestJob& job, const Box& box, List* list) 
     uint8_t bits[8] = {};
     hn::StoreMaskBits(d, hn::Le(Least(all, at, box), hn::Mul(hn::Add(limit, all.At(kSlack, at)), more)), bits);
     for (uint32_t left = bits[0] | static_cast<uint32_t>(bits[1]) << 8; left != 0; left &= left - 1) {
-      if (count == kMostListed) return all;
       const size_t found = at + hwy::Num0BitsBelowLS1Bit_Nonzero32(left);
+      if (found >= all.count) break;  // padding, which points as far out as kNoGroup come near to
+      if (count == kMostListed) return all;
       for (size_t row = 0; row < kNearestBounds; ++row)
         list->rows[row * kMostListed + count] = all.rows[row * stride + found];
       list->groups[count++] = static_cast<uint16_t>(found);

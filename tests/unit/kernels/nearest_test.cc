@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <limits>
 #include <numeric>
 
 #include "tests/unit/kernels/kernel_test.h"
@@ -168,6 +169,30 @@ TEST_P(NearestTest, PointsThatAreNoNumbersHaveNoSite) {
   for (size_t i : {size_t{7}, size_t{30}}) {
     EXPECT_EQ(nearest[i], kNoSite) << i;
     EXPECT_EQ(suspect[i], kNoSite) << i;
+  }
+}
+
+// Damaged weights throw points anywhere, also to where the boxes of padding lie: no site beyond the last is read.
+TEST_P(NearestTest, PointsAsFarOutAsThePaddingReadNoSitesBeyondTheLast) {
+  for (size_t site_count : {1u, 150u, 300u}) {
+    for (float far : {kNoGroup, 1e19f, 3e38f, std::numeric_limits<float>::infinity()}) {
+      Random random(5);
+      const Sites sites(site_count, 0.1f, &random);
+      const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
+      GuardedBuffer<float> at(3 * kNearestPatch);
+      std::vector<uint16_t> in_turn(kNearestPatch);
+      std::iota(in_turn.begin(), in_turn.end(), uint16_t{0});
+      for (size_t i = 0; i < at.size(); ++i) at[i] = i % 7 < 4 ? random.Uniform(-1.0f, 1.0f) : i % 2 == 0 ? far : -far;
+      const GuardedBuffer<uint16_t> order(in_turn);
+      GuardedBuffer<uint16_t> nearest(kNearestPatch), suspect(kNearestPatch);
+      table().nearest({at.data(), 12, order.data(), kNearestPatch, packed.data(), bounds.data(), sites.groups, 1e9f,
+                       nearest.data(), suspect.data()});
+      ASSERT_TRUE(nearest.SlackUntouched() && suspect.SlackUntouched());
+      for (size_t i = 0; i < kNearestPatch; ++i) {
+        ASSERT_TRUE(nearest[i] == kNoSite || nearest[i] < sites.groups * kNearestGroup) << nearest[i];
+        ASSERT_TRUE(suspect[i] == kNoSite || suspect[i] < sites.groups * kNearestGroup) << suspect[i];
+      }
+    }
   }
 }
 
