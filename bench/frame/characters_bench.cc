@@ -12,6 +12,7 @@
 
 #include "converter/error.h"
 #include "converter/file.h"
+#include "bench/frame/run.h"
 #include "tools/json_output.h"
 #include "tools/machine.h"
 #include "tools/playback.h"
@@ -70,6 +71,8 @@ std::vector<double> Measure(const converter::OpenModel& model, const PoseTrack& 
   return samples;
 }
 
+}  // namespace
+
 int Run(int argc, char** argv) {
   std::filesystem::path model_path, sequence_path;
   std::vector<size_t> counts = {1, 2, 4, 8, 16, 32, 64};
@@ -99,14 +102,4 @@ int Run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
 }  // namespace dcloth::tools
-
-int main(int argc, char** argv) {
-  try {
-    return dcloth::tools::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-}

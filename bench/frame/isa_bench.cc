@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "converter/rollout.h"
+#include "bench/frame/run.h"
 #include "tools/machine.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
@@ -82,6 +83,8 @@ void Print(const Contestant& c) {
   std::printf(" %9.6f %9.6f\n", c.sum_mm / static_cast<double>(c.distances), c.max_mm);
 }
 
+}  // namespace
+
 int Run(int argc, char** argv) {
   std::filesystem::path model_path, motion_path;
   std::vector<std::string> names = {"avx2", "avx3"};
@@ -117,14 +120,4 @@ int Run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
 }  // namespace dcloth::tools
-
-int main(int argc, char** argv) {
-  try {
-    return dcloth::tools::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-}

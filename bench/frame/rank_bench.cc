@@ -14,6 +14,7 @@
 
 #include "converter/convert.h"
 #include "converter/rollout.h"
+#include "bench/frame/run.h"
 #include "tools/machine.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
@@ -72,6 +73,8 @@ std::vector<Sequence> Read(const std::vector<std::filesystem::path>& paths) {
   return sequences;
 }
 
+}  // namespace
+
 int Run(int argc, char** argv) {
   std::filesystem::path bundle_path;
   std::vector<std::filesystem::path> motion_paths, calibration_paths;
@@ -121,14 +124,4 @@ int Run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
 }  // namespace dcloth::tools
-
-int main(int argc, char** argv) {
-  try {
-    return dcloth::tools::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-}
