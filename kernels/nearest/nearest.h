@@ -1,6 +1,7 @@
 // For each point of a patch a site near it whose plane the point is not above, and the nearest of all sites: where a
 // garment may lie under a body (NETWORK.md, "Penetration"). Exact but for rounding; boxes around groups of sites and
-// around the points only save work, as a distance to a box, rounded like one to a site within, is never above it.
+// around the points only save work, as a distance to a box, rounded like one to a site within, is never above it; balls
+// around runs of points, which have room for rounding, do so too.
 #ifndef DCLOTH_KERNELS_NEAREST_NEAREST_H_
 #define DCLOTH_KERNELS_NEAREST_NEAREST_H_
 
@@ -31,7 +32,7 @@ struct NearestJob {
   const uint16_t* order;      // [points_count], the p to look up: work grows with how far they spread, and so it does
                               // for each run of 4, 8 and 16 from the start
   size_t points_count;        // 1 to kNearestPatch
-  const float* sites;   // [groups][8][16]: x, y, z, normal x, y, z, offset, slack^2; filled up with the last one
+  const float* sites;   // [groups][8][16]: x, y, z, unit normal x, y, z, offset, slack^2; filled up with the last one
   const float* bounds;  // [kNearestBounds][NearestBoundStride]; padding at kNoGroup, slack 0
   size_t groups;        // 1 to kMaxNearestGroups
   float reach;          // points with no site nearer than this have none; 0 to 1e9

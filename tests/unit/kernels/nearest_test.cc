@@ -31,6 +31,10 @@ struct Sites {
       const float own = slack * random->Uniform(0.0f, 1.0f);
       slack_squared.push_back(own * own);
     }
+    Pack();
+  }
+
+  void Pack() {
     const size_t stride = NearestBoundStride(groups);
     packed.resize(groups * kNearestSiteFloats * kNearestGroup);
     bounds.resize(kNearestBounds * stride);
@@ -68,9 +72,14 @@ struct Sites {
 
 class NearestTest : public KernelTest {
  protected:
-  void Check(size_t points, size_t site_count, size_t stride_floats, float reach, float slack) {
+  static constexpr float kScattered = -1;
+
+  // Each four points in order lie within `spread` of each other along each axis, or anywhere.
+  void Check(size_t points, size_t site_count, size_t stride_floats, float reach, float slack,
+             float spread = kScattered) {
     SCOPED_TRACE(testing::Message() << table().name << " points " << points << " sites " << site_count << " stride "
-                                    << stride_floats << " reach " << reach << " slack " << slack);
+                                    << stride_floats << " reach " << reach << " slack " << slack << " spread "
+                                    << spread);
     Random random(static_cast<uint32_t>(points * 131 + site_count * 7 + stride_floats));
     const Sites sites(site_count, slack, &random);
     const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
@@ -80,7 +89,11 @@ class NearestTest : public KernelTest {
     }
     std::vector<uint16_t> shuffled(points);
     std::iota(shuffled.begin(), shuffled.end(), uint16_t{0});
-    for (size_t i = points - 1; i > 0; --i)
+    for (size_t i = 0; i < points && spread != kScattered; ++i) {
+      for (size_t c = 0; c < 3 && i % 4 != 0; ++c)
+        at[i * stride_floats + c] = at[i / 4 * 4 * stride_floats + c] + random.Uniform(0.0f, spread);
+    }
+    for (size_t i = points - 1; i > 0 && spread == kScattered; --i)
       std::swap(shuffled[i], shuffled[random.Below(static_cast<uint32_t>(i + 1))]);
     for (size_t begin = 0; begin < points; begin += kNearestPatch) {
       const size_t count = std::min(points - begin, kNearestPatch);
@@ -148,6 +161,54 @@ TEST_P(NearestTest, EveryPointCount) {
 TEST_P(NearestTest, EverySiteCountAndStride) {
   for (size_t sites : InterestingSizes()) Check(19, sites, 3 + sites % 5, 0.5f, 0.05f);
   Check(40, kMaxNearestGroups * kNearestGroup, 3, 2.0f, 0.02f);
+}
+
+// Of four points close together all may be cleared at once: not where one of them alone has a suspect.
+TEST_P(NearestTest, RunsOfPointsFromOnePlaceToApart) {
+  for (float spread : {0.0f, 1e-3f, 0.02f, 0.1f, 0.5f}) {
+    none_ = clear_ = suspects_ = 0;
+    for (float slack : {0.0f, 0.02f, 0.3f}) {
+      Check(1500, 150, 3, 1.5f, slack, spread);
+      Check(1501, 800, 4, 0.05f, slack, spread);
+    }
+    EXPECT_GT(none_, 100u) << spread;
+    EXPECT_GT(clear_, 100u) << spread;
+    EXPECT_GT(suspects_, 100u) << spread;
+  }
+}
+
+// As far as a suspect may be from the middle of four points: one of them, `radius` from it, is just below a plane that
+// the middle is above, the nearest site straight behind, the suspect straight ahead.
+TEST_P(NearestTest, ARunWhoseMiddleIsFarFromTheSuspectOfOne) {
+  Random random(7);
+  for (const float radius : {1e-3f, 0.02f, 0.2f}) {
+    for (const float behind : {0.0f, 0.05f, 0.3f}) {
+      for (const float slack : {0.0f, 0.02f, 0.3f}) {
+        for (const size_t run : {0u, 5u, 15u}) {
+          const float in_reach = 0.999f;
+          const float ahead = in_reach * std::sqrt((behind + radius) * (behind + radius) + slack * slack);
+          Sites sites(2, slack, &random);
+          sites.position = {-behind, 0, 0, radius + ahead, 0, 0};
+          sites.normal = {1, 0, 0, -1, 0, 0};
+          sites.offset = {-1000, -in_reach * radius};
+          sites.slack_squared = {0, slack * slack};
+          sites.Pack();
+          std::vector<float> at(3 * kNearestPatch, 50.0f);
+          for (size_t i = 0; i < 4; ++i) {
+            float* v = &at[3 * (4 * run + i)];
+            v[0] = i == 2 ? radius : -radius;
+            v[1] = v[2] = 0;
+          }
+          std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
+          std::iota(order.begin(), order.end(), uint16_t{0});
+          table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(),
+                           sites.groups, 9.0f, nearest.data(), suspect.data()});
+          for (size_t i = 0; i < kNearestPatch; ++i)
+            ASSERT_EQ(suspect[i] != kNoSite, i == 4 * run + 2) << radius << " " << behind << " " << slack << " " << i;
+        }
+      }
+    }
+  }
 }
 
 TEST_P(NearestTest, ReachAndSlackFromNothingToEverything) {
