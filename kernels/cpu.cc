@@ -66,8 +66,8 @@ uint32_t Detect() {
   if (!HasAll(state, 0x06) || !HasAll(leaf7.ebx, avx2_bmi1_bmi2)) return features;
   features |= kCpuAvx2;
 
-  const uint32_t avx512_f_dq_bw_vl = Bit(16) | Bit(17) | Bit(30) | Bit(31), vbmi2 = Bit(6);
-  if (HasAll(state, 0xE6) && HasAll(leaf7.ebx, avx512_f_dq_bw_vl) && HasAll(leaf7.ecx, vbmi2)) features |= kCpuAvx3;
+  const uint32_t f_dq_bw_vl = Bit(16) | Bit(17) | Bit(30) | Bit(31), vbmi2_vnni = Bit(6) | Bit(11);
+  if (HasAll(state, 0xE6) && HasAll(leaf7.ebx, f_dq_bw_vl) && HasAll(leaf7.ecx, vbmi2_vnni)) features |= kCpuAvx3;
   return features;
 }
 

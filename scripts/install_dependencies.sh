@@ -14,7 +14,8 @@ declare -A groups=(
   [web]="emscripten binaryen nodejs"
   [npm]="npm"  # where nodejs comes without it
   [import]="libassimp-dev"
-  [bench]="libbenchmark-dev python3-venv python3-numpy python3-scipy python3-torch libopenblas0-pthread"
+  [bench]="libbenchmark-dev libxnnpack-dev libpthreadpool-dev python3-venv python3-numpy python3-scipy python3-torch
+           libopenblas0-pthread"
   [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
 )
 packages=()

@@ -1,7 +1,7 @@
-// What the kernel benches share: aligned random data, a cache eviction, one benchmark per instruction set, and counters.
+// What the kernel benches share: aligned random data, a cache eviction, one benchmark per instruction set, counters.
 //
 // "cold" runs empty the caches before every call, because in a game everything else of the frame did. Report medians:
-//   bench_matvec --benchmark_repetitions=9 --benchmark_report_aggregates_only
+//   bench_skinning --benchmark_repetitions=9 --benchmark_report_aggregates_only
 #ifndef DCLOTH_BENCH_KERNELS_KERNEL_BENCH_H_
 #define DCLOTH_BENCH_KERNELS_KERNEL_BENCH_H_
 
@@ -14,6 +14,7 @@
 #include <functional>
 #include <random>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "kernels/kernels.h"
@@ -29,6 +30,7 @@ class AlignedArray {
     data_ = storage_.data() + (past == 0 ? 0 : (64 - past) / sizeof(T));
   }
   AlignedArray(AlignedArray&&) = default;
+  AlignedArray& operator=(AlignedArray&&) = default;
   T* data() { return data_; }
   size_t size() const { return count_; }
   T& operator[](size_t i) { return data_[i]; }
@@ -47,12 +49,17 @@ inline AlignedArray<float> RandomFloats(size_t count, float low, float high, uin
   return values;
 }
 
-// Larger than the last-level cache of the machines at hand (32 MB).
+// Reads more than twice the last-level cache of the machines at hand (32 MB). Writing would leave dirty lines, which
+// the timed part would have to write back.
 inline void EvictCaches() {
-  static AlignedArray<uint8_t> junk(96u << 20);
-  static uint8_t value = 0;
-  ++value;
-  for (size_t i = 0; i < junk.size(); i += 64) junk[i] = value;
+  static AlignedArray<uint8_t> junk = [] {
+    AlignedArray<uint8_t> pages(96u << 20);
+    std::fill_n(pages.data(), pages.size(), uint8_t{1});
+    return pages;
+  }();
+  uint64_t sum = 0;
+  for (size_t i = 0; i < junk.size(); i += 64) sum += junk[i];
+  benchmark::DoNotOptimize(sum);
   benchmark::ClobberMemory();
 }
 
@@ -77,6 +84,18 @@ inline void Measure(benchmark::State& state, bool cold, double bytes, double flo
   state.counters["GB/s"] = bytes * calls / seconds * 1e-9;
   if (flops > 0) state.counters["GFLOP/s"] = flops * calls / seconds * 1e-9;
   state.counters["max_error"] = max_error;
+}
+
+// The best instruction sets of this CPU, at most two; the slower ones, which no such CPU uses, are left out.
+inline std::vector<const KernelTable*> BestTables() {
+  std::vector<const KernelTable*> tables;
+  for (size_t i = 0; i < KernelTableCount() && tables.size() < 2; ++i) {
+    const KernelTable* table = KernelTableAt(i);
+    const std::string_view name = table->name;
+    if (name != "reproducible" && name != "scalar") tables.push_back(table);
+  }
+  if (tables.empty()) tables.push_back(BestKernels());
+  return tables;
 }
 
 // Registers `run(state, table, cold)` for every instruction set, warm and cold.

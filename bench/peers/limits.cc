@@ -1,14 +1,10 @@
 // What one core can do at most: bytes read from memory and float32 multiply-adds a second.
-#include <algorithm>
 #include <cstddef>
 #include <vector>
 
+#include "bench/kernels/fma_loop.h"
 #include "bench/peers/engine.h"
 #include "tools/timing.h"
-
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
 
 namespace {
 
@@ -17,7 +13,6 @@ using dcloth::tools::NowNanoseconds;
 // Pieces far shorter than a scheduler's slice, so that a busy machine interrupts few of them.
 constexpr int kReadPasses = 5;
 constexpr size_t kPiece = (1u << 20) / sizeof(uint64_t);
-constexpr int kFmaPasses = 200;
 
 volatile uint64_t sink;
 
@@ -32,40 +27,6 @@ uint64_t Sum(const uint64_t* data, size_t count) {
   for (uint64_t lane : lanes) sum += lane;
   return sum;
 }
-
-#if defined(__x86_64__)
-// Twelve chains: four cycles of latency at up to three multiply-adds a cycle.
-constexpr size_t kChains = 12;
-constexpr size_t kSteps = 100'000;
-
-__attribute__((target("avx2,fma"))) double FmaLanes256() {
-  __m256 sums[kChains];
-  for (__m256& sum : sums) sum = _mm256_set1_ps(1.0f);
-  const __m256 a = _mm256_set1_ps(0.5f), b = _mm256_set1_ps(0.25f);
-  for (size_t step = 0; step < kSteps; ++step) {
-#pragma GCC unroll 12
-    for (__m256& sum : sums) sum = _mm256_fmadd_ps(sum, a, b);
-  }
-  __m256 total = _mm256_setzero_ps();
-  for (const __m256& sum : sums) total = _mm256_add_ps(total, sum);
-  sink = static_cast<uint64_t>(_mm256_cvtss_f32(total));
-  return 8;
-}
-
-__attribute__((target("avx512f"))) double FmaLanes512() {
-  __m512 sums[kChains];
-  for (__m512& sum : sums) sum = _mm512_set1_ps(1.0f);
-  const __m512 a = _mm512_set1_ps(0.5f), b = _mm512_set1_ps(0.25f);
-  for (size_t step = 0; step < kSteps; ++step) {
-#pragma GCC unroll 12
-    for (__m512& sum : sums) sum = _mm512_fmadd_ps(sum, a, b);
-  }
-  __m512 total = _mm512_setzero_ps();
-  for (const __m512& sum : sums) total = _mm512_add_ps(total, sum);
-  sink = static_cast<uint64_t>(_mm512_cvtss_f32(total));
-  return 16;
-}
-#endif
 
 }  // namespace
 
@@ -83,21 +44,4 @@ double peers_read_rate(uint64_t bytes) {
   return dcloth::tools::PercentilesOf(rates).p50;
 }
 
-double peers_fma_rate(uint32_t bits) {
-#if defined(__x86_64__)
-  double (*run)() = nullptr;
-  if (bits == 256 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) run = FmaLanes256;
-  if (bits == 512 && __builtin_cpu_supports("avx512f")) run = FmaLanes512;
-  double best = 0;
-  for (int pass = 0; run != nullptr && pass < kFmaPasses; ++pass) {
-    const uint64_t start = NowNanoseconds();
-    const double lanes = run();
-    const auto spent = static_cast<double>(NowNanoseconds() - start);
-    best = std::max(best, lanes * static_cast<double>(kChains * kSteps) / spent);
-  }
-  return best;
-#else
-  (void)bits;
-  return 0;
-#endif
-}
+double peers_fma_rate(uint32_t bits) { return dcloth::kernels::MultiplyAddRate(bits); }

@@ -61,7 +61,7 @@ TEST(Dispatch, OffersWhatTheCompilerSaysTheCpuHas) {
 #if defined(DCLOTH_AVX512)
   const bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
                       __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-                      __builtin_cpu_supports("avx512vbmi2");
+                      __builtin_cpu_supports("avx512vbmi2") && __builtin_cpu_supports("avx512vnni");
 #else
   const bool avx512 = false;
 #endif
