@@ -24,6 +24,7 @@ constexpr size_t kLanes = HWY_LANES(float);
 constexpr size_t kVectors = kPanelColumns / kLanes;
 // Rows in flight, so that at least eight multiply-add chains hide the latency of one (4 cycles, two a cycle).
 constexpr size_t kRows = kVectors >= 8 ? 1 : 8 / kVectors;
+constexpr bool kAlwaysInOrder = kRows == 1 && !kFused;
 
 // A prefetch may run past the end of the weights (it never faults), a pointer may not: hence the integer.
 HWY_INLINE void PrefetchAhead(const void* p) {
@@ -49,36 +50,45 @@ HWY_INLINE void Finish(const Job& job, size_t column, VF y) {
   hn::StoreU(y, df, job.y + column);
 }
 
-template <class Weight, class Job>
+template <class Weight, bool kInOrder, class Job>
 HWY_INLINE void MatvecFloat(const Job& job) {
-  constexpr size_t kRowBytes = kPanelColumns * sizeof(Weight);
+  constexpr size_t kRowBytes = kPanelColumns * sizeof(Weight), kSums = kInOrder ? 1 : kRows;
+  constexpr bool kFuse = kFused && !kInOrder;
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
     const Weight* weights = job.weights + (panel * job.panel_rows + job.row_begin) * kPanelColumns;
-    VF sum[kRows][kVectors];
-    for (size_t r = 0; r < kRows; ++r) {
+    VF sum[kSums][kVectors];
+    for (size_t r = 0; r < kSums; ++r) {
       for (size_t i = 0; i < kVectors; ++i) sum[r][i] = hn::Zero(df);
     }
     size_t j = 0;
-    for (; j + kRows <= job.row_count; j += kRows) {
-      for (size_t r = 0; r < kRows; ++r) {
+    for (; j + kSums <= job.row_count; j += kSums) {
+      for (size_t r = 0; r < kSums; ++r) {
         const Weight* row = weights + (j + r) * kPanelColumns;
         for (size_t line = 0; line < kRowBytes; line += 64) PrefetchAhead(row + line / sizeof(Weight));
         const VF x = hn::Set(df, job.x[j + r]);
-        for (size_t i = 0; i < kVectors; ++i) sum[r][i] = MultiplyAdd(x, LoadWeights(row + i * kLanes), sum[r][i]);
+        for (size_t i = 0; i < kVectors; ++i) {
+          sum[r][i] = MultiplyAdd<kFuse>(x, LoadWeights(row + i * kLanes), sum[r][i]);
+        }
       }
     }
     for (; j < job.row_count; ++j) {
       const VF x = hn::Set(df, job.x[j]);
       for (size_t i = 0; i < kVectors; ++i) {
-        sum[0][i] = MultiplyAdd(x, LoadWeights(weights + j * kPanelColumns + i * kLanes), sum[0][i]);
+        sum[0][i] = MultiplyAdd<kFuse>(x, LoadWeights(weights + j * kPanelColumns + i * kLanes), sum[0][i]);
       }
     }
     for (size_t i = 0; i < kVectors; ++i) {
       VF y = sum[0][i];
-      for (size_t r = 1; r < kRows; ++r) y = hn::Add(y, sum[r][i]);
+      for (size_t r = 1; r < kSums; ++r) y = hn::Add(y, sum[r][i]);
       Finish(job, panel * kPanelColumns + i * kLanes, y);
     }
   }
+}
+
+// In order, a sum is one chain: what each scalar operation gives, whatever the width of the vectors.
+template <class Weight, class Job>
+HWY_INLINE void MatvecFloat(const Job& job) {
+  kAlwaysInOrder || job.in_order ? MatvecFloat<Weight, true>(job) : MatvecFloat<Weight, false>(job);
 }
 
 }  // namespace
