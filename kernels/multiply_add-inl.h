@@ -20,13 +20,14 @@ constexpr bool kFused = false;
 constexpr bool kFused = HWY_NATIVE_FMA != 0;
 #endif
 
-template <class V>
+// kFuse false: apart on every instruction set, for what must have the same bits on all of them.
+template <bool kFuse = kFused, class V>
 HWY_INLINE V MultiplyAdd(V a, V b, V c) {
-#if defined(DCLOTH_SPLIT_MULTIPLY_ADD)
-  return hwy::HWY_NAMESPACE::Add(hwy::HWY_NAMESPACE::Mul(a, b), c);
-#else
-  return hwy::HWY_NAMESPACE::MulAdd(a, b, c);
-#endif
+  if constexpr (kFuse) {
+    return hwy::HWY_NAMESPACE::MulAdd(a, b, c);
+  } else {
+    return hwy::HWY_NAMESPACE::Add(hwy::HWY_NAMESPACE::Mul(a, b), c);
+  }
 }
 
 }  // namespace dcloth::kernels::HWY_NAMESPACE

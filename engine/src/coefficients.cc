@@ -48,7 +48,8 @@ void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model
   }
   const format::LinearView& head = model.displacement.head;
   float* mixed = coefficients + MixedCoefficientsAt(model);
-  ApplyLinear(kernels, {&head, coefficients, head.rows, Activation::kNone, quantized, mixed});
+  // In order: an int8 basis rounds c to integers, where a last bit may move a whole step.
+  ApplyLinear(kernels, {&head, coefficients, head.rows, Activation::kNone, quantized, mixed, /*in_order=*/true});
   if (stages != DCLOTH_STAGES_MESH) return;
   const float* q = coefficients + MeshCoefficientsAt(model);
   for (uint32_t i = 0; i < head.columns; ++i) mixed[i] += q[i];

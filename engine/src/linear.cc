@@ -27,6 +27,7 @@ Job FloatJob(const LinearProduct& product, size_t begin, size_t count, float* ou
   auto job = PanelJob<Job, Weight>(product, product.linear->rows, begin, count, out);
   job.x = product.x;
   job.row_count = product.row_count;
+  job.in_order = product.in_order;
   return job;
 }
 

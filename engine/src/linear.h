@@ -27,6 +27,7 @@ struct LinearProduct {
   Activation activation;
   int16_t* quantized;  // x as int8 weights want it; stays valid from QuantizeInput to the last panel
   float* y;
+  bool in_order = false;  // float weights: the same bits on every instruction set (kernels/matvec/matvec.h)
 };
 
 // Returns the scale of `quantized`, which ApplyPanels wants back; 1 with float weights, where nothing is

@@ -14,13 +14,17 @@ HWY_BEFORE_NAMESPACE();
 namespace dcloth::kernels::HWY_NAMESPACE {
 namespace {
 
+// Nothing is fused: the next tick rounds h to integers (int8 weights), where a last bit may move a whole step.
+constexpr bool kFuse = false;
+
 template <class D>
 HWY_INLINE void GatesAt(D d, const GruGatesJob& job, size_t i) {
   const size_t k = job.k;
-  const auto r = SigmoidOf(d, hn::Add(hn::LoadU(d, job.gx + i), hn::LoadU(d, job.gh + i)));
-  const auto z = SigmoidOf(d, hn::Add(hn::LoadU(d, job.gx + k + i), hn::LoadU(d, job.gh + k + i)));
-  const auto q = TanhOf(d, MultiplyAdd(r, hn::LoadU(d, job.gh + 2 * k + i), hn::LoadU(d, job.gx + 2 * k + i)));
-  hn::StoreU(MultiplyAdd(z, hn::Sub(hn::LoadU(d, job.h + i), q), q), d, job.h + i);
+  const auto r = SigmoidOf<kFuse>(d, hn::Add(hn::LoadU(d, job.gx + i), hn::LoadU(d, job.gh + i)));
+  const auto z = SigmoidOf<kFuse>(d, hn::Add(hn::LoadU(d, job.gx + k + i), hn::LoadU(d, job.gh + k + i)));
+  const auto q_in = MultiplyAdd<kFuse>(r, hn::LoadU(d, job.gh + 2 * k + i), hn::LoadU(d, job.gx + 2 * k + i));
+  const auto q = TanhOf<kFuse>(d, q_in);
+  hn::StoreU(MultiplyAdd<kFuse>(z, hn::Sub(hn::LoadU(d, job.h + i), q), q), d, job.h + i);
 }
 
 }  // namespace

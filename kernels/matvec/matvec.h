@@ -17,6 +17,9 @@ constexpr size_t PanelCount(size_t columns) { return (columns + kPanelColumns - 
 constexpr size_t PaddedColumns(size_t columns) { return PanelCount(columns) * kPanelColumns; }
 constexpr size_t PairedRows(size_t rows) { return rows + (rows & 1); }
 
+// in_order: products and sums are rounded apart, from the first row to the last: bit-identical on every instruction set,
+// and somewhat slower where the weights are in the cache.
+//
 // Which rows of the stored matrix take part: rows [row_begin, row_begin + row_count) of `panel_rows` stored ones, so that
 // a stage may use its part of a shared basis. x[0] belongs to row_begin. row_count 0 gives the bias.
 struct MatvecF32Job {
@@ -29,6 +32,7 @@ struct MatvecF32Job {
   size_t row_count;
   size_t panel_count;    // PanelCount(columns)
   bool relu;             // y = max(y, 0)
+  bool in_order = false;
 };
 
 // Weights are IEEE binary16, converted exactly (subnormals too); arithmetic is f32.
@@ -42,6 +46,7 @@ struct MatvecF16Job {
   size_t row_count;
   size_t panel_count;
   bool relu;
+  bool in_order = false;
 };
 
 // y[c] = (float(sum_j x[j] W[j][c]) * x_scale) * column_scales[c] + bias[c]; the sum is exact in int32 where x comes from

@@ -27,6 +27,7 @@ constexpr size_t kLanes = HWY_LANES(float);
 constexpr size_t kVectors = kPanelColumns / kLanes;
 // Rows in flight, so that at least eight multiply-add chains hide the latency of one (4 cycles, two a cycle).
 constexpr size_t kRows = kVectors >= 8 ? 1 : 8 / kVectors;
+constexpr bool kAlwaysInOrder = kRows == 1 && !kFused;
 
 // Asks for every second line, 96 rows ahead, into L2: the hardware fetches the line's neighbour and stops at a page's
 // end. Every line into L1 costs a Zen 4 a fifth of its time with warm weights, and an eighth with cold ones. `row` is
@@ -60,14 +61,15 @@ HWY_INLINE void Finish(const Job& job, size_t column, VF y) {
   hn::StoreU(y, df, job.y + column);
 }
 
-template <class Weight, class Job>
+template <class Weight, bool kInOrder, class Job>
 HWY_INLINE void MatvecFloat(const Job& job) {
-  constexpr size_t kRowBytes = kPanelColumns * sizeof(Weight);
-  constexpr size_t kStep = HWY_MAX(kRows, size_t{2});  // rows unrolled, so that every second line is one of two rows
+  constexpr size_t kRowBytes = kPanelColumns * sizeof(Weight), kSums = kInOrder ? 1 : kRows;
+  constexpr size_t kStep = HWY_MAX(kSums, size_t{2});  // rows unrolled, so that every second line is one of two rows
+  constexpr bool kFuse = kFused && !kInOrder;
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
     const Weight* weights = job.weights + (panel * job.panel_rows + job.row_begin) * kPanelColumns;
-    VF sum[kRows][kVectors];
-    for (size_t r = 0; r < kRows; ++r) {
+    VF sum[kSums][kVectors];
+    for (size_t r = 0; r < kSums; ++r) {
       for (size_t i = 0; i < kVectors; ++i) sum[r][i] = hn::Zero(df);
     }
     size_t j = 0;
@@ -77,23 +79,29 @@ HWY_INLINE void MatvecFloat(const Job& job) {
         PrefetchAhead<kRowBytes>(row, r);
         const VF x = hn::Set(df, job.x[j + r]);
         for (size_t i = 0; i < kVectors; ++i) {
-          VF& s = sum[r % kRows][i];
-          s = MultiplyAdd(x, LoadWeights(row + i * kLanes), s);
+          VF& s = sum[r % kSums][i];
+          s = MultiplyAdd<kFuse>(x, LoadWeights(row + i * kLanes), s);
         }
       }
     }
     for (; j < job.row_count; ++j) {
       const VF x = hn::Set(df, job.x[j]);
       for (size_t i = 0; i < kVectors; ++i) {
-        sum[0][i] = MultiplyAdd(x, LoadWeights(weights + j * kPanelColumns + i * kLanes), sum[0][i]);
+        sum[0][i] = MultiplyAdd<kFuse>(x, LoadWeights(weights + j * kPanelColumns + i * kLanes), sum[0][i]);
       }
     }
     for (size_t i = 0; i < kVectors; ++i) {
       VF y = sum[0][i];
-      for (size_t r = 1; r < kRows; ++r) y = hn::Add(y, sum[r][i]);
+      for (size_t r = 1; r < kSums; ++r) y = hn::Add(y, sum[r][i]);
       Finish(job, panel * kPanelColumns + i * kLanes, y);
     }
   }
+}
+
+// In order, a sum is one chain: what each scalar operation gives, whatever the width of the vectors.
+template <class Weight, class Job>
+HWY_INLINE void MatvecFloat(const Job& job) {
+  kAlwaysInOrder || job.in_order ? MatvecFloat<Weight, true>(job) : MatvecFloat<Weight, false>(job);
 }
 
 }  // namespace

@@ -14,10 +14,10 @@ def broken_containers():
     good = glb(*animation(TIMES, PATH))
     words = {"magic": 0, "version": 4, "length": 8, "json_length": 12, "json_type": 16}
     for name, at in words.items():
-        for value in (0, 1, 0xFFFFFF) if name == "json_length" else (0, 1, 0x7FFFFFFF, 0xFFFFFFFF):
+        for value in (0, 1, 0xFFFFFF, 0x7FFFFFFF, 0xFFFFFFFF):
             yield f"{name}_{value:x}", good[:at] + struct.pack("<I", value) + good[at + 4:]
     binary = 20 + struct.unpack_from("<I", good, 12)[0]
-    for value in (0xFFFFFC, 4):
+    for value in (0xFFFFFC, 0xFFFFFFFC, 4):
         yield f"binary_length_{value:x}", good[:binary] + struct.pack("<I", value) + good[binary + 4:]
     yield "without_binary", good[:binary]
     texts = {"empty": b"", "array": b"[]", "number": b"3", "null": b"null", "cut": good[20:60], "nul": b"{\0}",
@@ -60,6 +60,9 @@ def documents():
         yield from at(["accessors", view, "type"], "MAT4", "VEC9", "", 3)
         yield from at(["accessors", view, "sparse"], {"count": 99, "indices": {"bufferView": 0, "componentType": 5125},
                                                       "values": {"bufferView": 1}}, {}, 5)
+        # Zeros without a view, but for one value: gigabytes of them out of no bytes.
+        yield from at(["accessors", view], {"componentType": 5126, "count": 2**28, "type": "VEC3", "sparse": {
+            "count": 1, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 1}}})
     sampler, channel = ["animations", 0, "samplers", 0], ["animations", 0, "channels", 0]
     yield from at(["animations"], None, {}, [], [None], [{}])
     yield from at(["animations", 0, "samplers"], [], None)

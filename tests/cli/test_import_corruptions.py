@@ -1,6 +1,8 @@
 """poses on named corruptions of glTF and BVH: refused by name without a file, or a sequence of finite matrices; never a
-signal, also where the third-party reader crashes."""
+signal, also where the third-party reader crashes, and memory in proportion to the file, whatever it claims to hold."""
 import os
+import subprocess
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -12,6 +14,24 @@ import safetensors_file
 from test_poses import importing  # noqa: F401
 
 DATA = Path(__file__).parent / "data"
+# What a command may have in memory at most: itself, the reader's allowance (tools/import/memory_limit.cc) and room.
+PEAK_BYTES, PEAK_BYTES_PER_BYTE = 512 << 20, 128
+
+
+@pytest.fixture(scope="module")
+def measured(binary):
+    """As `dcloth`, with the most memory that the command or its child had, in bytes."""
+    def call(*arguments):
+        with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+            process = subprocess.Popen([binary, *map(str, arguments)], stdout=out, stderr=err)
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            assert process.returncode >= 0, f"killed by signal {-process.returncode}: {arguments}"
+            out.seek(0), err.seek(0)
+            result = subprocess.CompletedProcess(arguments, process.returncode, out.read(), err.read())
+        result.peak_bytes = usage.ru_maxrss * 1024
+        return result
+    return call
 
 
 def complaint(dcloth, folder, index, extension, blob):
@@ -19,6 +39,7 @@ def complaint(dcloth, folder, index, extension, blob):
     file, out = folder / f"{index}.{extension}", folder / f"{index}.safetensors"
     file.write_bytes(blob)
     result = dcloth("poses", file, "-o", out)  # fails by itself where a signal ends the command
+    assert result.peak_bytes <= PEAK_BYTES + PEAK_BYTES_PER_BYTE * len(blob), f"{result.peak_bytes >> 20} MiB"
     if result.returncode == 0:
         matrices = safetensors_file.read(out)[0]["joint_matrices"]
         assert matrices.size > 0 and np.isfinite(matrices).all()
@@ -41,10 +62,10 @@ def complaints(dcloth, folder, extension, cases):
 
 
 @pytest.mark.parametrize("extension", ["glb", "bvh"])
-def test_named_corruptions(extension, dcloth, importing, tmp_path):  # noqa: F811
+def test_named_corruptions(extension, measured, importing, tmp_path):  # noqa: F811
     text = (DATA / "walker.bvh").read_text()
     cases = list(import_corruptions.broken_gltf() if extension == "glb" else import_corruptions.broken_bvh(text))
-    answers = complaints(dcloth, tmp_path, extension, cases)
+    answers = complaints(measured, tmp_path, extension, cases)
     refused = [answer for answer in answers if answer is not None]
     crashes = sum("the reader crashed" in answer for answer in refused)
     print(f"{extension}: {len(answers)} corruptions, {len(refused)} refused, {crashes} because the reader crashed")
@@ -53,15 +74,16 @@ def test_named_corruptions(extension, dcloth, importing, tmp_path):  # noqa: F81
 
 
 def test_a_broken_promise_is_noticed(tmp_path):
-    """The check against commands that end well without a file, badly with one, or without a word."""
+    """The check against commands that end well without a file, badly with one, without a word, or take too much."""
     class Result:
-        def __init__(self, returncode, stderr=""):
-            self.returncode, self.stderr, self.stdout = returncode, stderr, ""
+        def __init__(self, returncode, stderr="", peak_bytes=0):
+            self.returncode, self.stderr, self.stdout, self.peak_bytes = returncode, stderr, "", peak_bytes
 
     def leaves_a_file(*arguments):
         Path(arguments[-1]).write_bytes(b"half")
         return Result(2, "0.bvh: found a, expected b")
     words = "0.bvh: found a, expected b"
-    for command in (lambda *a: Result(0), lambda *a: Result(1, words), lambda *a: Result(2, "no"), leaves_a_file):
+    for command in (lambda *a: Result(0), lambda *a: Result(1, words), lambda *a: Result(2, "no"), leaves_a_file,
+                    lambda *a: Result(2, words, 2 * PEAK_BYTES)):
         with pytest.raises((AssertionError, OSError)):
             complaint(command, tmp_path, 0, "bvh", b"")

@@ -1,8 +1,8 @@
 """The shipped models draw the same picture on every instruction set: within 0.01 mm of each other over 2,000 frames, and
 the same bits in the reproducible mode, whose hashes are pinned in hashes.json.
 
-int8 models round activations to integers, so that the last bit of one moves others by a step: there the mean over the
-vertices of each frame stays within 0.01 mm, and the largest distance below what int8 itself costs (tests/model).
+int8 models round activations to integers, so that the last bit of one moves others by a step. The arithmetic before those
+roundings is therefore the same everywhere, to the bit, up to the mesh stage (kernels/README.md).
 
 DCLOTH_PICTURE_OTHERS names programs of other platforms, one a line, "aarch64=qemu-aarch64 -L ROOT PROGRAM": they play the
 same model bytes and poses. Without DCLOTH_PICTURE, the host's program, they alone do.
@@ -34,7 +34,6 @@ HOST_ISAS = ["reproducible", "sse4", "avx2", "avx3", "neon", "scalar"]
 OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"], "wasm": ["reproducible", "wasm"],
               "wasm-scalar": ["reproducible", "scalar"]}
 LIMIT_MM = 0.01
-INT8_MM = 0.3
 
 
 def poses_of(garment, joints):
@@ -110,8 +109,7 @@ def test_same_picture(garment, precision, tmp_path):
     labels = {label for label, _ in drawn}
     assert len(drawn) >= 2 and labels == {label for label, *_ in players}, "nothing to compare"
     assert precision != "int8" or "host" not in labels or ("host", "scalar") in drawn
-    assert max(largest for _, largest, _, _ in drawn.values()) <= (INT8_MM if precision == "int8" else LIMIT_MM)
-    assert max(mean for _, _, mean, _ in drawn.values()) <= LIMIT_MM
+    assert max(largest for _, largest, _, _ in drawn.values()) <= LIMIT_MM
     same = {picture for (_, isa), (picture, *_) in drawn.items() if isa == "reproducible"}
     assert len(same) == 1, f"the reproducible mode drew {drawn}"
     assert {label for label, isa in drawn if isa == "reproducible"} == labels

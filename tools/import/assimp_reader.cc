@@ -10,6 +10,8 @@
 #include "converter/error.h"
 #include "converter/file.h"
 #include "tools/import/file_system.h"
+#include "tools/import/glb.h"
+#include "tools/import/memory_limit.h"
 
 namespace dcloth::tools {
 namespace {
@@ -230,9 +232,10 @@ CharacterFile AssimpReader::Read(bool meshes) {
 
 CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   const std::string format = FormatOf(path);
-  converter::ReadFile(path, uint64_t{1} << 30);  // its errors say more than assimp's
+  CheckGlbLengths(path, converter::ReadFile(path, uint64_t{1} << 30));  // their errors say more than assimp's
+  MemoryLimit limit;
   Assimp::Importer importer;
-  importer.SetIOHandler(new FolderFileSystem(path.parent_path()));  // the importer owns it
+  importer.SetIOHandler(new FolderFileSystem(path.parent_path(), &limit));  // the importer owns it
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_TEXTURES, false);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_CAMERAS, false);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_LIGHTS, false);
@@ -241,12 +244,17 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   // Animation curves that never change still place their joint.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_OPTIMIZE_EMPTY_ANIMATION_CURVES, false);
   const aiScene* const scene = importer.ReadFile(path.string(), meshes ? unsigned{aiProcess_Triangulate} : 0);
+  limit.Lift();
   if (scene == nullptr) {
-    throw converter::Error({.path = path,
-                            .tensor = {},
-                            .found = "a file that assimp refuses: " + std::string(importer.GetErrorString()),
-                            .expected = "a sound " + format + " file",
-                            .mend = "export it again"});
+    const std::string reason = importer.GetErrorString();
+    const bool memory = reason.find("bad_alloc") != std::string::npos;
+    throw converter::Error(
+        {.path = path,
+         .tensor = {},
+         .found = memory ? "a file for which assimp asks for more than " + std::to_string(limit.allowance() >> 20) + " MiB"
+                         : "a file that assimp refuses: " + reason,
+         .expected = "a sound " + format + " file",
+         .mend = "export it again"});
   }
   return AssimpReader(*scene, format, path).Read(meshes);
 }

@@ -44,7 +44,7 @@ class BytesStream : public Assimp::IOStream {
 
 }  // namespace
 
-FolderFileSystem::FolderFileSystem(const std::filesystem::path& folder) {
+FolderFileSystem::FolderFileSystem(const std::filesystem::path& folder, MemoryLimit* limit) : limit_(limit) {
   std::error_code failed;
   folder_ = std::filesystem::canonical(folder.empty() ? "." : folder, failed);
 }
@@ -64,8 +64,11 @@ bool FolderFileSystem::Exists(const char* file) const {
 Assimp::IOStream* FolderFileSystem::Open(const char* file, const char* mode) {
   if (std::strchr(mode, 'w') != nullptr || std::strchr(mode, 'a') != nullptr || !Exists(file)) return nullptr;
   try {
+    if (opened_.insert(std::filesystem::canonical(file)).second) limit_->Allow(std::filesystem::file_size(file));
     return new BytesStream(converter::ReadFile(file, kMaxFileBytes));
   } catch (const converter::Error&) {
+    return nullptr;
+  } catch (const std::filesystem::filesystem_error&) {
     return nullptr;
   }
 }

@@ -1,16 +1,19 @@
-// What assimp may open: regular files of bounded size in one folder.
+// What assimp may open: regular files of bounded size in one folder. Each adds to the memory it may take.
 #ifndef DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_
 #define DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_
 
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
 #include <filesystem>
+#include <set>
+
+#include "tools/import/memory_limit.h"
 
 namespace dcloth::tools {
 
 class FolderFileSystem : public Assimp::IOSystem {
  public:
-  explicit FolderFileSystem(const std::filesystem::path& folder);
+  FolderFileSystem(const std::filesystem::path& folder, MemoryLimit* limit);  // outlives it
 
   bool Exists(const char* file) const override;
   char getOsSeparator() const override { return '/'; }
@@ -21,6 +24,8 @@ class FolderFileSystem : public Assimp::IOSystem {
   bool Inside(const std::filesystem::path& file) const;
 
   std::filesystem::path folder_;
+  MemoryLimit* limit_;
+  std::set<std::filesystem::path> opened_;
 };
 
 }  // namespace dcloth::tools

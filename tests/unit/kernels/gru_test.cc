@@ -1,3 +1,5 @@
+#include <cstring>
+
 #include "kernels/activation/tanh_rational.h"
 #include "tests/unit/kernels/kernel_test.h"
 
@@ -16,6 +18,9 @@ TEST_P(GruTest, EverySizeStaysWithinTheBound) {
     GuardedBuffer<float> h(before);
     table().gru_gates({gx.data(), gh.data(), h.data(), k});
     ASSERT_TRUE(h.SlackUntouched());
+    std::vector<float> reference = before;
+    scalar::GruGates({gx.data(), gh.data(), reference.data(), k});
+    ASSERT_EQ(std::memcmp(h.data(), reference.data(), k * sizeof(float)), 0);
     for (size_t i = 0; i < k; ++i) {
       const double r_in = double{gx[i]} + gh[i], z_in = double{gx[k + i]} + gh[k + i];
       const double r = ExactSigmoid(r_in), z = ExactSigmoid(z_in);

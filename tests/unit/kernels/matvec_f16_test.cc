@@ -6,6 +6,7 @@ namespace {
 
 // Decode rounds as the packing does; that the conversions themselves are exact is half_test's matter.
 struct F16 {
+  using Job = MatvecF16Job;
   using Weight = uint16_t;
   static void Pack(const float* source, const MatrixShape& shape, uint16_t* packed) {
     PackPanelsF16(source, shape, packed);

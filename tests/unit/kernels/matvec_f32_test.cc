@@ -4,6 +4,7 @@ namespace dcloth::kernels {
 namespace {
 
 struct F32 {
+  using Job = MatvecF32Job;
   using Weight = float;
   static void Pack(const float* source, const MatrixShape& shape, float* packed) { PackPanelsF32(source, shape, packed); }
   static double Decode(float value) { return value; }

@@ -2,6 +2,8 @@
 #ifndef DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
 #define DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
 
+#include <cstring>
+
 #include "kernels/matvec/matvec_pack.h"
 #include "tests/unit/kernels/kernel_test.h"
 
@@ -32,8 +34,9 @@ void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
   GuardedBuffer<float> y(padded + 1);
 
   const float* bias_data = c.bias ? bias.data() : nullptr;
-  Format::Run(table, {x.data(), weights.data(), bias_data, y.data(), c.rows, c.row_begin, c.row_count,
-                      PanelCount(c.columns), c.relu});
+  typename Format::Job job = {x.data(), weights.data(), bias_data, y.data(), c.rows, c.row_begin, c.row_count,
+                              PanelCount(c.columns), c.relu};
+  Format::Run(table, job);
 
   ASSERT_TRUE(std::isnan(y[padded]));
   ASSERT_TRUE(weights.SlackUntouched() && y.SlackUntouched());
@@ -50,6 +53,13 @@ void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
     const double bound = Gamma(static_cast<double>(c.row_count) + 1) * magnitude + 0x1p-150 * static_cast<double>(c.row_count);
     ASSERT_LE(std::fabs(y[column] - exact), bound) << "column " << column;
   }
+  job.in_order = true;
+  Format::Run(table, job);
+  GuardedBuffer<float> reference(padded + 1);
+  job.y = reference.data();
+  Format::Run(*FindKernels("scalar"), job);
+  ASSERT_EQ(std::memcmp(y.data(), reference.data(), padded * sizeof(float)), 0) << "in order";
+  ASSERT_TRUE(std::isnan(y[padded]));
 }
 
 template <typename Format>
