@@ -69,8 +69,8 @@ def test_robe_faces_outward(robe):
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     middle = (a + b + c) / 3 - [0, HIP_HEIGHT, 0]
-    # A pleat at the hem, 39 mm deep and 10 a turn of 2.1 m, has a radius of curvature of 20 mm: a
-    # chord of 30 mm leaves the surface by 5.8 mm. 8 mm is beyond that and well within a fold.
+    # A pleat at the hem, 36 mm deep and 10 a turn of 1.9 m, has a radius of curvature of 25 mm: a
+    # chord of 30 mm leaves the surface by 4.5 mm. 8 mm is beyond that and well within a fold.
     assert (garment_robe._field(middle + 0.008 * normal) > 0).all()
     assert (garment_robe._field(middle - 0.008 * normal) < 0).all()
 
@@ -78,12 +78,12 @@ def test_robe_faces_outward(robe):
 def test_robe_is_evenly_meshed(robe):
     pairs = checks.edges(robe.faces)
     length = 1e3 * np.linalg.norm(robe.vertices[pairs[:, 0]] - robe.vertices[pairs[:, 1]], axis=1)
-    # 2.35 square metres in 9,680 vertices: cells of 15.6 mm, diagonals of 22.0 mm. Columns run down from the belt to a
-    # hem twice as long, where cells are 24 mm wide, so all but one in a hundred edges stay within a third of a cell
+    # 2.02 square metres in 9,512 vertices: cells of 14.6 mm, diagonals of 20.6 mm. Columns run down from the belt to a
+    # hem twice as long, where cells are 23 mm wide, so all but one in a hundred edges stay within a third of a cell
     # below and within a half of its diagonal above; none is below half or beyond twice.
     a, b, c = (robe.vertices[robe.faces[:, k]] for k in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    assert 2.3 < area < 2.4
+    assert 2.0 < area < 2.1
     cell = 1e3 * np.sqrt(area / len(robe.vertices))
     low, high = np.percentile(length, [1, 99])
     assert low > cell * 2 / 3 and high < cell * np.sqrt(2) * 3 / 2
@@ -91,7 +91,7 @@ def test_robe_is_evenly_meshed(robe):
     a, b, c = (robe.vertices[robe.faces[:, i]] for i in range(3))
     cosines = [np.einsum("ij,ij->i", q - p, r - p) / np.linalg.norm(q - p, axis=1)
                / np.linalg.norm(r - p, axis=1) for p, q, r in ((a, b, c), (b, c, a), (c, a, b))]
-    angles = np.degrees(np.arccos(cosines))                # 32 degrees in a cell of 24 by 15 mm, less where sheared
+    angles = np.degrees(np.arccos(cosines))                # 29 degrees in a cell of 23 by 13 mm, less where sheared
     assert np.percentile(angles.min(0), 1) > 28 and angles.min() > 15
     assert np.percentile(angles.max(0), 99) < 105 and angles.max() < 140
 
@@ -103,12 +103,12 @@ def test_robe_is_clear_of_the_body(robe):
     assert mannequin.surface_distance(middles).min() >= 0.009
 
 
-def test_robe_reaches_from_cuff_to_cuff_and_to_mid_shin(robe):
+def test_robe_reaches_from_cuff_to_cuff_and_just_below_the_knee(robe):
     low, high = robe.vertices.min(0), robe.vertices.max(0)
     hand = skeleton.bind_matrices()[INDEX["LeftHand"], :3, 3]
     assert abs(high[0] - hand[0]) < 0.03 and low[0] == -high[0]
-    knee, ankle = HIP_HEIGHT - 0.421546, HIP_HEIGHT - 0.421546 - 0.409870
-    assert abs(low[1] - (knee + ankle) / 2) < 0.03
+    knee = HIP_HEIGHT - 0.421546
+    assert 0.03 < knee - low[1] < 0.07  # longer, and a raised heel lifts the hem, or comes through
 
 
 def test_pleats_grow_to_the_hem_and_flutes_to_the_cuffs(robe):

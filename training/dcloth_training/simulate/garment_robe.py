@@ -1,4 +1,4 @@
-"""The robe's rest shape: a gown to mid-shin with wide sleeves, in T-pose, pleated below a belt.
+"""The robe's rest shape: a gown to below the knee with wide sleeves, in T-pose, pleated below a belt.
 
 Cut like a kimono from two tubes on one regular grid: the upper tube runs from cuff to cuff with
 the neck cut out of its top, and the body tube hangs from its open underside. Only four vertices,
@@ -28,7 +28,7 @@ CHEST_COLUMNS = 15            # cells from the front centre to the armhole
 SIDE_CELLS = 12               # under the arm, front to back: body side and sleeve underside
 ROWS = 18                     # cells from the armpit's front over the chest to the shoulder line
 SLEEVE_COLUMNS = 33           # armhole to cuff
-RINGS = 65                    # armpit to hem
+RINGS = 63                    # armpit to hem
 NECK_COLUMNS, NECK_ROWS = 7, 5  # half of the neck opening
 YOKE_CELLS = 4                # pinned round the neck: this many cells wide
 ARMPIT_COLUMNS = 4            # of the sleeve's underside that touch the trunk instead of the arm
@@ -43,10 +43,10 @@ FLUTE_DEPTH = 0.08            # of the radius at the cuff
 RELAX_STEPS = 90
 
 # Metres, hips at the origin. Half width and half depth of the body tube by height.
-ARMPIT, HEM, CUFF, TOP = 0.335, -0.62, 0.70, 0.542
+ARMPIT, HEM, CUFF, TOP = 0.335, -0.47, 0.70, 0.542
 ARMHOLE = 0.165               # x of the column between chest and sleeve
 BELT = (0.095, 0.145)         # heights between which rings are pinned to the hips
-_BODY = np.array([(-0.62, 0.345, 0.310), (-0.30, 0.280, 0.240), (-0.02, 0.222, 0.172),
+_BODY = np.array([(-0.47, 0.318, 0.283), (-0.24, 0.264, 0.222), (-0.02, 0.222, 0.172),
                   (0.04, 0.200, 0.152), (0.095, 0.174, 0.138), (0.145, 0.168, 0.132),
                   (0.31, 0.206, 0.140), (0.44, 0.205, 0.114), (0.60, 0.200, 0.085)])
 # The upper tube by |x|: underside, half depth. Its top is level, at TOP.
