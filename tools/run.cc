@@ -125,7 +125,6 @@ int Run(const Options& options) {
                                                .frame_count = result.frame_count,
                                                .vertex_count = n,
                                                .positions = result.positions,
-                                               .normals = {},
                                                .triangles = model.triangles()});
   }
   std::fprintf(stderr, "%s: %zu frames at %g Hz, %zu vertices, stages up to %s\n",
