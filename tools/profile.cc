@@ -12,6 +12,7 @@
 #include "tools/machine.h"
 #include "tools/machine_limit.h"
 #include "tools/part_timer.h"
+#include "tools/path_check.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
 #include "tools/profile_output.h"
@@ -110,6 +111,11 @@ class Profiler {
 };
 
 int RunProfile(const Options& options) {
+  CommandFiles files;
+  files.Reads("the model", options.model);
+  files.Reads("the sequence", options.sequence);
+  files.Writes("--trace", options.trace);
+  files.Check();
   const converter::OpenModel model = OpenModelFile(options.model);
   const converter::Sequence sequence = converter::ReadSequence(options.sequence);
   Profile profile;

@@ -4,14 +4,17 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "converter/error.h"
+#include "converter/file.h"
 #include "converter/sequence.h"
 #include "tools/commands.h"
 #include "tools/html_report.h"
 #include "tools/mdd.h"
 #include "tools/obj.h"
+#include "tools/path_check.h"
 #include "tools/pc2.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
@@ -94,6 +97,12 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
 }
 
 int Run(const Options& options) {
+  CommandFiles files;
+  files.Reads("the model", options.model);
+  files.Reads("the sequence", options.sequence);
+  files.Writes("-o", options.output);
+  files.Writes("--mesh", options.mesh);
+  files.Check();
   const std::string extension = options.output.extension().string();
   if (extension != ".safetensors" && extension != ".pc2" && extension != ".mdd" && extension != ".html") {
     throw converter::Error({.path = options.output,
@@ -109,9 +118,11 @@ int Run(const Options& options) {
   const double fps = options.fps > 0 ? options.fps : TickRate(model);
   const Result result = Play(model, poses, fps, stages, converter::PathText(options.sequence));
   const size_t n = model.info().vertex_count;
+  std::optional<converter::PreparedFile> mesh;
   if (!options.mesh.empty()) {
     const auto first = std::span(result.positions).first(n * 3);
-    WriteObj(options.mesh, model.info().name, first, model.triangles());
+    const std::string text = ObjText(model.info().name, first, model.triangles());
+    mesh.emplace(options.mesh, std::as_bytes(std::span(text)));
   }
   if (extension == ".pc2") {
     WritePc2(options.output, result.positions, result.frame_count, n);
@@ -127,6 +138,7 @@ int Run(const Options& options) {
                                                .positions = result.positions,
                                                .triangles = model.triangles()});
   }
+  if (mesh) mesh->Replace();
   std::fprintf(stderr, "%s: %zu frames at %g Hz, %zu vertices, stages up to %s\n",
                converter::PathText(options.output).c_str(), result.frame_count, fps, n, StagesName(stages));
   return kExitGood;

@@ -50,6 +50,12 @@ def test_output_may_not_be_the_bundle(dcloth, files):
     assert files.bundle.read_bytes() == before
 
 
+def test_an_empty_name_is_no_output(dcloth, files, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused(dcloth("convert", files.bundle, "-o", ""), "empty file name")
+    assert leftovers(tmp_path, set()) == []
+
+
 def test_output_into_no_folder(dcloth, files, tmp_path):
     out = tmp_path / "nowhere" / "x.dcloth"
     refused(dcloth("convert", files.bundle, "-o", out), out)

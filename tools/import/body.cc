@@ -11,6 +11,7 @@
 #include "tools/import/joint_map.h"
 #include "tools/import/retarget.h"
 #include "tools/import/space_options.h"
+#include "tools/path_check.h"
 
 namespace dcloth::tools {
 namespace {
@@ -95,6 +96,11 @@ std::string ParentsText(const std::vector<int32_t>& parents) {
 }
 
 int WriteBody(const Options& options) {
+  CommandFiles files;
+  files.Reads("the character", options.character);
+  files.Reads("the file of --map", options.map);
+  files.Writes("-o", options.output);
+  files.Check();
   if (const auto code = InChild(options.character)) return *code;
   const JointMap map = options.map.empty() ? JointMap{} : ReadJointMap(options.map);
   const CharacterFile file = ReadCharacter(options.character, true);

@@ -12,6 +12,7 @@
 #include "tools/import/joint_map.h"
 #include "tools/import/retarget.h"
 #include "tools/import/space_options.h"
+#include "tools/path_check.h"
 
 namespace dcloth::tools {
 namespace {
@@ -49,6 +50,12 @@ std::string NumberText(double value) {
 }
 
 int Poses(const Options& options) {
+  CommandFiles files;
+  files.Reads("the animation", options.animation);
+  files.Reads("the file of --map", options.map);
+  files.Reads("the file of --model", options.model);
+  files.Writes("-o", options.output);
+  files.Check();
   if (const auto code = InChild(options.animation)) return *code;
   const Target target = options.model.empty() ? Target{} : ReadTarget(options.model);
   const JointMap map = options.map.empty() ? JointMap{} : ReadJointMap(options.map);
