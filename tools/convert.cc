@@ -13,6 +13,7 @@
 #include "converter/file.h"
 #include "tools/commands.h"
 #include "tools/convert_output.h"
+#include "tools/number_check.h"
 #include "tools/path_check.h"
 #include "tools/progress.h"
 #include "tools/rank_output.h"
@@ -111,7 +112,7 @@ void AddConvert(CLI::App& app, int& exit_code) {
           ->add_option("--max-error-mm", options->max_error_mm,
                        "largest allowed distance of any vertex to the fp32 model with its whole basis, on --motion "
                        "and --calibrate; exit 1 when missed")
-          ->check(CLI::PositiveNumber);
+          ->check(NumberAboveZero());
   command
       ->add_option("--motion", options->motion,
                    "a sequence to measure on: the model, and each tensor alone; may be repeated")

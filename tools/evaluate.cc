@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <iterator>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -13,6 +14,7 @@
 #include "tools/evaluate_output.h"
 #include "tools/html_report.h"
 #include "tools/machine.h"
+#include "tools/number_check.h"
 #include "tools/path_check.h"
 #include "tools/report_scene.h"
 
@@ -213,7 +215,7 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
                    "with --pareto: rows of the displacement basis to measure beside as many as it needs; may be "
                    "repeated; its halves, quarters and eighths when not given")
       ->allow_extra_args(false)
-      ->check(CLI::PositiveNumber)
+      ->check(NumberWithin(1, std::numeric_limits<uint32_t>::max()))
       ->needs("--pareto");
   command
       ->add_option("--calibrate", options->calibration,

@@ -11,6 +11,7 @@
 #include "tools/contend.h"
 #include "tools/machine.h"
 #include "tools/machine_limit.h"
+#include "tools/number_check.h"
 #include "tools/part_timer.h"
 #include "tools/path_check.h"
 #include "tools/playback.h"
@@ -186,12 +187,12 @@ void AddProfile(CLI::App& app, int& exit_code) {
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
   command->add_option("--budget-ms", options->budget_ms, "exit 1 when any frame takes longer")
-      ->check(CLI::PositiveNumber);
+      ->check(NumberAboveZero());
   command->add_option("--fps", options->fps, "drawn frames per second")
-      ->check(CLI::Range(1.0, 1000.0))
+      ->check(NumberWithin(1, 1000))
       ->capture_default_str();
   command->add_option("--core", options->core, "the core to stay on; the last allowed one when not given")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberWithin(0, 65535));
   command->add_flag("--pipelined", options->pipelined, "spread each tick over the frames until the next");
   command->add_flag("--cold", options->cold, "empty the caches before every frame, outside the timed part");
   command->add_flag("--contend", options->contend, "a thread on another core wants memory and arithmetic too");

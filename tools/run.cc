@@ -13,6 +13,7 @@
 #include "tools/commands.h"
 #include "tools/html_report.h"
 #include "tools/mdd.h"
+#include "tools/number_check.h"
 #include "tools/obj.h"
 #include "tools/path_check.h"
 #include "tools/pc2.h"
@@ -158,7 +159,7 @@ void AddRun(CLI::App& app, int& exit_code) {
       ->add_option("--fps", options->fps,
                    "frames per second to draw; the model's tick rate when not given. Frame f is at f / R, tick k at\n"
                    "k / tick rate; displacement blends by min(1, (time since the tick + 1 / R) * tick rate)")
-      ->check(CLI::Range(1.0, 1000.0));
+      ->check(NumberWithin(1, 1000));
   command->add_option("--stages", options->stages, "static, skeleton or mesh; all the model holds when not given")
       ->check(CLI::IsMember({"static", "skeleton", "mesh"}));
   command->callback([options, &exit_code] { exit_code = Run(*options); });

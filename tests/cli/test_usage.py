@@ -4,7 +4,7 @@ import pytest
 from checks import leftovers, refused
 
 
-@pytest.mark.parametrize("command", ["convert", "inspect", "run", "profile", "evaluate"])
+@pytest.mark.parametrize("command", ["convert", "inspect", "run", "profile", "evaluate", "poses", "body"])
 def test_help_of_every_command(dcloth, command):
     result = dcloth(command, "--help")
     assert result.returncode == 0 and command in result.stdout
@@ -22,6 +22,15 @@ def test_version(dcloth):
     (["evaluate", "b", "s", "--precision", "auto"], "auto")])
 def test_bad_arguments(dcloth, arguments, word):
     refused(dcloth(*arguments), word)
+
+
+@pytest.mark.parametrize("number", ["nan", "-nan", "inf", "-inf", "1e400"])
+@pytest.mark.parametrize("arguments", [
+    ["convert", "b", "-o", "m", "--motion", "s", "--max-error-mm"], ["run", "m", "s", "-o", "x.pc2", "--fps"],
+    ["profile", "m", "s", "--budget-ms"], ["profile", "m", "s", "--fps"], ["poses", "a.bvh", "-o", "s", "--fps"]])
+def test_numbers_that_are_none(dcloth, arguments, number):
+    """A bound of NaN would never be missed."""
+    refused(dcloth(*arguments, number), arguments[-1])
 
 
 @pytest.mark.parametrize("command", ["inspect", "profile", "run", "convert", "evaluate"])
@@ -54,6 +63,13 @@ def test_an_empty_name_is_no_output(dcloth, files, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     refused(dcloth("convert", files.bundle, "-o", ""), "empty file name")
     assert leftovers(tmp_path, set()) == []
+
+
+def test_ranges_are_said_in_few_digits(dcloth):
+    for arguments in (["profile", "m", "s", "--core", "-1"], ["evaluate", "b", "s", "--pareto", "--rank", "0"]):
+        result = dcloth(*arguments)
+        refused(result, arguments[-2])
+        assert len(result.stderr) < 200
 
 
 def test_output_into_no_folder(dcloth, files, tmp_path):

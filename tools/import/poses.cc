@@ -12,6 +12,7 @@
 #include "tools/import/joint_map.h"
 #include "tools/import/retarget.h"
 #include "tools/import/space_options.h"
+#include "tools/number_check.h"
 #include "tools/path_check.h"
 
 namespace dcloth::tools {
@@ -140,7 +141,7 @@ void AddPoses(CLI::App& app, int& exit_code) {
                       "whose joints are wanted: a .dcloth model, or a bundle or character (.safetensors), which also\n"
                       "say how each joint's axes lie in the bind pose; every bone when not given");
   command->add_option("--fps", options->fps, "frames per second; the model's tick rate when not given, else 30")
-      ->check(CLI::Range(1.0, 1000.0));
+      ->check(NumberWithin(1, 1000));
   command->add_option("--clip", options->clip, "name or number (from 0) of the clip, where a file holds several");
   AddSpaceOptions(command, &options->space);
   command->callback([options, &exit_code] { exit_code = Poses(*options); });
