@@ -42,8 +42,16 @@ class Profiler {
         player_(model, model.info().stages, converter::PathText(options.sequence)),
         meter_(model.triangles(), model.info().vertex_count),
         pose_(poses_.joint_count() * 16),
-        timer_(model.info().stages) {
+        timer_(model.info().stages),
+        frame_count_(FrameCount(poses_, options.fps, sequence.path)) {
     if (options.cold) evictor_.emplace();
+    if (frame_count_ < 2) {
+      throw converter::Error({.path = sequence.path,
+                              .tensor = {},
+                              .found = "a single frame at " + std::to_string(options.fps) + " Hz",
+                              .expected = "two frames or more, as the first one is not counted",
+                              .mend = "pass a longer sequence or a higher --fps"});
+    }
     if (sequence.has_truth() && sequence.truth_vertex_count != model.info().vertex_count) {
       throw converter::Error(
           {.path = sequence.path,
@@ -57,9 +65,8 @@ class Profiler {
   // From a reset through the whole sequence. Only the engine's calls are timed, and the first frame, which
   // starts with a whole tick in any mode, is not kept.
   void Round(bool first, std::vector<ProfiledFrame>* frames) {
-    const auto count = static_cast<size_t>(std::floor(poses_.duration_seconds() * options_.fps + 1e-6)) + 1;
     player_.Reset();
-    for (size_t f = 0; f < count; ++f) {
+    for (size_t f = 0; f < frame_count_; ++f) {
       const double seconds = static_cast<double>(f) / options_.fps;
       poses_.At(seconds, pose_);
       if (evictor_) evictor_->Evict();
@@ -108,6 +115,7 @@ class Profiler {
   converter::ErrorMeter meter_;
   std::vector<float> pose_;
   PartTimer timer_;
+  size_t frame_count_;
   std::optional<CacheEvictor> evictor_;
 };
 

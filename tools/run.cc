@@ -1,4 +1,5 @@
 // `dcloth run`: a model over a sequence at any frame rate, written as positions, a point cache or a page to look at.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -36,13 +37,13 @@ struct Result {
   std::vector<float> positions;  // [frame_count, n, 3]
 };
 
-Result Play(const converter::OpenModel& model, const PoseTrack& poses, double fps, uint32_t stages,
-            const std::string& source) {
+Result Play(const Options& options, const converter::OpenModel& model, const PoseTrack& poses, double fps,
+            uint32_t stages) {
   const double tick_rate = TickRate(model);
-  Player player(model, stages, source);
+  Player player(model, stages, converter::PathText(options.sequence));
   std::vector<float> pose(poses.joint_count() * 16);
   Result result;
-  result.frame_count = static_cast<size_t>(std::floor(poses.duration_seconds() * fps + 1e-6)) + 1;
+  result.frame_count = FrameCount(poses, fps, options.sequence);
   result.positions.reserve(result.frame_count * player.positions().size());
   Progress progress("running");
   player.Reset();
@@ -54,6 +55,13 @@ Result Play(const converter::OpenModel& model, const PoseTrack& poses, double fp
     }
     poses.At(plan.seconds, pose);
     player.Skin(pose, plan.blend);
+    if (!std::ranges::all_of(player.positions(), [](float x) { return std::isfinite(x); })) {
+      throw converter::Error({.path = options.model,
+                              .tensor = {},
+                              .found = "NaN or infinity in the vertices of frame " + std::to_string(f),
+                              .expected = "finite positions",
+                              .mend = "did the network diverge? train again, or convert a bundle that did not"});
+    }
     result.positions.insert(result.positions.end(), player.positions().begin(), player.positions().end());
     progress.Step(f + 1, result.frame_count);
   }
@@ -117,7 +125,7 @@ int Run(const Options& options) {
   const converter::Sequence sequence = converter::ReadSequence(options.sequence);
   const PoseTrack poses(sequence, model.joint_names());
   const double fps = options.fps > 0 ? options.fps : TickRate(model);
-  const Result result = Play(model, poses, fps, stages, converter::PathText(options.sequence));
+  const Result result = Play(options, model, poses, fps, stages);
   const size_t n = model.info().vertex_count;
   std::optional<converter::PreparedFile> mesh;
   if (!options.mesh.empty()) {
