@@ -1,4 +1,7 @@
 """Bad usage: exit code 2, the reason on stderr, no output file."""
+import os
+import subprocess
+
 import pytest
 
 from checks import leftovers, refused
@@ -80,6 +83,14 @@ def test_output_into_no_folder(dcloth, files, tmp_path):
 def test_unknown_output_kind(dcloth, files, tmp_path):
     refused(dcloth("run", files.model, files.walk, "-o", tmp_path / "x.abc"), ".abc", ".safetensors, .pc2, .mdd or .html")
     assert leftovers(tmp_path, set()) == []
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device")
+def test_output_that_nobody_gets_is_an_error(binary, files):
+    for arguments in (["inspect", files.model], ["inspect", files.model, "--json"], ["--version"], ["--help"]):
+        with open("/dev/full", "w") as full:
+            result = subprocess.run([binary, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        assert result.returncode == 2 and "stdout" in result.stderr, arguments
 
 
 def test_core_that_does_not_exist(dcloth, files):
