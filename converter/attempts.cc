@@ -1,6 +1,7 @@
 #include "converter/attempts.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <string>
 #include <utility>
 
@@ -17,12 +18,16 @@ OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
   try {
     return OpenModel(bytes, bundle.path);
   } catch (const Error& error) {
-    throw Error({bundle.path, "", "a model that the engine refuses: " + error.parts().found, "",
+    throw Error({bundle.path, "", "a model that the engine refuses: " + error.parts().found, error.parts().expected,
                  "make the network smaller where a limit is named; else this is a fault of the converter, report it"});
   }
 }
 
-std::string Millimetres(double value) { return std::to_string(value) + " mm"; }
+std::string Millimetres(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.6g mm", value);
+  return text;
+}
 
 }  // namespace
 
@@ -118,7 +123,7 @@ bool Attempts::SettleFormats(AutoReport* report) {
 }
 
 uint32_t Attempts::FixedRank() const {
-  const uint32_t asked = StoredRank(options_.rank.rank), exact = ranks_->exact_rank();
+  const uint32_t exact = ranks_->exact_rank(), asked = StoredRank(std::min(options_.rank.rank, exact));
   if (exact == 0) {
     throw Error({bundle_.path, "", "no displacement basis, as there is no skeleton stage", "one to reduce",
                  "leave --rank out"});
@@ -129,7 +134,7 @@ uint32_t Attempts::FixedRank() const {
                      std::to_string(exact) + ", and no motion to tell what may go",
                  "motion to weigh directions by", "pass --calibrate SEQ, once or more"});
   }
-  return std::min(asked, exact);
+  return asked;
 }
 
 bool Attempts::Settle(const PrecisionPlan& plan) {

@@ -79,6 +79,7 @@ bool Writable(const fs::path& path) { return ::access(path.c_str(), W_OK) == 0; 
 
 // The file that `path` means, and whether it may be replaced.
 fs::path Target(const fs::path& path, fs::perms* keep) {
+  if (path.empty()) Refuse(path, "an empty file name", "name the file to write");
   std::error_code failed;
   const fs::file_status status = fs::status(path, failed);
   if (status.type() == fs::file_type::not_found) {
@@ -101,64 +102,67 @@ fs::path Target(const fs::path& path, fs::perms* keep) {
   return target;
 }
 
+}  // namespace
+
 // A file that vanishes unless it is renamed.
-class Temporary {
+class PreparedFile::Temporary {
  public:
-  explicit Temporary(const fs::path& target) {
+  explicit Temporary(const fs::path& path) : path_(path), target_(Target(path, &keep_)) {
     for (int attempt = 0; attempt < 100; ++attempt) {
-      path_ = target;
-      path_ += std::string(".")
+      temporary_ = target_;
+      temporary_ += std::string(".")
                    .append(std::to_string(ProcessId()))
                    .append(".")
                    .append(std::to_string(attempt))
                    .append(".tmp");
-      file_ = OpenExclusive(path_);
+      file_ = OpenExclusive(temporary_);
       if (file_ >= 0 || errno != EEXIST) break;
     }
     if (file_ < 0) {
       const std::string reason = Reason(errno);
-      path_.clear();
-      Refuse(target, "that no file can be created there: " + reason, "check that its directory exists and is writable");
+      temporary_.clear();
+      Refuse(path_, "that no file can be created there: " + reason, "check that its directory exists and is writable");
     }
   }
   ~Temporary() {
     if (file_ >= 0) Close(file_);
     std::error_code ignored;
-    if (!path_.empty()) fs::remove(path_, ignored);
+    if (!temporary_.empty()) fs::remove(temporary_, ignored);
   }
   Temporary(const Temporary&) = delete;
   Temporary& operator=(const Temporary&) = delete;
 
-  void Write(const fs::path& target, std::span<const std::byte> bytes) {
+  void Write(std::span<const std::byte> bytes) {
     while (!bytes.empty()) {
       const long long written = WriteSome(file_, bytes.data(), bytes.size());
       if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) Refuse(target, "a failed write: " + Reason(errno), "check the free space");
+      if (written <= 0) Refuse(path_, "a failed write: " + Reason(errno), "check the free space");
       bytes = bytes.subspan(static_cast<size_t>(written));
     }
   }
 
-  void Finish(const fs::path& target, fs::perms keep) {
-    if (Flush(file_) != 0) Refuse(target, "a failed flush: " + Reason(errno), "check the disk");
+  void Finish() {
+    if (Flush(file_) != 0) Refuse(path_, "a failed flush: " + Reason(errno), "check the disk");
     const int file = file_;
     file_ = -1;
-    if (Close(file) != 0) Refuse(target, "a failed close: " + Reason(errno), "check the disk");
+    if (Close(file) != 0) Refuse(path_, "a failed close: " + Reason(errno), "check the disk");
     std::error_code ignored;
-    if (keep != fs::perms::unknown) fs::permissions(path_, keep, ignored);
+    if (keep_ != fs::perms::unknown) fs::permissions(temporary_, keep_, ignored);
   }
 
-  void Replace(const fs::path& target) {
+  void Replace() {
     std::string reason;
-    if (!Rename(path_, target, &reason)) Refuse(target, "that it cannot be replaced: " + reason, "check its directory");
-    path_.clear();
+    if (!Rename(temporary_, target_, &reason)) {
+      Refuse(path_, "that it cannot be replaced: " + reason, "check its directory");
+    }
+    temporary_.clear();
   }
 
  private:
-  fs::path path_;
+  fs::perms keep_ = fs::perms::unknown;
+  fs::path path_, target_, temporary_;  // as it was named, the file that means, the one that is written
   int file_ = -1;
 };
-
-}  // namespace
 
 AlignedBytes ReadFile(const fs::path& path, uint64_t limit_bytes) {
   std::error_code failed;
@@ -196,29 +200,22 @@ AlignedBytes ReadFile(const fs::path& path, uint64_t limit_bytes) {
   return bytes;
 }
 
-void WriteFileAtomically(const fs::path& path, std::span<const std::span<const std::byte>> pieces) {
-  fs::perms keep = fs::perms::unknown;
-  const fs::path target = Target(path, &keep);
-  Temporary temporary(target);
-  for (const std::span<const std::byte> piece : pieces) temporary.Write(path, piece);
-  temporary.Finish(target, keep);
-  temporary.Replace(target);
+PreparedFile::PreparedFile(const fs::path& path, std::span<const std::span<const std::byte>> pieces)
+    : temporary_(std::make_unique<Temporary>(path)) {
+  for (const std::span<const std::byte> piece : pieces) temporary_->Write(piece);
+  temporary_->Finish();
 }
 
-void WriteFilesAtomically(std::span<const NewFile> files) {
-  struct Prepared {
-    fs::path target;
-    std::unique_ptr<Temporary> temporary;
-  };
-  std::vector<Prepared> prepared;
-  for (const NewFile& file : files) {
-    fs::perms keep = fs::perms::unknown;
-    const fs::path target = Target(file.path, &keep);
-    prepared.push_back({target, std::make_unique<Temporary>(target)});
-    prepared.back().temporary->Write(file.path, file.bytes);
-    prepared.back().temporary->Finish(target, keep);
-  }
-  for (const Prepared& file : prepared) file.temporary->Replace(file.target);
+PreparedFile::PreparedFile(const fs::path& path, std::span<const std::byte> bytes)
+    : PreparedFile(path, std::span(&bytes, 1)) {}
+
+PreparedFile::PreparedFile(PreparedFile&& other) noexcept = default;
+PreparedFile::~PreparedFile() = default;
+
+void PreparedFile::Replace() { temporary_->Replace(); }
+
+void WriteFileAtomically(const fs::path& path, std::span<const std::span<const std::byte>> pieces) {
+  PreparedFile(path, pieces).Replace();
 }
 
 void WriteFileAtomically(const fs::path& path, std::span<const std::byte> bytes) {

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <new>
 #include <span>
 #include <vector>
@@ -37,14 +38,24 @@ AlignedBytes ReadFile(const std::filesystem::path& path, uint64_t limit_bytes = 
 void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::span<const std::byte>> pieces);
 void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
-struct NewFile {
-  std::filesystem::path path;
-  std::span<const std::byte> bytes;
-};
+// The same in two steps, for several files: where each of them is prepared before the first one is put in its place, a
+// full disk or a target that cannot be written loses none of the old ones.
+class PreparedFile {
+ public:
+  // Writes the temporary file. Throws Error.
+  PreparedFile(const std::filesystem::path& path, std::span<const std::span<const std::byte>> pieces);
+  PreparedFile(const std::filesystem::path& path, std::span<const std::byte> bytes);
+  PreparedFile(PreparedFile&& other) noexcept;
+  PreparedFile& operator=(PreparedFile&&) = delete;
+  ~PreparedFile();  // the temporary file is gone
 
-// The same for several files: every one of them lies on the disk before the first is renamed, so that a full disk or a
-// target that cannot be written loses none of the old ones. Throws Error.
-void WriteFilesAtomically(std::span<const NewFile> files);
+  // Renames it, once. Throws Error.
+  void Replace();
+
+ private:
+  class Temporary;
+  std::unique_ptr<Temporary> temporary_;
+};
 
 }  // namespace dcloth::converter
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "converter/error.h"
@@ -20,15 +21,35 @@ dcloth_error EmptyError() {
   return error;
 }
 
+// The engine's "[place: ]found F; allowed: A[; mend]" in an Error's words.
+ErrorParts PartsOf(const dcloth_error& error, const std::filesystem::path& path) {
+  constexpr std::string_view kFound = "found ", kAllowed = "; allowed: ";
+  const std::string_view text = error.text;
+  const size_t place = text.starts_with(kFound) ? 0 : text.find(": found ");
+  const size_t allowed = text.find(kAllowed);
+  if (place == text.npos || allowed == text.npos) return {path, "", std::string(text), "", ""};
+  const size_t found = place + (place == 0 ? 0 : 2) + kFound.size(), expected = allowed + kAllowed.size();
+  const size_t mend = std::min(text.find("; ", expected), text.size());
+  ErrorParts parts;
+  parts.path = path;
+  parts.found = text.substr(found, allowed - found);
+  if (place != 0) parts.found.append(" in ").append(text.substr(0, place));
+  if (error.offset_bytes != UINT64_MAX) parts.found.append(" at byte ").append(std::to_string(error.offset_bytes));
+  parts.expected = text.substr(expected, mend - expected);
+  parts.mend = text.substr(std::min(mend + 2, text.size()));
+  return parts;
+}
+
 }  // namespace
 
 OpenModel::OpenModel(AlignedBytes bytes, std::filesystem::path path)
     : bytes_(std::move(bytes)), model_memory_(dcloth_model_storage_size()) {
   dcloth_error error = EmptyError();
-  if (dcloth_model_open(bytes_.data(), bytes_.size(), model_memory_.data(), model_memory_.size(), &model_, &error) !=
+  // An empty file has no bytes to point to: any address does for none.
+  const std::byte* const start = bytes_.empty() ? model_memory_.data() : bytes_.data();
+  if (dcloth_model_open(start, bytes_.size(), model_memory_.data(), model_memory_.size(), &model_, &error) !=
       DCLOTH_OK) {
-    std::string where = error.offset_bytes == UINT64_MAX ? "" : " at byte " + std::to_string(error.offset_bytes);
-    throw Error({path, "", std::string(error.text) + where, "", "convert the bundle again"});
+    throw Error(PartsOf(error, path));
   }
   info_.struct_size = sizeof(info_);
   Require(dcloth_model_describe(model_, &info_), path, "dcloth_model_describe");
@@ -36,7 +57,7 @@ OpenModel::OpenModel(AlignedBytes bytes, std::filesystem::path path)
   cloth_memory_.resize(dcloth_cloth_storage_size(model_));
   error = EmptyError();
   if (dcloth_cloth_create(model_, cloth_memory_.data(), cloth_memory_.size(), &cloth_, &error) != DCLOTH_OK) {
-    throw Error({path, "", error.text, "a cloth", ""});
+    throw Error(PartsOf(error, path));
   }
 }
 

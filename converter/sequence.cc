@@ -116,9 +116,8 @@ void GatherPose(const Sequence& sequence, size_t frame, std::span<const uint32_t
 void WriteRunOutput(const std::filesystem::path& path, const RunOutput& output) {
   const Shape shape = {output.frame_count, output.vertex_count, 3};
   const std::vector<int32_t> faces(output.triangles.begin(), output.triangles.end());
-  std::vector<SafeTensor> tensors = {{"positions", SafeType::kF32, shape, std::as_bytes(output.positions)},
-                                     {"faces", SafeType::kI32, {faces.size() / 3, 3}, std::as_bytes(std::span(faces))}};
-  if (!output.normals.empty()) tensors.push_back({"normals", SafeType::kF32, shape, std::as_bytes(output.normals)});
+  const SafeTensor tensors[] = {{"positions", SafeType::kF32, shape, std::as_bytes(output.positions)},
+                                {"faces", SafeType::kI32, {faces.size() / 3, 3}, std::as_bytes(std::span(faces))}};
   char fps[32];
   char* const end = std::to_chars(fps, fps + sizeof(fps), output.fps).ptr;
   WriteSafetensors(path, tensors,

@@ -39,15 +39,14 @@ std::vector<uint32_t> MapJoints(const Sequence& sequence, std::span<const std::s
 // Copies one frame's matrices in the order of `map` to `matrices` [map.size(), 16].
 void GatherPose(const Sequence& sequence, size_t frame, std::span<const uint32_t> map, std::span<float> matrices);
 
-// What `dcloth run` writes: tensors `positions` [T, n, 3], `normals` [T, n, 3] where not empty, `faces` [c, 3] I32;
-// metadata format "dcloth-run", fps, garment.
+// What `dcloth run` writes: tensors `positions` [T, n, 3], `faces` [c, 3] I32; metadata format "dcloth-run", fps,
+// garment.
 struct RunOutput {
   std::string garment;
   double fps = 0;
   size_t frame_count = 0;
   size_t vertex_count = 0;
   std::span<const float> positions;     // [frame_count, vertex_count, 3] world, metres
-  std::span<const float> normals;       // the same shape, or empty
   std::span<const uint16_t> triangles;  // [c, 3]
 };
 

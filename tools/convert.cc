@@ -6,13 +6,15 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "converter/error.h"
 #include "converter/file.h"
 #include "tools/commands.h"
 #include "tools/convert_output.h"
+#include "tools/number_check.h"
+#include "tools/path_check.h"
 #include "tools/progress.h"
 #include "tools/rank_output.h"
 
@@ -30,8 +32,8 @@ struct Options {
 };
 
 int RunConvert(const Options& options) {
-  const auto usage = [&](const char* found, const char* mend) {
-    throw converter::Error({.path = {}, .tensor = {}, .found = found, .expected = {}, .mend = mend});
+  const auto usage = [](std::string found, const char* mend) {
+    throw converter::Error({.path = {}, .tensor = {}, .found = std::move(found), .expected = {}, .mend = mend});
   };
   const bool calibrated = !options.calibration.empty(), measured = calibrated || !options.motion.empty();
   if (options.precision == "auto" && (!options.bounded || !measured)) {
@@ -41,18 +43,20 @@ int RunConvert(const Options& options) {
   if (options.bounded && !measured) {
     usage("--max-error-mm without motion to measure it on", "add --motion SEQ, once or more");
   }
-  std::error_code ignored;
-  if (std::filesystem::equivalent(options.bundle, options.model, ignored)) {
-    usage("the output is the bundle itself", "give -o another name, MODEL.dcloth for instance");
-  }
-  if (!options.report.empty()) {
-    for (const std::filesystem::path& taken : {options.bundle, options.model}) {
-      if (options.report.lexically_normal() == taken.lexically_normal() ||
-          std::filesystem::equivalent(options.report, taken, ignored)) {
-        usage("the report would replace the bundle or the model", "give --report a name of its own");
-      }
+  for (const std::filesystem::path& motion : options.motion) {
+    for (const std::filesystem::path& seen : options.calibration) {
+      if (!IsSameFile(motion, seen)) continue;
+      usage(converter::PathText(motion) + " both to calibrate on (--calibrate) and to measure on (--motion)",
+            "measure on other motion, or the model is judged by what it was fitted to; --calibrate measures too");
     }
   }
+  CommandFiles files;
+  files.Reads("the bundle", options.bundle);
+  files.Reads("a sequence of --motion", options.motion);
+  files.Reads("a sequence of --calibrate", options.calibration);
+  files.Writes("-o", options.model);
+  files.Writes("--report", options.report);
+  files.Check();
   const converter::Bundle bundle = converter::ReadBundle(options.bundle);
   std::vector<converter::Sequence> motion;
   for (const std::filesystem::path& path : options.motion) motion.push_back(converter::ReadSequence(path));
@@ -78,9 +82,10 @@ int RunConvert(const Options& options) {
   progress.reset();
   const Json report = ConvertJson(result.report, options.bundle, options.model);
   const std::string text = DumpJson(report) + "\n";
-  std::vector<converter::NewFile> outputs = {{options.model, result.bytes}};
-  if (!options.report.empty()) outputs.push_back({options.report, std::as_bytes(std::span(text))});
-  converter::WriteFilesAtomically(outputs);
+  std::vector<converter::PreparedFile> outputs;
+  outputs.emplace_back(options.model, result.bytes);
+  if (!options.report.empty()) outputs.emplace_back(options.report, std::as_bytes(std::span(text)));
+  for (converter::PreparedFile& output : outputs) output.Replace();
   if (options.json) {
     PrintJson(report);
   } else {
@@ -107,7 +112,7 @@ void AddConvert(CLI::App& app, int& exit_code) {
           ->add_option("--max-error-mm", options->max_error_mm,
                        "largest allowed distance of any vertex to the fp32 model with its whole basis, on --motion "
                        "and --calibrate; exit 1 when missed")
-          ->check(CLI::PositiveNumber);
+          ->check(NumberAboveZero());
   command
       ->add_option("--motion", options->motion,
                    "a sequence to measure on: the model, and each tensor alone; may be repeated")

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <iterator>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -13,6 +14,8 @@
 #include "tools/evaluate_output.h"
 #include "tools/html_report.h"
 #include "tools/machine.h"
+#include "tools/number_check.h"
+#include "tools/path_check.h"
 #include "tools/report_scene.h"
 
 namespace dcloth::tools {
@@ -125,10 +128,9 @@ void CheckGrid(const Options& options) {
   if (!options.ranks.empty() && options.calibration.empty()) {
     usage("--rank without motion that a smaller basis may be fitted to", "add --calibrate SEQ, once or more");
   }
-  std::error_code ignored;
   for (const std::filesystem::path& calibration : options.calibration) {
     for (const std::filesystem::path& sequence : options.sequences) {
-      if (!std::filesystem::equivalent(calibration, sequence, ignored)) continue;
+      if (!IsSameFile(calibration, sequence)) continue;
       usage(converter::PathText(sequence) + " both to calibrate and to evaluate on",
             "calibrate on other motion, or a smaller basis is judged by what it was fitted to");
     }
@@ -137,6 +139,12 @@ void CheckGrid(const Options& options) {
 
 int RunEvaluate(const Options& options) {
   CheckGrid(options);
+  CommandFiles files;
+  files.Reads("the bundle", options.bundle);
+  files.Reads("a sequence", options.sequences);
+  files.Reads("a sequence of --calibrate", options.calibration);
+  files.Writes("--html", options.html);
+  files.Check();
   const converter::Bundle bundle = converter::ReadBundle(options.bundle);
   std::vector<converter::Sequence> sequences;
   for (const std::filesystem::path& path : options.sequences) sequences.push_back(converter::ReadSequence(path));
@@ -207,7 +215,7 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
                    "with --pareto: rows of the displacement basis to measure beside as many as it needs; may be "
                    "repeated; its halves, quarters and eighths when not given")
       ->allow_extra_args(false)
-      ->check(CLI::PositiveNumber)
+      ->check(NumberWithin(1, std::numeric_limits<uint32_t>::max()))
       ->needs("--pareto");
   command
       ->add_option("--calibrate", options->calibration,

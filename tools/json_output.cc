@@ -1,7 +1,6 @@
 #include "tools/json_output.h"
 
 #include <cstdio>
-#include <stdexcept>
 
 namespace dcloth::tools {
 
@@ -25,10 +24,7 @@ std::string DumpJson(const Json& json, int indent) {
 
 void PrintJson(const Json& json) {
   const std::string text = DumpJson(json) + "\n";
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
-    throw std::runtime_error(
-        "stdout: the JSON could not be written; check that the reader is alive and the disk not full");
-  }
+  std::fwrite(text.data(), 1, text.size(), stdout);  // main tells whether it arrived
 }
 
 }  // namespace dcloth::tools

@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 Json ToJson(const Percentiles& percentiles);             // ms
 Json ToJson(const converter::MeshError& error);          // position_mm, normal_deg; null without frames
 std::string DumpJson(const Json& json, int indent = 2);  // text that is not UTF-8 gets replacement characters
-void PrintJson(const Json& json);                        // stdout; throws when stdout cannot take it
+void PrintJson(const Json& json);                        // stdout
 
 }  // namespace dcloth::tools
 

@@ -1,6 +1,7 @@
 // dcloth: convert, inspect, run, profile and evaluate learned cloth; import what it is learned from and played on.
 #include <cstdio>
 #include <exception>
+#include <iostream>
 #include <new>
 #include <string>
 
@@ -11,15 +12,14 @@
 
 namespace {
 
+using namespace dcloth::tools;
+
 int Fail(const char* text, int code) {
   std::fprintf(stderr, "dcloth: error: %s\n", text);
   return code;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  using namespace dcloth::tools;
+int Run(int argc, char** argv) {
   int exit_code = kExitGood;
   try {
     CLI::App app{
@@ -55,6 +55,17 @@ int main(int argc, char** argv) {
     return Fail("not enough memory; use shorter sequences or fewer precisions at a time", kExitBadInput);
   } catch (const std::exception& error) {
     return Fail(error.what(), kExitBadInput);
+  }
+  return exit_code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int exit_code = Run(argc, argv);
+  std::cout.flush();  // where the parser writes its help
+  if (exit_code != kExitBadInput && (std::fflush(stdout) != 0 || std::ferror(stdout) != 0 || !std::cout)) {
+    return Fail("stdout cannot be written; check that the reader is alive and the disk not full", kExitBadInput);
   }
   return exit_code;
 }

@@ -3,7 +3,6 @@
 #include <charconv>
 
 #include "converter/error.h"
-#include "converter/file.h"
 
 namespace dcloth::tools {
 namespace {
@@ -17,8 +16,7 @@ void Append(Number value, std::string* text) {
 
 }  // namespace
 
-void WriteObj(const std::filesystem::path& path, const std::string& name, std::span<const float> positions,
-              std::span<const uint16_t> triangles) {
+std::string ObjText(const std::string& name, std::span<const float> positions, std::span<const uint16_t> triangles) {
   std::string text = "# metres, +Y up, +Z front\no " + converter::PathText(name) + "\n";
   for (size_t i = 0; i + 2 < positions.size(); i += 3) {
     text += 'v';
@@ -30,7 +28,7 @@ void WriteObj(const std::filesystem::path& path, const std::string& name, std::s
     for (size_t a = 0; a < 3; ++a) Append(triangles[i + a] + 1, &text);
     text += '\n';
   }
-  converter::WriteFileAtomically(path, std::as_bytes(std::span(text)));
+  return text;
 }
 
 }  // namespace dcloth::tools

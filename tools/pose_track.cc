@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
+
+#include "converter/error.h"
 
 namespace dcloth::tools {
 namespace {
@@ -119,6 +122,20 @@ void PoseTrack::At(double seconds, std::span<float> matrices) const {
   for (size_t j = 0; j < joint_count_; ++j) {
     Interpolate(&a[16 * j], &b[16 * j], position - static_cast<double>(before), &matrices[16 * j]);
   }
+}
+
+size_t FrameCount(const PoseTrack& poses, double frame_rate, const std::filesystem::path& source) {
+  constexpr double kMostFrames = 1 << 24;  // 77 hours at 60 Hz
+  const double count = std::floor(poses.duration_seconds() * frame_rate + kSameTime) + 1;
+  if (count <= kMostFrames) return static_cast<size_t>(count);
+  char found[128];
+  std::snprintf(found, sizeof(found), "fps %g, which makes %g s of %zu poses and %g frames at %g Hz", poses.fps(),
+                poses.duration_seconds(), poses.frame_count(), count, frame_rate);
+  throw converter::Error({.path = source,
+                          .tensor = {},
+                          .found = found,
+                          .expected = "at most 2^24 frames",
+                          .mend = "write the sequence's frame rate into it, or lower --fps"});
 }
 
 FramePlan PlanFrame(size_t frame, double frame_rate, double tick_rate) {

@@ -3,6 +3,7 @@
 #define DCLOTH_TOOLS_POSE_TRACK_H_
 
 #include <cstddef>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,6 +34,10 @@ class PoseTrack {
   double fps_ = 0;
   std::vector<float> matrices_;  // [frame_count, joint_count, 16]
 };
+
+// Frames at f / frame_rate from the track's first pose to its last. Throws converter::Error where nobody would wait for
+// their end: a sequence can say that it has a frame a year. `source` names it.
+size_t FrameCount(const PoseTrack& poses, double frame_rate, const std::filesystem::path& source);
 
 // Which ticks run before a drawn frame and how far its displacement is between the last two of them. Frames are drawn
 // at f / frame_rate, tick k is due at k / tick_rate and takes the pose of that time.

@@ -11,7 +11,9 @@
 #include "tools/contend.h"
 #include "tools/machine.h"
 #include "tools/machine_limit.h"
+#include "tools/number_check.h"
 #include "tools/part_timer.h"
+#include "tools/path_check.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
 #include "tools/profile_output.h"
@@ -40,8 +42,16 @@ class Profiler {
         player_(model, model.info().stages, converter::PathText(options.sequence)),
         meter_(model.triangles(), model.info().vertex_count),
         pose_(poses_.joint_count() * 16),
-        timer_(model.info().stages) {
+        timer_(model.info().stages),
+        frame_count_(FrameCount(poses_, options.fps, sequence.path)) {
     if (options.cold) evictor_.emplace();
+    if (frame_count_ < 2) {
+      throw converter::Error({.path = sequence.path,
+                              .tensor = {},
+                              .found = "a single frame at " + std::to_string(options.fps) + " Hz",
+                              .expected = "two frames or more, as the first one is not counted",
+                              .mend = "pass a longer sequence or a higher --fps"});
+    }
     if (sequence.has_truth() && sequence.truth_vertex_count != model.info().vertex_count) {
       throw converter::Error(
           {.path = sequence.path,
@@ -55,9 +65,8 @@ class Profiler {
   // From a reset through the whole sequence. Only the engine's calls are timed, and the first frame, which
   // starts with a whole tick in any mode, is not kept.
   void Round(bool first, std::vector<ProfiledFrame>* frames) {
-    const auto count = static_cast<size_t>(std::floor(poses_.duration_seconds() * options_.fps + 1e-6)) + 1;
     player_.Reset();
-    for (size_t f = 0; f < count; ++f) {
+    for (size_t f = 0; f < frame_count_; ++f) {
       const double seconds = static_cast<double>(f) / options_.fps;
       poses_.At(seconds, pose_);
       if (evictor_) evictor_->Evict();
@@ -106,10 +115,16 @@ class Profiler {
   converter::ErrorMeter meter_;
   std::vector<float> pose_;
   PartTimer timer_;
+  size_t frame_count_;
   std::optional<CacheEvictor> evictor_;
 };
 
 int RunProfile(const Options& options) {
+  CommandFiles files;
+  files.Reads("the model", options.model);
+  files.Reads("the sequence", options.sequence);
+  files.Writes("--trace", options.trace);
+  files.Check();
   const converter::OpenModel model = OpenModelFile(options.model);
   const converter::Sequence sequence = converter::ReadSequence(options.sequence);
   Profile profile;
@@ -180,12 +195,12 @@ void AddProfile(CLI::App& app, int& exit_code) {
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
   command->add_option("--budget-ms", options->budget_ms, "exit 1 when any frame takes longer")
-      ->check(CLI::PositiveNumber);
+      ->check(NumberAboveZero());
   command->add_option("--fps", options->fps, "drawn frames per second")
-      ->check(CLI::Range(1.0, 1000.0))
+      ->check(NumberWithin(1, 1000))
       ->capture_default_str();
   command->add_option("--core", options->core, "the core to stay on; the last allowed one when not given")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberWithin(0, 65535));
   command->add_flag("--pipelined", options->pipelined, "spread each tick over the frames until the next");
   command->add_flag("--cold", options->cold, "empty the caches before every frame, outside the timed part");
   command->add_flag("--contend", options->contend, "a thread on another core wants memory and arithmetic too");

@@ -1,17 +1,22 @@
 // `dcloth run`: a model over a sequence at any frame rate, written as positions, a point cache or a page to look at.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "converter/error.h"
+#include "converter/file.h"
 #include "converter/sequence.h"
 #include "tools/commands.h"
 #include "tools/html_report.h"
 #include "tools/mdd.h"
+#include "tools/number_check.h"
 #include "tools/obj.h"
+#include "tools/path_check.h"
 #include "tools/pc2.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
@@ -32,13 +37,13 @@ struct Result {
   std::vector<float> positions;  // [frame_count, n, 3]
 };
 
-Result Play(const converter::OpenModel& model, const PoseTrack& poses, double fps, uint32_t stages,
-            const std::string& source) {
+Result Play(const Options& options, const converter::OpenModel& model, const PoseTrack& poses, double fps,
+            uint32_t stages) {
   const double tick_rate = TickRate(model);
-  Player player(model, stages, source);
+  Player player(model, stages, converter::PathText(options.sequence));
   std::vector<float> pose(poses.joint_count() * 16);
   Result result;
-  result.frame_count = static_cast<size_t>(std::floor(poses.duration_seconds() * fps + 1e-6)) + 1;
+  result.frame_count = FrameCount(poses, fps, options.sequence);
   result.positions.reserve(result.frame_count * player.positions().size());
   Progress progress("running");
   player.Reset();
@@ -50,6 +55,13 @@ Result Play(const converter::OpenModel& model, const PoseTrack& poses, double fp
     }
     poses.At(plan.seconds, pose);
     player.Skin(pose, plan.blend);
+    if (!std::ranges::all_of(player.positions(), [](float x) { return std::isfinite(x); })) {
+      throw converter::Error({.path = options.model,
+                              .tensor = {},
+                              .found = "NaN or infinity in the vertices of frame " + std::to_string(f),
+                              .expected = "finite positions",
+                              .mend = "did the network diverge? train again, or convert a bundle that did not"});
+    }
     result.positions.insert(result.positions.end(), player.positions().begin(), player.positions().end());
     progress.Step(f + 1, result.frame_count);
   }
@@ -94,6 +106,12 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
 }
 
 int Run(const Options& options) {
+  CommandFiles files;
+  files.Reads("the model", options.model);
+  files.Reads("the sequence", options.sequence);
+  files.Writes("-o", options.output);
+  files.Writes("--mesh", options.mesh);
+  files.Check();
   const std::string extension = options.output.extension().string();
   if (extension != ".safetensors" && extension != ".pc2" && extension != ".mdd" && extension != ".html") {
     throw converter::Error({.path = options.output,
@@ -107,11 +125,13 @@ int Run(const Options& options) {
   const converter::Sequence sequence = converter::ReadSequence(options.sequence);
   const PoseTrack poses(sequence, model.joint_names());
   const double fps = options.fps > 0 ? options.fps : TickRate(model);
-  const Result result = Play(model, poses, fps, stages, converter::PathText(options.sequence));
+  const Result result = Play(options, model, poses, fps, stages);
   const size_t n = model.info().vertex_count;
+  std::optional<converter::PreparedFile> mesh;
   if (!options.mesh.empty()) {
     const auto first = std::span(result.positions).first(n * 3);
-    WriteObj(options.mesh, model.info().name, first, model.triangles());
+    const std::string text = ObjText(model.info().name, first, model.triangles());
+    mesh.emplace(options.mesh, std::as_bytes(std::span(text)));
   }
   if (extension == ".pc2") {
     WritePc2(options.output, result.positions, result.frame_count, n);
@@ -125,9 +145,9 @@ int Run(const Options& options) {
                                                .frame_count = result.frame_count,
                                                .vertex_count = n,
                                                .positions = result.positions,
-                                               .normals = {},
                                                .triangles = model.triangles()});
   }
+  if (mesh) mesh->Replace();
   std::fprintf(stderr, "%s: %zu frames at %g Hz, %zu vertices, stages up to %s\n",
                converter::PathText(options.output).c_str(), result.frame_count, fps, n, StagesName(stages));
   return kExitGood;
@@ -147,7 +167,7 @@ void AddRun(CLI::App& app, int& exit_code) {
       ->add_option("--fps", options->fps,
                    "frames per second to draw; the model's tick rate when not given. Frame f is at f / R, tick k at\n"
                    "k / tick rate; displacement blends by min(1, (time since the tick + 1 / R) * tick rate)")
-      ->check(CLI::Range(1.0, 1000.0));
+      ->check(NumberWithin(1, 1000));
   command->add_option("--stages", options->stages, "static, skeleton or mesh; all the model holds when not given")
       ->check(CLI::IsMember({"static", "skeleton", "mesh"}));
   command->callback([options, &exit_code] { exit_code = Run(*options); });

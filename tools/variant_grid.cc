@@ -16,7 +16,7 @@ constexpr uint32_t kLevels[] = {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DC
 std::vector<uint32_t> LowerRanks(const EvaluationOptions& options, uint32_t exact) {
   std::vector<uint32_t> asked = options.ranks, ranks;
   if (asked.empty() && !options.calibration.empty()) asked = {exact / 2, exact / 4, exact / 8};
-  for (uint32_t rank : asked) ranks.push_back(converter::StoredRank(std::max<uint32_t>(rank, 1)));
+  for (uint32_t rank : asked) ranks.push_back(converter::StoredRank(std::clamp<uint32_t>(rank, 1, exact)));
   std::erase_if(ranks, [&](uint32_t rank) { return rank >= exact; });
   std::sort(ranks.rbegin(), ranks.rend());
   ranks.erase(std::unique(ranks.begin(), ranks.end()), ranks.end());

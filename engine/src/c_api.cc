@@ -239,7 +239,7 @@ dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info
   info->lag_seconds = static_cast<float>(described.clock.lag() / static_cast<double>(described.model->tick_rate));
   info->tick_share = described.work_done;
   info->frozen = dcloth::engine::IsFrozen(described) ? 1 : 0;
-  info->tick_waits = described.clock.tick_waits() ? 1 : 0;
+  info->tick_waits = described.clock.tick_waits() && info->frozen == 0 ? 1 : 0;  // a frozen one wants none
   return DCLOTH_OK;
 }
 

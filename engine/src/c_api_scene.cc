@@ -15,12 +15,17 @@ using dcloth::format::Diagnostic;
 using dcloth::format::kNoOffset;
 
 constexpr uint32_t kMostCharacters = 65536;
-constexpr float kMost = 1e9f;  // of any number here: sums stay exact enough
+constexpr float kMost = 1e9f;  // larger numbers count as this one: sums stay exact enough
+constexpr float kLargestFloat = 3.4028235e38f;
 
 Scene* SceneOf(dcloth_scene* scene) { return reinterpret_cast<Scene*>(scene); }
 
-// False for NaN.
-bool IsUsable(float value) { return value >= 0.0f && value <= kMost; }
+// False for NaN and infinity.
+bool IsUsable(float value) { return value >= 0.0f && value <= kLargestFloat; }
+
+void Limit(float* value) {
+  if (*value > kMost) *value = kMost;
+}
 
 bool AreUsable(const float* values) {
   bool usable = true;
@@ -74,7 +79,12 @@ dcloth_status dcloth_scene_set(dcloth_scene* scene, uint32_t index, const dcloth
     return DCLOTH_OK;
   }
   if (!CharacterIsUsable(*character)) return DCLOTH_ERROR_ARGUMENT;
-  dcloth::engine::SetCharacter(*character, &SceneOf(scene)->characters[index]);
+  dcloth_scene_character limited = *character;
+  Limit(&limited.importance);
+  Limit(&limited.draw_microseconds);
+  for (float& cost : limited.tick_microseconds) Limit(&cost);
+  for (float& error : limited.error_mm) Limit(&error);
+  dcloth::engine::SetCharacter(limited, &SceneOf(scene)->characters[index]);
   return DCLOTH_OK;
 }
 
@@ -82,14 +92,18 @@ dcloth_status dcloth_scene_set_importance(dcloth_scene* scene, uint32_t index, f
   const FloatEnvironment environment;
   const volatile float asked = importance;  // volatile: compared inside the environment, where a NaN does not trap
   if (scene == nullptr || index >= SceneOf(scene)->count || !IsUsable(asked)) return DCLOTH_ERROR_ARGUMENT;
-  SceneOf(scene)->characters[index].importance = importance;
+  SceneOf(scene)->characters[index].importance = asked < kMost ? asked : kMost;
   return DCLOTH_OK;
 }
 
 dcloth_status dcloth_scene_plan(dcloth_scene* scene, const dcloth_scene_frame* frame, float* planned_microseconds) {
   const FloatEnvironment environment;
   if (scene == nullptr || !FrameIsUsable(frame)) return DCLOTH_ERROR_ARGUMENT;
-  dcloth::engine::PlanScene(SceneOf(scene), *frame);
+  dcloth_scene_frame limited = *frame;
+  Limit(&limited.seconds);
+  Limit(&limited.budget_microseconds);
+  Limit(&limited.spent_microseconds);
+  dcloth::engine::PlanScene(SceneOf(scene), limited);
   if (planned_microseconds != nullptr)
     *planned_microseconds = static_cast<float>(SceneOf(scene)->planned_microseconds);
   return DCLOTH_OK;

@@ -5,7 +5,7 @@
 namespace dcloth::engine {
 namespace {
 
-// Null until asked for, so that nothing runs before main. Every thread that finds null stores the same pointer.
+// Null until asked for, so that nothing runs before main.
 std::atomic<const kernels::KernelTable*> active_kernels{nullptr};
 
 }  // namespace
@@ -13,8 +13,9 @@ std::atomic<const kernels::KernelTable*> active_kernels{nullptr};
 const kernels::KernelTable& ActiveKernels() {
   const kernels::KernelTable* table = active_kernels.load(std::memory_order_relaxed);
   if (table == nullptr) {
-    table = kernels::BestKernels();
-    active_kernels.store(table, std::memory_order_relaxed);
+    // What another thread has put there meanwhile stays: it may be the host's choice.
+    const kernels::KernelTable* const best = kernels::BestKernels();
+    if (active_kernels.compare_exchange_strong(table, best, std::memory_order_relaxed)) table = best;
   }
   return *table;
 }

@@ -29,11 +29,12 @@ constexpr size_t GsgruStateFloats(size_t vertices, size_t features) {
 constexpr size_t GsgruScratchFloats(size_t features) { return kGsgruBlock * (4 * features + 4); }
 
 // Weights are flat [in, out] f32 as in MeshLayer of dcloth.fbs. state, scratch, x, next_x and weights start on 64 bytes.
-// Every vertex has at least one neighbour (itself). Values are finite. next_x and s overlap nothing else.
+// Every vertex has at least one neighbour (itself). Values are finite. next_x and s overlap nothing else. The vertices
+// of a job may be a part of the mesh, from a multiple of kGsgruBlock on: all but x and columns start with the part.
 struct GsgruJob {
-  const float* x;              // [vertices, GsgruInputStride(input_width)]
+  const float* x;              // [all vertices of the mesh, GsgruInputStride(input_width)]
   const uint32_t* row_starts;  // [vertices + 1]
-  const uint16_t* columns;     // [row_starts[vertices]], each below `vertices`
+  const uint16_t* columns;     // [row_starts[vertices]], each a row of x
   const float* input_gates;       // [input_width, 3 F]: z, r, candidate
   const float* gate_bias;         // [3 F]
   const float* hidden_gates;      // [F, 2 F]: z, r

@@ -163,6 +163,14 @@ def test_without_motion_millimetres_are_not_invented(dcloth, files, tmp_path):
     assert any(t["snr_db"] is not None and 20 < t["snr_db"] < 80 for t in said["tensors"])
 
 
+def test_motion_to_check_on_is_not_what_was_calibrated_on(dcloth, files, tmp_path):
+    out = tmp_path / "m.dcloth"
+    for more in ([], ["--precision", "auto", "--max-error-mm", "2"]):
+        refused(dcloth("convert", files.bundle, "-o", out, "--motion", files.run, "--motion", files.walk, "--calibrate",
+                       files.walk, *more), files.walk, "--calibrate", "--motion")
+    assert not out.exists()
+
+
 def test_a_report_replaces_neither_bundle_nor_model(dcloth, files, tmp_path):
     before = files.bundle.read_bytes()
     refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", "--report", tmp_path / "m"), "--report")

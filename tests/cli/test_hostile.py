@@ -19,6 +19,16 @@ def test_truncated_model(dcloth, files, tmp_path, part):
     assert leftovers(tmp_path, {"cut.dcloth"}) == []
 
 
+@pytest.mark.parametrize("length, words", [(0, ["0 bytes"]), (64, ["expected"]), (6400, ["weights", "at byte"])])
+def test_what_the_engine_says_of_a_model_is_said_once(dcloth, files, tmp_path, length, words):
+    cut = tmp_path / "cut.dcloth"
+    cut.write_bytes(files.model.read_bytes()[:length])
+    result = dcloth("inspect", cut)
+    refused(result, cut, "found", "expected", *words)
+    assert result.stderr.count("found") == 1 and result.stderr.count("convert the bundle again") <= 1
+    assert "null pointer" not in result.stderr and "allowed:" not in result.stderr
+
+
 def test_flipped_bits_are_refused_or_harmless(dcloth, files, tmp_path):
     """One flipped bit may hit a weight and stay a valid model; it must never kill the tool."""
     data = bytearray(files.model.read_bytes())
@@ -110,3 +120,24 @@ def test_wrong_shape_in_a_bundle_is_named(dcloth, tmp_path):
     path = tmp_path / "wrong.safetensors"
     small_garment.write_bundle(path, changes={"skeleton.basis": np.zeros((5, 7, 3), np.float32)})
     refused(dcloth("convert", path, "-o", tmp_path / "x.dcloth"), path, "skeleton.basis", "[5, 7, 3]")
+
+
+@pytest.mark.parametrize("fps", [1e-300, 1e-9])
+def test_a_sequence_that_claims_to_last_for_ages(dcloth, files, tmp_path, fps):
+    path = tmp_path / "slow.safetensors"
+    small_garment.write_sequence(path, small_garment.motion(2, 30), fps=fps, truth=False)
+    for arguments in (["run", files.model, path, "-o", tmp_path / "x.pc2"], ["profile", files.model, path]):
+        refused(dcloth(*arguments, timeout=60), path, "fps", "frames")
+    assert leftovers(tmp_path, {"slow.safetensors"}) == []
+
+
+def test_weights_that_diverged(dcloth, files, tmp_path):
+    """Finite weights whose products are not: no file full of NaN."""
+    bundle, model = tmp_path / "b.safetensors", tmp_path / "m.dcloth"
+    weight = small_garment.bundle_tensors()["static.mlp.2.weight"]
+    small_garment.write_bundle(bundle, changes={"static.mlp.2.weight": np.full_like(weight, 3e38),
+                                                "static.mlp.0.bias": np.full(small_garment.HIDDEN, 9, np.float32)})
+    assert dcloth("convert", bundle, "-o", model).returncode == 0
+    for name in ("x.pc2", "x.html", "x.safetensors"):
+        refused(dcloth("run", model, files.bare, "-o", tmp_path / name), model, "NaN or infinity", "frame 0")
+    assert leftovers(tmp_path, {"b.safetensors", "m.dcloth"}) == []

@@ -159,6 +159,8 @@ def test_what_is_no_animation(dcloth, importing, tmp_path):
     refused(dcloth("poses", tmp_path / "none.fbx", "-o", out), "none.fbx")
     refused(dcloth("body", DATA / "walker.bvh", "-o", out), "no skinned surface")
     refused(dcloth("poses", DATA / "walker.glb", "-o", out, "--clip", "Jump"), "Jump", "--clip")
+    refused(dcloth("body", "--mesh", "Body", "--mesh", "Hat", DATA / "walker.glb", "-o", out), "no skinned mesh 'Hat'",
+            "'Body'")
     refused(dcloth("body", DATA / "walker.glb", "-o", out, "--mesh", "Hat"), "no skinned mesh 'Hat'", "'Body'")
 
 

@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+import small_garment
 from checks import STEPS, mesh_error, percentiles, refused
 
 
@@ -36,6 +37,15 @@ def test_budget_missed_and_kept(dcloth, files):
     assert missed["missed_frames"] == missed["frames"] and missed["budget_ms"] == 0.000001
     kept = profile(dcloth, files.model, files.walk, "--budget-ms", "60000")
     assert kept["missed_frames"] == 0
+
+
+def test_a_sequence_shorter_than_a_frame(dcloth, files, tmp_path):
+    """The first frame of each pass is not counted: one of a single frame would count none for ever."""
+    one, short = tmp_path / "one.safetensors", tmp_path / "short.safetensors"
+    small_garment.write_sequence(one, small_garment.motion(1, 30), truth=False)
+    small_garment.write_sequence(short, small_garment.motion(20, 30), truth=False)
+    for arguments in ([one], [short, "--fps", "1"]):
+        refused(dcloth("profile", files.model, *arguments, timeout=60), arguments[0], "--fps")
 
 
 def test_cold(dcloth, files):

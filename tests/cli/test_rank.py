@@ -59,6 +59,11 @@ def test_given_ranks_trade_millimetres(dcloth, files, tmp_path):
     assert errors[-1] < 0.2 * errors[0]
 
 
+def test_a_rank_above_the_exact_one_is_the_exact_one(dcloth, files, tmp_path):
+    for rank in (1000, 2 ** 32 - 1):
+        assert converted(dcloth, files.bundle, "-o", tmp_path / "m", "--rank", rank)["basis"]["rank"] == FULL
+
+
 @pytest.mark.parametrize("precision", ["fp32", "fp16", "int8"])
 def test_the_smallest_rank_within_the_bound(dcloth, files, tmp_path, precision):
     out = tmp_path / "m.dcloth"

@@ -1,10 +1,13 @@
 """Bad usage: exit code 2, the reason on stderr, no output file."""
+import os
+import subprocess
+
 import pytest
 
 from checks import leftovers, refused
 
 
-@pytest.mark.parametrize("command", ["convert", "inspect", "run", "profile", "evaluate"])
+@pytest.mark.parametrize("command", ["convert", "inspect", "run", "profile", "evaluate", "poses", "body"])
 def test_help_of_every_command(dcloth, command):
     result = dcloth(command, "--help")
     assert result.returncode == 0 and command in result.stdout
@@ -22,6 +25,15 @@ def test_version(dcloth):
     (["evaluate", "b", "s", "--precision", "auto"], "auto")])
 def test_bad_arguments(dcloth, arguments, word):
     refused(dcloth(*arguments), word)
+
+
+@pytest.mark.parametrize("number", ["nan", "-nan", "inf", "-inf", "1e400"])
+@pytest.mark.parametrize("arguments", [
+    ["convert", "b", "-o", "m", "--motion", "s", "--max-error-mm"], ["run", "m", "s", "-o", "x.pc2", "--fps"],
+    ["profile", "m", "s", "--budget-ms"], ["profile", "m", "s", "--fps"], ["poses", "a.bvh", "-o", "s", "--fps"]])
+def test_numbers_that_are_none(dcloth, arguments, number):
+    """A bound of NaN would never be missed."""
+    refused(dcloth(*arguments, number), arguments[-1])
 
 
 @pytest.mark.parametrize("command", ["inspect", "profile", "run", "convert", "evaluate"])
@@ -50,6 +62,19 @@ def test_output_may_not_be_the_bundle(dcloth, files):
     assert files.bundle.read_bytes() == before
 
 
+def test_an_empty_name_is_no_output(dcloth, files, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused(dcloth("convert", files.bundle, "-o", ""), "empty file name")
+    assert leftovers(tmp_path, set()) == []
+
+
+def test_ranges_are_said_in_few_digits(dcloth):
+    for arguments in (["profile", "m", "s", "--core", "-1"], ["evaluate", "b", "s", "--pareto", "--rank", "0"]):
+        result = dcloth(*arguments)
+        refused(result, arguments[-2])
+        assert len(result.stderr) < 200
+
+
 def test_output_into_no_folder(dcloth, files, tmp_path):
     out = tmp_path / "nowhere" / "x.dcloth"
     refused(dcloth("convert", files.bundle, "-o", out), out)
@@ -58,6 +83,14 @@ def test_output_into_no_folder(dcloth, files, tmp_path):
 def test_unknown_output_kind(dcloth, files, tmp_path):
     refused(dcloth("run", files.model, files.walk, "-o", tmp_path / "x.abc"), ".abc", ".safetensors, .pc2, .mdd or .html")
     assert leftovers(tmp_path, set()) == []
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device")
+def test_output_that_nobody_gets_is_an_error(binary, files):
+    for arguments in (["inspect", files.model], ["inspect", files.model, "--json"], ["--version"], ["--help"]):
+        with open("/dev/full", "w") as full:
+            result = subprocess.run([binary, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        assert result.returncode == 2 and "stdout" in result.stderr, arguments
 
 
 def test_core_that_does_not_exist(dcloth, files):

@@ -11,6 +11,7 @@
 #include "tools/import/joint_map.h"
 #include "tools/import/retarget.h"
 #include "tools/import/space_options.h"
+#include "tools/path_check.h"
 
 namespace dcloth::tools {
 namespace {
@@ -95,6 +96,11 @@ std::string ParentsText(const std::vector<int32_t>& parents) {
 }
 
 int WriteBody(const Options& options) {
+  CommandFiles files;
+  files.Reads("the character", options.character);
+  files.Reads("the file of --map", options.map);
+  files.Writes("-o", options.output);
+  files.Check();
   if (const auto code = InChild(options.character)) return *code;
   const JointMap map = options.map.empty() ? JointMap{} : ReadJointMap(options.map);
   const CharacterFile file = ReadCharacter(options.character, true);
@@ -146,7 +152,9 @@ void AddBody(CLI::App& app, int& exit_code) {
   command->add_option("CHARACTER", options->character, "a .glb, .gltf or .fbx file")->required();
   command->add_option("-o,--output", options->output, "the body to write (.safetensors)")->required();
   command->add_option("--map", options->map, "JSON: {\"joint of the garment\": \"node of the file\", ...}");
-  command->add_option("--mesh", options->meshes, "a skinned mesh to take; all when not given");
+  command
+      ->add_option("--mesh", options->meshes, "a skinned mesh to take; may be repeated; all when not given")
+      ->allow_extra_args(false);
   AddSpaceOptions(command, &options->space);
   command->callback([options, &exit_code] { exit_code = WriteBody(*options); });
 }

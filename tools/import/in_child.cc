@@ -23,10 +23,11 @@ namespace {
 constexpr rlim_t kMaxBytes = rlim_t{16} << 30;
 constexpr rlim_t kMaxSeconds = 300;  // of processor time
 
+// Never above what the user allows.
 void Limit(int what, rlim_t value) {
   rlimit limit;
   if (getrlimit(what, &limit) != 0) return;
-  if (limit.rlim_max != RLIM_INFINITY && value > limit.rlim_max) value = limit.rlim_max;
+  if (limit.rlim_cur != RLIM_INFINITY && value > limit.rlim_cur) return;
   limit.rlim_cur = value;
   setrlimit(what, &limit);
 }

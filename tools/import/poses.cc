@@ -12,6 +12,8 @@
 #include "tools/import/joint_map.h"
 #include "tools/import/retarget.h"
 #include "tools/import/space_options.h"
+#include "tools/number_check.h"
+#include "tools/path_check.h"
 
 namespace dcloth::tools {
 namespace {
@@ -49,6 +51,12 @@ std::string NumberText(double value) {
 }
 
 int Poses(const Options& options) {
+  CommandFiles files;
+  files.Reads("the animation", options.animation);
+  files.Reads("the file of --map", options.map);
+  files.Reads("the file of --model", options.model);
+  files.Writes("-o", options.output);
+  files.Check();
   if (const auto code = InChild(options.animation)) return *code;
   const Target target = options.model.empty() ? Target{} : ReadTarget(options.model);
   const JointMap map = options.map.empty() ? JointMap{} : ReadJointMap(options.map);
@@ -133,7 +141,7 @@ void AddPoses(CLI::App& app, int& exit_code) {
                       "whose joints are wanted: a .dcloth model, or a bundle or character (.safetensors), which also\n"
                       "say how each joint's axes lie in the bind pose; every bone when not given");
   command->add_option("--fps", options->fps, "frames per second; the model's tick rate when not given, else 30")
-      ->check(CLI::Range(1.0, 1000.0));
+      ->check(NumberWithin(1, 1000));
   command->add_option("--clip", options->clip, "name or number (from 0) of the clip, where a file holds several");
   AddSpaceOptions(command, &options->space);
   command->callback([options, &exit_code] { exit_code = Poses(*options); });

@@ -4,7 +4,7 @@
  * Each frame dcloth_scene_plan chooses a level for every character and whether its tick runs in this frame, from
  * costs that the host measured (dcloth profile, or dcloth_timer in the game). It reads the cloths and changes none;
  * the host then gives each cloth the stages and flags of dcloth_scene_get, with the same `seconds`, in any order and
- * on any threads. Plan while no cloth of the scene is being updated.
+ * on any threads. Plan while no cloth of the scene is being updated. Numbers above 1e9 count as 1e9.
  *
  * Promises, in costs as given: a plan never costs more than the budget where the budget covers the drawing of all.
  * Where it also covers the longest tick of a level held, each character ticks at latest as many frames after its tick

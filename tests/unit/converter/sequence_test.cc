@@ -115,21 +115,20 @@ TEST(SequenceTest, MapsByNameAndListsAllMissing) {
 }
 
 TEST(SequenceTest, RunOutputReadsBack) {
-  const std::vector<float> positions = {0, 1, 2, 3, 4, 5, 6, 7, 8}, normals(9, 0.5f);
+  const std::vector<float> positions = {0, 1, 2, 3, 4, 5, 6, 7, 8};
   const std::vector<uint16_t> triangles = {0, 2, 1};
   const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "dcloth_run_output_test";
-  WriteRunOutput(path, {"skirt", 29.97, 1, 3, positions, normals, triangles});
+  WriteRunOutput(path, {"skirt", 29.97, 1, 3, positions, triangles});
   const SafeFile file = SafeFile::Read(path);
   std::filesystem::remove(path);
   EXPECT_EQ(file.RequireMetadata("fps"), "29.97");
   EXPECT_EQ(file.RequireMetadata("format"), "dcloth-run");
   EXPECT_EQ(file.Require("positions").shape, (Shape{1, 3, 3}));
   EXPECT_EQ(FloatsOf(file, file.Require("positions")), positions);
-  EXPECT_EQ(FloatsOf(file, file.Require("normals")), normals);
   EXPECT_EQ(file.Require("faces").shape, (Shape{1, 3}));
   EXPECT_EQ(file.Require("faces").bytes[4], std::byte{2});
   EXPECT_TRUE(Mentions(ErrorText([&] {
-                         WriteRunOutput(path, {"skirt", 30, 2, 3, positions, {}, triangles});
+                         WriteRunOutput(path, {"skirt", 30, 2, 3, positions, triangles});
                        }),
                        "positions: found 36 bytes"));
   EXPECT_FALSE(std::filesystem::exists(path));

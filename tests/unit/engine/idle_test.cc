@@ -71,6 +71,21 @@ TEST_F(IdleTest, OnlyWhereAsked) {
   EXPECT_EQ(TicksRun(&asked), 1);
 }
 
+// A host that spreads ticks over frames by dcloth_cloth_info.tick_waits keeps no place for a cloth that wants none.
+TEST_F(IdleTest, NoTickWaitsWhileFrozen) {
+  OwnedCloth cloth(opened_);
+  Settle(&cloth, 1 / 60.0f);
+  for (const uint32_t flags : {kFreeze, kFreeze | DCLOTH_FRAME_HOLD}) {
+    ASSERT_EQ(Update(&cloth, Pose(2), 1 / 60.0f, flags), DCLOTH_OK);
+    ASSERT_TRUE(Frozen(&cloth));
+    EXPECT_EQ(Describe(&cloth).tick_waits, 0u);
+  }
+  // Woken in a frame that may start no tick, it has one that waits.
+  ASSERT_EQ(Update(&cloth, Moved(Pose(2), 0, 1e-3f), 1 / 60.0f, kFreeze | DCLOTH_FRAME_HOLD), DCLOTH_OK);
+  ASSERT_FALSE(Frozen(&cloth));
+  EXPECT_EQ(Describe(&cloth).tick_waits, 1u);
+}
+
 // Half of the threshold moves nothing, twice of it wakes in that very frame, whichever joint it is; so does a slow
 // drift once it adds up, a jump and another level. Without time nothing wakes.
 TEST_F(IdleTest, WakesAtOnce) {

@@ -317,6 +317,9 @@ TEST_F(SceneTest, RefusesWhatIsNone) {
   EXPECT_EQ(Set(0, -1), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(dcloth_scene_set(scene_, kCharacters, nullptr), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(dcloth_scene_set_importance(scene_, 0, INFINITY), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(Set(0, 3.4e38f), DCLOTH_OK) << "any finite number";
+  const dcloth_scene_frame unlimited = {sizeof(unlimited), 1 / 60.0f, 3.4e38f, 0};
+  EXPECT_EQ(dcloth_scene_plan(scene_, &unlimited, nullptr), DCLOTH_OK);
   for (const float bad : {NAN, INFINITY, -1.0f}) {
     const dcloth_scene_frame frames[] = {{sizeof(dcloth_scene_frame), bad, 1, 0},
                                          {sizeof(dcloth_scene_frame), 1, bad, 0},
