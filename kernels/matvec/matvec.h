@@ -65,8 +65,9 @@ struct MatvecI8Job {
   bool relu;
 };
 
-// q[j] = round(x[j] * row_scales[j] / *scale) with the smallest power-of-two scale such that no int32 sum of MatvecI8 can
-// overflow, whatever the weights: |q[j]| <= 32767 and 128 * sum_j |q[j]| < 2^31 (conservatively, see the .cc file).
+// q[j] = round(x[j] * row_scales[j] / *scale) with the smallest scale of 1, 5/4, 6/4 or 7/4 times a power of two such that
+// no int32 sum of MatvecI8 can overflow, whatever the weights: |q[j]| <= 32767 and 128 * sum_j |q[j]| < 2^31
+// (conservatively, see quantize.h). The quotient is a product with the inverse: off by 2^-22 of itself at most.
 // q[rows] = 0 where rows is odd. All-zero x gives scale 1; a product that is not finite counts as 0.
 // Bit-identical on every instruction set.
 struct QuantizeI16Job {

@@ -54,20 +54,21 @@ void QuantizeI16(const QuantizeI16Job& job) {
     const float magnitude = FloatFromBits(BitsFromFloat(product(j)) & 0x7FFFFFFFu);
     if (magnitude > max) max = magnitude;
   }
-  int exponent = 0;
+  float step = 1.0f;
   if (max > 0.0f) {
-    exponent = QuantizedExponent(max);
+    step = QuantizedStep(max);
+    const float inverse = 1.0f / step;
     int64_t sum = 0;
     for (size_t j = 0; j < job.rows; ++j) {
-      const int32_t q = RoundToInt(product(j) * PowerOfTwo(-exponent));
+      const int32_t q = RoundToInt(product(j) * inverse);
       sum += q < 0 ? -q : q;
     }
-    exponent += QuantizedExtraExponent(sum, job.rows);
+    step *= PowerOfTwo(QuantizedCoarser(sum, job.rows));
   }
-  const float inverse = PowerOfTwo(-exponent);
+  const float inverse = 1.0f / step;
   for (size_t j = 0; j < job.rows; ++j) job.q[j] = static_cast<int16_t>(RoundToInt(product(j) * inverse));
   if (job.rows % 2 != 0) job.q[job.rows] = 0;
-  *job.scale = PowerOfTwo(exponent);
+  *job.scale = step;
 }
 
 }  // namespace dcloth::kernels::scalar

@@ -31,16 +31,22 @@ inline float FiniteProduct(float x, float scale) {
 
 inline int32_t RoundToInt(float v) { return static_cast<int32_t>(BitsFromFloat(v + kRoundMagic)) - kRoundMagicBits; }
 
-// The smallest exponent e with round(max / 2^e) <= 32767. max is positive and finite.
-inline int QuantizedExponent(float max) {
-  const int exponent = static_cast<int>(BitsFromFloat(max) >> 23) - 127 - 14;
-  if (exponent < kQuantizedMinExponent) return kQuantizedMinExponent;
-  return RoundToInt(max * PowerOfTwo(-exponent)) > kQuantizedMax ? exponent + 1 : exponent;
+// The smallest step with round(max / step) <= 32767 that is 1, 5/4, 6/4 or 7/4 times a power of two: at most a quarter
+// coarser than max / 32767, where powers of two alone are up to twice, and yet the same from tick to tick while max moves
+// little, so that coefficients which stand still stay rounded the same way. max is positive and finite.
+inline float QuantizedStep(float max) {
+  int exponent = static_cast<int>(BitsFromFloat(max) >> 23) - 127 - 14;  // max / 2^exponent is below 2^15
+  if (exponent < kQuantizedMinExponent) exponent = kQuantizedMinExponent;
+  const auto fits = [max](float step) { return RoundToInt(max * (1.0f / step)) <= kQuantizedMax; };
+  const float eighth = PowerOfTwo((fits(PowerOfTwo(exponent)) ? exponent : exponent + 1) - 3);
+  float step = 8.0f * eighth;
+  while (step > 5.0f * eighth && fits(step - eighth)) step -= eighth;
+  return step;
 }
 
-// How much coarser the step must be so that sum|q| <= kQuantizedSumLimit, given the sum at the fine step. From
+// By which power of two the step must be coarser so that sum|q| <= kQuantizedSumLimit, given the sum at the fine step. From
 // |q'| <= (|q| + 1/2) / 2^k + 1/2 follows sum|q'| <= (sum|q| + rows/2) / 2^k + rows/2; k is the smallest that this proves.
-inline int QuantizedExtraExponent(int64_t sum, size_t rows) {
+inline int QuantizedCoarser(int64_t sum, size_t rows) {
   if (sum <= kQuantizedSumLimit) return 0;
   const int64_t half_rows = static_cast<int64_t>(rows / 2 + 1);
   int extra = 1;

@@ -68,18 +68,18 @@ void QuantizeI16(const QuantizeI16Job& job) {
   const hn::CappedTag<float, 1> d1;
   const size_t whole = job.rows / hn::Lanes(d) * hn::Lanes(d);
   const float max = MaxMagnitude(d1, job, whole, job.rows, MaxMagnitude(d, job, 0, whole, 0.0f));
-  int exponent = 0;
+  float step = 1.0f;
   if (max > 0.0f) {
-    exponent = QuantizedExponent(max);
-    const float inverse = PowerOfTwo(-exponent);
+    step = QuantizedStep(max);
+    const float inverse = 1.0f / step;
     const int64_t sum = Quantize(d, job, 0, whole, inverse) + Quantize(d1, job, whole, job.rows, inverse);
-    exponent += QuantizedExtraExponent(sum, job.rows);
+    step *= PowerOfTwo(QuantizedCoarser(sum, job.rows));
   }
-  const float inverse = PowerOfTwo(-exponent);
+  const float inverse = 1.0f / step;
   Quantize(d, job, 0, whole, inverse);
   Quantize(d1, job, whole, job.rows, inverse);
   if (job.rows % 2 != 0) job.q[job.rows] = 0;
-  *job.scale = PowerOfTwo(exponent);
+  *job.scale = step;
 }
 
 }  // namespace dcloth::kernels::HWY_NAMESPACE

@@ -64,11 +64,12 @@ Vector Apply(const Linear& linear, const Vector& x) {
   if (x.size() > linear.rows) throw std::logic_error("more inputs than rows");
   double half_step = 0;
   if (!linear.row_scales.empty()) {
-    // matvec.h: |q| <= 32767 with the smallest power of two as step, so half a step is at most max / 32767; the limit
-    // on sum|q| cannot bind below 512 rows.
+    // matvec.h: |q| <= 32767 with the smallest step, and steps are a quarter apart at most, so half of one is at most
+    // 5/8 max / 32767, and the product with its inverse errs by less than what 0.64 leaves; the limit on sum|q|
+    // cannot bind below 512 rows.
     if (x.size() > 512) throw std::logic_error("too many rows for the bound");
     for (size_t j = 0; j < x.size(); ++j) {
-      half_step = std::max(half_step, (std::abs(x[j].value) + x[j].error) * linear.row_scales[j] * (1 + kUnit) / 32767);
+      half_step = std::max(half_step, (std::abs(x[j].value) + x[j].error) * linear.row_scales[j] * 0.64 / 32767);
     }
   }
   Vector y(linear.columns);
