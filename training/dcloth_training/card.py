@@ -122,7 +122,8 @@ def main(argv=None):
                 if data:
                     measure(model, folder, data, suffix)
             folders = [data for data in (options.data, options.fixed_hips) if data] or [pictured]
-            learned = familiarity.Training(model[0], model[1], folders)
+            apart = json.loads(model[3].get("training", "{}")).get("validation_clips", [])
+            learned = familiarity.Training(model[0], model[1], folders, apart)
             cases = failures.worst(model[0], model[1], held_out(pictured), options.count, training=learned,
                                    log=lambda t: print(t, file=sys.stderr))
             failures.write(cases, failure_pictures.read_body(path), model[2], os.path.join(folder, "failures"))

@@ -85,16 +85,26 @@ def find(folder, kind, exclude=()):
     return [p for p in paths if os.path.splitext(os.path.basename(p))[0] not in left_out]
 
 
+def check(item, path, rig, character):
+    """Refuses a clip of another character, garment or rate, or without its cloth."""
+    if list(item.joint_names) != list(rig.joint_names):
+        raise ValueError(f"{path}: joints {', '.join(item.joint_names)}; allowed are those of character.safetensors in "
+                         f"its order, {', '.join(rig.joint_names)}")
+    if item.truth is None:
+        raise ValueError(f"{path}: no truth; a clip for training holds the cloth of every frame")
+    if item.truth.shape[1] != len(character.template):
+        raise ValueError(f"{path}: {item.truth.shape[1]} cloth vertices; the garment of character.safetensors has "
+                         f"{len(character.template)}")
+    if abs(item.fps - rig.rate) > 1e-6:
+        raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
+
+
 def load(paths, rig, character):
     """Every clip and, where the character has one, its mirror image, without residuals."""
     clips = []
     for path in paths:
         item = sequence.read(path)
-        if list(item.joint_names) != list(rig.joint_names) or item.truth is None or \
-                item.truth.shape[1] != len(character.template):
-            raise ValueError(f"{path}: joints or cloth vertices differ from the character's")
-        if abs(item.fps - rig.rate) > 1e-6:
-            raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
+        check(item, path, rig, character)
         for mirrored in (False, True) if character.mirror is not None else (False,):
             clips.append(Clip(item.clip, path, mirrored,
                               load_pose(item, rig, character.joint_mirror, mirrored), rig.rate))

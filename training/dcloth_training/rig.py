@@ -79,9 +79,10 @@ def fit(character, hips=None, feature_joints=None, root_motion=True, rate=30.0, 
     """Nearest points on the collider part of the skin, cloth bones and W_I."""
     names, hips = character.joint_names, hips or character.hips
     feature_joints = feature_joints or character.feature_joints
-    missing = [j for j in (hips, *feature_joints) if j not in names]
+    missing = [j for j in dict.fromkeys((hips, *feature_joints)) if j not in names]
     if missing:
-        raise ValueError(f"joints {missing} not in the character, which has {names}")
+        raise ValueError(f"joints {', '.join(missing)} not in the character, which has {', '.join(names)}; its "
+                         f"\"hips\" and \"feature_joints\" say which are meant")
     points, weights = geometry.nearest_weights(
         character.template, character.body_vertices, character.body_faces,
         character.body_weights, character.collider)

@@ -9,17 +9,23 @@ under --out.
 import argparse
 import json
 import os
+import sys
 import time
 
 import numpy as np
 import torch
 
-from . import (assemble, augment, bundle, checkpoint, dataset, export, features, fit_mesh, fit_skeleton, fit_static, loop,
-               network, plots, rig)
+from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, export, features, fit_mesh, fit_skeleton,
+               fit_static, loop, network, plots, rig)
 
 
 # What --freeze keeps from training: pivots start at D = 0, weights at the nearest-point weights.
 FROZEN = {"pivots": "mlp", "weights": "residual_weights"}
+# The least that each makes sense with; a window must outlast its warm-up.
+AT_LEAST = {"threads": 1, "influences": 1, "window": dataset.WARM_UP + 1, "validate_every": 1, "static_width": 1,
+            "skeleton_size": 1, "skeleton_rank": 1, "mesh_size": 1, "mesh_width": 1, "mesh_layers": 1, "mesh_hidden": 1,
+            "mesh_windows": 1, "mesh_patches": 1, "chunk": 1, "head_clips": 1, "head_rank": 1, "static_epochs": 0,
+            "skeleton_epochs": 0, "settle_epochs": 0, "mesh_epochs": 0, "head_epochs": 0}
 
 
 def arguments(argv=None):
@@ -68,7 +74,15 @@ def arguments(argv=None):
     add("--head-dropout", type=float, default=0.3)
     add("--head-noise", type=float, default=0.5)
     add("--head-decay", type=float, default=0.3)
-    return parser.parse_args(argv)
+    options = parser.parse_args(argv)
+    for name, least in AT_LEAST.items():
+        if getattr(options, name) < least:
+            parser.error(f"--{name.replace('_', '-')} {getattr(options, name)}: at least {least}")
+    if options.mesh_width % 8 or options.mesh_width > 64:
+        parser.error(f"--mesh-width {options.mesh_width}: a multiple of 8 up to 64")
+    if options.mesh_layers > 8:
+        parser.error(f"--mesh-layers {options.mesh_layers}: at most 8")
+    return options
 
 
 @torch.no_grad()
@@ -101,23 +115,53 @@ class Log:
             file.write(line + "\n")
 
 
+def images_of(character):
+    return "clips with mirror images" if character.mirror is not None else "clips"
+
+
 def prepare(options, log):
     """Character, fit and clips -> (character, fitted, static clips, training, validation)."""
     character = rig.read_character(os.path.join(options.data, "character.safetensors"))
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
     static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
+    if not static:
+        raise ValueError(f"{os.path.join(options.data, 'static')}: no clips; stage 1 learns from quasi-static drapes")
     folders = [options.data] + ([options.more_data] if options.more_data else [])
     dynamic = [c for folder in folders for c in dataset.load(
         dataset.find(folder, "dynamic", dataset.HELD_OUT), fitted.rig, character)]
-    training, validation = dataset.split(dynamic, options.validation.split(","))
+    wanted, there = options.validation.split(","), sorted({c.name for c in dynamic})
+    training, validation = dataset.split(dynamic, wanted)
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
         if not clips:
-            raise ValueError(f"{options.data}: no {what} clips; validation asked for "
-                             f"{options.validation}")
-        log(f"{what}: {len(clips)} clips with mirror images, {sum(map(len, clips))} frames")
+            raise ValueError(f"{options.data}: no {what} clips; --validation {options.validation} of "
+                             f"{', '.join(there[:20]) or 'no clips'}{', ...' if len(there) > 20 else ''}")
+        log(f"{what}: {len(clips)} {images_of(character)}, {sum(map(len, clips))} frames")
+    absent = [name for name in wanted if name not in there]
+    if absent:
+        log(f"validation: no clip {', '.join(absent)}")
     log(f"bones: {', '.join(names)}")
     return character, fitted, static, training, validation
+
+
+def check_lengths(training, options, log):
+    """Refuses clips that are all too short for a window of stage 2 or 3; names those that stage 2 leaves out."""
+    longest = max(map(len, training))
+    needs = [("window", options.window)] * (options.stages != "static") + \
+        [("chunk", 2 * options.chunk)] * (options.stages == "mesh" and options.mesh_epochs > 0)
+    for name, ticks in needs:
+        if longest < ticks:
+            raise ValueError(f"{options.data}: no training clip of {ticks} ticks or more (the longest has {longest}); "
+                             f"lower --{name} or train on longer clips")
+    short = sorted({f"{c.name} ({len(c)})" for c in training if len(c) < options.window})
+    if short and options.stages != "static":
+        log(f"training: {len(short)} clips are shorter than --window {options.window} and not seen by stage 2: "
+            f"{', '.join(short[:5])}{', ...' if len(short) > 5 else ''}")
+
+
+def frames(clips):
+    """Without mirror images."""
+    return sum(len(c) for c in clips if not c.mirrored)
 
 
 def unseen_clips(options, rig, character, training):
@@ -154,10 +198,14 @@ def start_from(options, fitted):
 
 def run(options):
     """Train all stages -> (network, fitted, character, provenance)."""
+    if options.export:
+        command.folder_of(options.export)
     os.makedirs(options.out, exist_ok=True)
     torch.set_num_threads(options.threads)
     log = Log(options.out)
     character, fitted, static_clips, training, validation = prepare(options, log)
+    check_lengths(training, options, log)
+    begun.check(options, static_clips + training + validation, log)
     before, history = None, {}
     if options.start:
         before, standard, history = start_from(options, fitted)
@@ -191,7 +239,7 @@ def run(options):
         if options.head_data:
             seen = unseen_clips(options, fitted.rig, character, training)
             dataset.add_residuals(seen, net.static, net.standardise, character, residuals)
-            log(f"stage 3: {len(seen)} clips with mirror images that stage 2 never saw")
+            log(f"stage 3: {len(seen)} {images_of(character)} that stage 2 never saw")
         everything = (seen if options.head_data else []) + (training if options.mesh_epochs else [])
         seen = fit_mesh.draw(seen, options)
         fit_skeleton.add_coarse(net.skeleton, net.standardise,
@@ -209,9 +257,7 @@ def run(options):
         "stage_3_clips": sorted({c.name for c in seen + everything}),
         "validation_clips": sorted({c.name for c in validation}),
         "held_out_clips": list(dataset.HELD_OUT),
-        "frames": {"training": sum(map(len, training)) // 2,
-                   "validation": sum(map(len, validation)) // 2,
-                   "static": sum(map(len, static_clips)) // 2},
+        "frames": {"training": frames(training), "validation": frames(validation), "static": frames(static_clips)},
         "validation_mm": {k: round(loop.kept(v)["validation_mm"], 3)
                           for k, v in histories.items()},
         "licence": "MIT"}
@@ -227,10 +273,13 @@ def run(options):
 
 def main(argv=None):
     options = arguments(argv)
-    net, fitted, character, provenance = run(options)
-    if options.export:
-        bundle.write(options.export, net, fitted, character, provenance)
+
+    def work():
+        net, fitted, character, provenance = run(options)
+        if options.export:
+            bundle.write(options.export, net, fitted, character, provenance)
+    return command.ended("train", work)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
