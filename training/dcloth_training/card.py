@@ -47,8 +47,7 @@ def replace(path, text):
 
 def held_out(data):
     """Paths of the held-out clips in a folder of ground truth."""
-    paths = [os.path.join(data, "dynamic", name.replace("/", "-").replace("@", "-from") + ".safetensors")
-             for name in dataset.HELD_OUT]
+    paths = [dataset.path_of(data, name) for name in dataset.HELD_OUT]
     there = [path for path in paths if os.path.exists(path)]
     if not there:
         raise ValueError(f"{os.path.join(data, 'dynamic')}: none of the held-out clips {', '.join(dataset.HELD_OUT)}; "

@@ -78,6 +78,11 @@ def load_truth(path, mirrored, vertex_mirror):
     return features.mirror_cloth(truth, vertex_mirror) if mirrored else truth
 
 
+def path_of(folder, name):
+    """Where a dynamic clip of that name lies."""
+    return os.path.join(folder, "dynamic", name.replace("/", "-").replace("@", "-from") + ".safetensors")
+
+
 def find(folder, kind, exclude=()):
     """Paths of a kind ("dynamic" or "static"), sorted, without excluded clip names."""
     left_out = {name.replace("/", "-").replace("@", "-from") for name in exclude}

@@ -137,6 +137,9 @@ def prepare(options, log):
             raise ValueError(f"{options.data}: no {what} clips; --validation {options.validation} of "
                              f"{', '.join(there[:20]) or 'no clips'}{', ...' if len(there) > 20 else ''}")
         log(f"{what}: {len(clips)} {images_of(character)}, {sum(map(len, clips))} frames")
+    kept_out = [name for name in dataset.HELD_OUT if os.path.exists(dataset.path_of(options.data, name))]
+    if kept_out:
+        log(f"held out, never read: {', '.join(kept_out)}")
     absent = [name for name in wanted if name not in there]
     if absent:
         log(f"validation: no clip {', '.join(absent)}")

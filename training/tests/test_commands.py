@@ -78,6 +78,13 @@ def test_clips_that_are_left_out_are_named(tiny, tmp_path, capsys):
     assert "no clip a/hold" in told and "a/one (40)" in told and "a/two (44)" not in told
 
 
+def test_held_out_clips_are_named(tiny, tmp_path, capsys):
+    shutil.copytree(tiny, tmp_path / "data")
+    shutil.copy(tiny / ONE, tmp_path / "data" / "dynamic" / "mocap-run.safetensors")
+    assert train_command(tmp_path / "data", tmp_path / "out", "--stages", "static") == 0
+    assert "held out, never read: mocap/run\n" in capsys.readouterr().out
+
+
 def test_without_static_clips_the_folder_is_named(tiny, tmp_path, capsys):
     shutil.copytree(tiny / "dynamic", tmp_path / "data" / "dynamic")
     shutil.copy(tiny / "character.safetensors", tmp_path / "data")
