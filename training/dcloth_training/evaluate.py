@@ -88,7 +88,8 @@ def main(argv=None):
         results = {}
         for path in options.sequences:
             item = sequence.read(path)
-            results[item.clip or path] = evaluate(net, rig, faces, item, path)
+            name = path if item.clip in results else item.clip or path
+            results[name] = evaluate(net, rig, faces, item, path)
         print(table(results))
         if options.output:
             write(results, options.output)

@@ -128,6 +128,8 @@ def prepare(options, log):
     if not static:
         raise ValueError(f"{os.path.join(options.data, 'static')}: no clips; stage 1 learns from quasi-static drapes")
     folders = [options.data] + ([options.more_data] if options.more_data else [])
+    if options.more_data and not dataset.find(options.more_data, "dynamic", dataset.HELD_OUT):
+        raise ValueError(f"{os.path.join(options.more_data, 'dynamic')}: no clips; --more-data names a folder like --data")
     dynamic = [c for folder in folders for c in dataset.load(
         dataset.find(folder, "dynamic", dataset.HELD_OUT), fitted.rig, character)]
     wanted, there = options.validation.split(","), sorted({c.name for c in dynamic})

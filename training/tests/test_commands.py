@@ -54,6 +54,7 @@ def test_training_data_that_does_not_fit(tiny, tmp_path, capsys, path, change, w
     (["--window", "64"], "no training clip of 64 ticks .*44.*--window"),
     (["--chunk", "32"], "no training clip of 64 ticks .*44.*--chunk"),
     (["--export", "nowhere/skirt.safetensors"], "nowhere.*folder"),
+    (["--more-data", "nowhere"], "nowhere/dynamic: no clips; --more-data"),
     (["--start", "nowhere"], "nowhere/network.safetensors: not found"),
 ])
 def test_training_that_cannot_end_well_does_not_begin(tiny, tmp_path, monkeypatch, capsys, more, words):
@@ -144,6 +145,16 @@ def test_commands_on_a_bundle(tiny, trained, exported, tmp_path, capsys):
         assert main(arguments) == 2, arguments
         told = capsys.readouterr().err
         assert words in told and told.count("\n") == 1, told
+
+
+def test_two_sequences_of_one_clip_are_two_rows(tiny, exported, tmp_path, capsys):
+    """With root motion and with the hips held, a clip has the same name."""
+    held = str(tiny / "dynamic" / "a-held.safetensors")
+    shutil.copy(held, tmp_path / "again.safetensors")
+    again = str(tmp_path / "again.safetensors")
+    assert evaluate.main([str(exported), held, again, "-o", str(tmp_path / "e")]) == 0
+    assert list(json.loads((tmp_path / "e.json").read_text())) == ["a/held", again]
+    assert again in capsys.readouterr().out
 
 
 def test_a_pictured_clip_is_not_its_own_training(tiny, exported, tmp_path):
