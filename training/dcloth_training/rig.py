@@ -46,7 +46,14 @@ def mirrored_joints(names):
 
 def read_character(path):
     tensors, metadata = safetensors_io.read(path)
+    def check_faces(name, count):
+        wrong = tensors[name][(tensors[name] < 0) | (tensors[name] >= count)]
+        if len(wrong):
+            raise ValueError(f"{name} of vertex {wrong[0]}, allowed 0 to {count - 1}")
+
     try:
+        check_faces("cloth_faces", len(tensors["cloth_template"]))
+        check_faces("body_faces", len(tensors["body_vertices"]))
         names = json.loads(metadata["joint_names"])
         weights = tensors["body_weights"].astype(np.float64)
         joint_mirror = None

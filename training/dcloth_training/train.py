@@ -16,16 +16,11 @@ import numpy as np
 import torch
 
 from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, export, features, fit_mesh, fit_skeleton,
-               fit_static, loop, network, plots, rig)
+               fit_static, loop, network, plots, rig, train_checks)
 
 
 # What --freeze keeps from training: pivots start at D = 0, weights at the nearest-point weights.
 FROZEN = {"pivots": "mlp", "weights": "residual_weights"}
-# The least that each makes sense with; a window must outlast its warm-up.
-AT_LEAST = {"threads": 1, "influences": 1, "window": dataset.WARM_UP + 1, "validate_every": 1, "static_width": 1,
-            "skeleton_size": 1, "skeleton_rank": 1, "mesh_size": 1, "mesh_width": 1, "mesh_layers": 1, "mesh_hidden": 1,
-            "mesh_windows": 1, "mesh_patches": 1, "chunk": 1, "head_clips": 1, "head_rank": 1, "static_epochs": 0,
-            "skeleton_epochs": 0, "settle_epochs": 0, "mesh_epochs": 0, "head_epochs": 0}
 
 
 def arguments(argv=None):
@@ -75,13 +70,7 @@ def arguments(argv=None):
     add("--head-noise", type=float, default=0.5)
     add("--head-decay", type=float, default=0.3)
     options = parser.parse_args(argv)
-    for name, least in AT_LEAST.items():
-        if getattr(options, name) < least:
-            parser.error(f"--{name.replace('_', '-')} {getattr(options, name)}: at least {least}")
-    if options.mesh_width % 8 or options.mesh_width > 64:
-        parser.error(f"--mesh-width {options.mesh_width}: a multiple of 8 up to 64")
-    if options.mesh_layers > 8:
-        parser.error(f"--mesh-layers {options.mesh_layers}: at most 8")
+    train_checks.ranges(options, parser.error)
     return options
 
 
@@ -149,21 +138,6 @@ def prepare(options, log):
     return character, fitted, static, training, validation
 
 
-def check_lengths(training, options, log):
-    """Refuses clips that are all too short for a window of stage 2 or 3; names those that stage 2 leaves out."""
-    longest = max(map(len, training))
-    needs = [("window", options.window)] * (options.stages != "static") + \
-        [("chunk", 2 * options.chunk)] * (options.stages == "mesh" and options.mesh_epochs > 0)
-    for name, ticks in needs:
-        if longest < ticks:
-            raise ValueError(f"{options.data}: no training clip of {ticks} ticks or more (the longest has {longest}); "
-                             f"lower --{name} or train on longer clips")
-    short = sorted({f"{c.name} ({len(c)})" for c in training if len(c) < options.window})
-    if short and options.stages != "static":
-        log(f"training: {len(short)} clips are shorter than --window {options.window} and not seen by stage 2: "
-            f"{', '.join(short[:5])}{', ...' if len(short) > 5 else ''}")
-
-
 def frames(clips):
     """Without mirror images."""
     return sum(len(c) for c in clips if not c.mirrored)
@@ -189,14 +163,19 @@ def by_folder(clips):
     return {folder: sorted(names) for folder, names in sorted(found.items())}
 
 
+def told(rig):
+    """A rig's features in words."""
+    return ", ".join(rig.joint_names[j] for j in rig.feature_joints) + (" and root motion" if rig.root_motion else "")
+
+
 def start_from(options, fitted):
     """The network of --start -> (network, its features' statistics, its provenance)."""
     net, other, _, provenance = export.load_trained(options.start, options.data)
     if net.skeleton is None or other.rig.feature_joints != fitted.rig.feature_joints or \
             len(net.skeleton.basis) != options.skeleton_size or other.rig.root_motion != fitted.rig.root_motion:
-        found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)}"
-        raise ValueError(f"--start {options.start}: found {found}, expected k_S = {options.skeleton_size} over the same "
-                         f"features; give the options it was trained with")
+        found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)} over {told(other.rig)}"
+        raise ValueError(f"--start {options.start}: found {found}; expected k_S = {options.skeleton_size} over "
+                         f"{told(fitted.rig)}; give the options it was trained with")
     standard = {k: getattr(net.standardise, k).double().numpy() for k in ("mean", "deviation", "low", "high")}
     return net, standard, provenance
 
@@ -209,7 +188,7 @@ def run(options):
     torch.set_num_threads(options.threads)
     log = Log(options.out)
     character, fitted, static_clips, training, validation = prepare(options, log)
-    check_lengths(training, options, log)
+    train_checks.lengths(training, options, log)
     begun.check(options, static_clips + training + validation, log)
     before, history = None, {}
     if options.start:

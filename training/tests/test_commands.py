@@ -39,6 +39,7 @@ ONE, CHARACTER = "dynamic/a-one.safetensors", "character.safetensors"
     (ONE, lambda t, m: t.pop("joint_matrices"), "a-one.safetensors: joint_matrices None"),
     (ONE, lambda t, m: m.update(fps="60"), "60.0 frames/s"),
     (CHARACTER, lambda t, m: t.pop("body_weights"), "not a character: .*body_weights"),
+    (CHARACTER, lambda t, m: t["cloth_faces"].__setitem__((3, 1), 60), "cloth_faces of vertex 60.*0 to 59"),
     (CHARACTER, lambda t, m: m.update(hips="pelvis"), "joints .*pelvis.*Hips, LeftUpLeg"),
 ])
 def test_training_data_that_does_not_fit(tiny, tmp_path, capsys, path, change, words):
@@ -55,6 +56,7 @@ def test_training_data_that_does_not_fit(tiny, tmp_path, capsys, path, change, w
     (["--chunk", "32"], "no training clip of 64 ticks .*44.*--chunk"),
     (["--export", "nowhere/skirt.safetensors"], "nowhere.*folder"),
     (["--more-data", "nowhere"], "nowhere/dynamic: no clips; --more-data"),
+    (["--mesh-size", "85"], "168 frames.*--mesh-size 85 wants 170"),
     (["--start", "nowhere"], "nowhere/network.safetensors: not found"),
 ])
 def test_training_that_cannot_end_well_does_not_begin(tiny, tmp_path, monkeypatch, capsys, more, words):
@@ -116,6 +118,12 @@ def test_other_sizes_and_other_input_in_a_folder_that_was_begun(tiny, tmp_path, 
     told = capsys.readouterr().out
     assert "another --out" in told and "--skeleton-epochs 20" in told
     assert "a-three.safetensors" in told and "a-one.safetensors" in told and "a-two.safetensors" not in told
+
+
+def test_a_start_with_other_features_is_told_by_them(tiny, trained, tmp_path, capsys):
+    assert train_command(tiny, tmp_path, "--start", str(trained[1]), "--no-root-motion") == 2
+    assert re.search(r"found k_S = 16 over Hips, .* and root motion; expected k_S = 16 over Hips, [^;]*RightLeg;",
+                     told := capsys.readouterr().err), told
 
 
 @pytest.fixture(scope="module")
