@@ -86,6 +86,7 @@ def path_of(folder, name):
 def find(folder, kind, exclude=()):
     """Paths of a kind ("dynamic" or "static"), sorted, without excluded clip names."""
     left_out = {name.replace("/", "-").replace("@", "-from") for name in exclude}
+    left_out |= {name.replace("~", "-take") for name in left_out}    # simulate/clips.py: file_stem
     paths = sorted(glob.glob(os.path.join(folder, kind, "*.safetensors")))
     return [p for p in paths if os.path.splitext(os.path.basename(p))[0] not in left_out]
 
