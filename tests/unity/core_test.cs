@@ -229,6 +229,18 @@ internal static unsafe class CoreTest
             Check(timer.Milliseconds(Native.DCLOTH_STEP_NORMALS) == 0, "no normals in a tick");
             timer.Clear();
             Check(timer.Milliseconds(Native.DCLOTH_STEP_MESH) == 0, "cleared");
+            timer.Dispose();
+            foreach (Action use in new Action[] { timer.Clear, () => timer.Milliseconds(0) })
+            {
+                try
+                {
+                    use();
+                    Check(false, "a timer used after Dispose");
+                }
+                catch (ObjectDisposedException)
+                {
+                }
+            }
         }
     }
 

@@ -70,6 +70,19 @@ test("errors carry the engine's text", () => {
   assert.equal(engine.memory.blockCount, 0, "memory of refused calls is still lent");
 });
 
+test("a cloth that was disposed of leaves the memory to others", () => {
+  const model = engine.openModel(file, "skirt");
+  const cloth = model.createCloth({ jointNames });
+  pose(cloth, 0);
+  cloth.update(0);
+  cloth.dispose();
+  const before = engine.memory.u8.slice();
+  refused(() => cloth.update(1 / 30), "ARGUMENT", /disposed/);
+  refused(() => cloth.skin(1), "ARGUMENT", /disposed/);
+  assert.equal(Buffer.compare(engine.memory.u8, before), 0);
+  model.dispose();
+});
+
 test("a model lives as long as its cloths", () => {
   const model = engine.openModel(file);
   const cloth = model.createCloth({ jointNames });

@@ -1,11 +1,12 @@
 """The training bundle of converter/BUNDLE.md: written from a network, read back into one."""
 import json
 import os
+import sys
 
 import numpy as np
 import torch
 
-from . import geometry, network, safetensors_io
+from . import body_limits, geometry, network, safetensors_io
 from .features import Standardise
 from .rig import Rig
 from .stages.mesh_stage import MeshStage
@@ -76,7 +77,11 @@ def write(path, net, fitted, character, training, garment=None, half=True):
                       "mesh.input_deviation": net.mesh.input_deviation.numpy()})
     tensors.update({name: np.asarray(value, np.float32) for name, value in plain.items()})
     if character.collider is not None:
-        tensors["body.collides"] = np.asarray(character.collider, np.float32)
+        excess = body_limits.excess(character.body_vertices, character.body_faces, character.collider, character.template)
+        if excess:    # the converter refuses such a body where it is asked for
+            print(f"{path}: without body.collides: {excess}", file=sys.stderr)
+        else:
+            tensors["body.collides"] = np.asarray(character.collider, np.float32)
     tensors["template.faces"] = character.faces.astype(np.int32)
     tensors["body.faces"] = character.body_faces.astype(np.int32)
     names = rig.joint_names

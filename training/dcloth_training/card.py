@@ -47,8 +47,7 @@ def replace(path, text):
 
 def held_out(data):
     """Paths of the held-out clips in a folder of ground truth."""
-    paths = [os.path.join(data, "dynamic", name.replace("/", "-").replace("@", "-from") + ".safetensors")
-             for name in dataset.HELD_OUT]
+    paths = [dataset.path_of(data, name) for name in dataset.HELD_OUT]
     there = [path for path in paths if os.path.exists(path)]
     if not there:
         raise ValueError(f"{os.path.join(data, 'dynamic')}: none of the held-out clips {', '.join(dataset.HELD_OUT)}; "
@@ -122,7 +121,8 @@ def main(argv=None):
                 if data:
                     measure(model, folder, data, suffix)
             folders = [data for data in (options.data, options.fixed_hips) if data] or [pictured]
-            learned = familiarity.Training(model[0], model[1], folders)
+            apart = json.loads(model[3].get("training", "{}")).get("validation_clips", [])
+            learned = familiarity.Training(model[0], model[1], folders, apart)
             cases = failures.worst(model[0], model[1], held_out(pictured), options.count, training=learned,
                                    log=lambda t: print(t, file=sys.stderr))
             failures.write(cases, failure_pictures.read_body(path), model[2], os.path.join(folder, "failures"))

@@ -78,11 +78,31 @@ def load_truth(path, mirrored, vertex_mirror):
     return features.mirror_cloth(truth, vertex_mirror) if mirrored else truth
 
 
+def path_of(folder, name):
+    """Where a dynamic clip of that name lies."""
+    return os.path.join(folder, "dynamic", name.replace("/", "-").replace("@", "-from") + ".safetensors")
+
+
 def find(folder, kind, exclude=()):
     """Paths of a kind ("dynamic" or "static"), sorted, without excluded clip names."""
     left_out = {name.replace("/", "-").replace("@", "-from") for name in exclude}
+    left_out |= {name.replace("~", "-take") for name in left_out}    # simulate/clips.py: file_stem
     paths = sorted(glob.glob(os.path.join(folder, kind, "*.safetensors")))
     return [p for p in paths if os.path.splitext(os.path.basename(p))[0] not in left_out]
+
+
+def check(item, path, rig, character):
+    """Refuses a clip of another character, garment or rate, or without its cloth."""
+    if list(item.joint_names) != list(rig.joint_names):
+        raise ValueError(f"{path}: joints {', '.join(item.joint_names)}; allowed are those of character.safetensors in "
+                         f"its order, {', '.join(rig.joint_names)}")
+    if item.truth is None:
+        raise ValueError(f"{path}: no truth; a clip for training holds the cloth of every frame")
+    if item.truth.shape[1] != len(character.template):
+        raise ValueError(f"{path}: {item.truth.shape[1]} cloth vertices; the garment of character.safetensors has "
+                         f"{len(character.template)}")
+    if abs(item.fps - rig.rate) > 1e-6:
+        raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
 
 
 def load(paths, rig, character):
@@ -90,11 +110,7 @@ def load(paths, rig, character):
     clips = []
     for path in paths:
         item = sequence.read(path)
-        if list(item.joint_names) != list(rig.joint_names) or item.truth is None or \
-                item.truth.shape[1] != len(character.template):
-            raise ValueError(f"{path}: joints or cloth vertices differ from the character's")
-        if abs(item.fps - rig.rate) > 1e-6:
-            raise ValueError(f"{path}: {item.fps} frames/s, expected {rig.rate}")
+        check(item, path, rig, character)
         for mirrored in (False, True) if character.mirror is not None else (False,):
             clips.append(Clip(item.clip, path, mirrored,
                               load_pose(item, rig, character.joint_mirror, mirrored), rig.rate))

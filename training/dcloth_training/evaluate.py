@@ -7,10 +7,11 @@ stages 1-3. Prints a table; with -o writes PREFIX.json, PREFIX.txt and PREFIX.pn
 """
 import argparse
 import json
+import sys
 
 import torch
 
-from . import bundle, metrics, network, plots, reference, sequence
+from . import bundle, command, metrics, network, plots, reference, sequence
 
 SCALE, PLAIN = "rigid hips", "plain skinning"
 LEVELS = {"static": "stage 1", "skeleton": "stages 1-2", "mesh": "stages 1-3"}
@@ -41,6 +42,9 @@ def evaluate(net, rig, faces, item, path="sequence"):
     """{level: metrics} of one sequence with truth."""
     if item.truth is None:
         raise ValueError(f"{path}: no truth to compare with")
+    if item.truth.shape[1] != len(net.static.template):
+        raise ValueError(f"{path}: truth of {item.truth.shape[1]} vertices, the bundle's garment has "
+                         f"{len(net.static.template)}")
     matrices = reference.matrices_for(item, rig, path)
     return {level: metrics.summary(positions.double().numpy(), item.truth, faces)
             for level, positions in levels(net, rig, matrices)}
@@ -75,16 +79,22 @@ def main(argv=None):
     parser.add_argument("-o", "--output", help="prefix of .json, .txt and .png")
     parser.add_argument("--float64", action="store_true", help="as the reference; half as fast")
     options = parser.parse_args(argv)
-    net, rig, faces, _ = bundle.read(options.bundle,
-                                     torch.float64 if options.float64 else torch.float32)
-    results = {}
-    for path in options.sequences:
-        item = sequence.read(path)
-        results[item.clip or path] = evaluate(net, rig, faces, item, path)
-    print(table(results))
-    if options.output:
-        write(results, options.output)
+
+    def work():
+        if options.output:
+            command.folder_of(options.output)
+        net, rig, faces, _ = bundle.read(options.bundle,
+                                         torch.float64 if options.float64 else torch.float32)
+        results = {}
+        for path in options.sequences:
+            item = sequence.read(path)
+            name = path if item.clip in results else item.clip or path
+            results[name] = evaluate(net, rig, faces, item, path)
+        print(table(results))
+        if options.output:
+            write(results, options.output)
+    return command.ended("evaluate", work)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

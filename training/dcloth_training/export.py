@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import torch
 
-from . import assemble, bundle, checkpoint, rig, safetensors_io, sequence
+from . import assemble, bundle, checkpoint, command, rig, safetensors_io, sequence
 
 
 def load_trained(folder, data):
@@ -23,6 +23,10 @@ def load_trained(folder, data):
     options = argparse.Namespace(**json.loads(saved["options"]))
     character = rig.read_character(os.path.join(data, "character.safetensors"))
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
+    there, here = tuple(saved["state"]["static.initial_weights"].shape), fitted.initial_weights.shape
+    if there != here:
+        raise ValueError(f"{path}: a garment of {there[0]} vertices on {there[1]} bones; {data} holds one of {here[0]} on "
+                         f"{here[1]}")
     standard = {k: v.numpy() for k, v in saved["standard"].items()}
     statistics = (torch.zeros(3), torch.ones(3))    # the state holds the real ones
     net = assemble.build(fitted, character, standard, options, statistics, options.stages)
@@ -55,13 +59,17 @@ def main(argv=None):
     two.add_argument("sequence")
     two.add_argument("-o", "--output", required=True)
     options = parser.parse_args(argv)
-    if options.verb == "bundle":
-        net, fitted, character, provenance = load_trained(options.training, options.data)
-        bundle.write(options.output, net, fitted, character, provenance, options.garment, not options.float32)
-    else:
-        safetensors_io.write(options.output, *compact(sequence.read(options.sequence)))
-    print(f"{options.output}: {os.path.getsize(options.output) / 1e6:.2f} MB", file=sys.stderr)
+
+    def work():
+        command.folder_of(options.output)
+        if options.verb == "bundle":
+            net, fitted, character, provenance = load_trained(options.training, options.data)
+            bundle.write(options.output, net, fitted, character, provenance, options.garment, not options.float32)
+        else:
+            safetensors_io.write(options.output, *compact(sequence.read(options.sequence)))
+        print(f"{options.output}: {os.path.getsize(options.output) / 1e6:.2f} MB", file=sys.stderr)
+    return command.ended("export", work)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

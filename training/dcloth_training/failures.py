@@ -126,8 +126,11 @@ def main(argv=None):
     if options.count < 1:
         parser.error(f"--count {options.count}: at least 1")
     try:
-        net, rig, faces, _ = bundle.read(options.bundle, torch.float32)
-        training = familiarity.Training(net, rig, options.training) if options.training else None
+        net, rig, faces, metadata = bundle.read(options.bundle, torch.float32)
+        training = None
+        if options.training:
+            apart = json.loads(metadata.get("training", "{}")).get("validation_clips", [])
+            training = familiarity.Training(net, rig, options.training, apart)
         cases = worst(net, rig, options.sequences, options.count, options.stages, training)
         write(cases, failure_pictures.read_body(options.bundle), faces, options.out)
     except (OSError, ValueError) as error:

@@ -108,6 +108,9 @@ def train(mesh, body_points, static, drawn, everything, validation, options, fol
     components, deviations = unskin.principal(
         lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in drawn),
         sum(-(-len(c) // BASIS_EVERY) for c in drawn), len(mesh.basis), options.seed)
+    if len(components) < len(mesh.basis):
+        raise ValueError(f"stage 3: {len(components)} frames for a basis of {len(mesh.basis)}; lower --mesh-size or give it "
+                         f"more clips")
     initial = copy.deepcopy(mesh.state_dict())
     found, lowest = mesh_head.fit("mesh_head", mesh, body_points, static, components, deviations, drawn, validation,
                                   options, folder, log)

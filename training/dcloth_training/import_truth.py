@@ -15,7 +15,7 @@ import tempfile
 
 import numpy as np
 
-from . import geometry, safetensors_io, sequence
+from . import body_limits, geometry, safetensors_io, sequence
 from .motion import skeleton
 from .truth import alembic, animation, cache, checks, mirror, obj, project, resample
 from .truth.errors import TruthError, refuse
@@ -49,6 +49,9 @@ def make_character(what, body_path, out):
     metres = checks.unit_of(what["garment"], what.get("garment_unit", "m"))
     axes = checks.axes_of(what["garment"], what.get("garment_up", "y"))
     points, polygons = obj.read_mesh(what["garment"])
+    if not checks.FEWEST <= len(points) <= checks.MOST:
+        refuse(what["garment"], f"{len(points)} vertices", f"{checks.FEWEST} to {checks.MOST}, what a model holds",
+               "simulate a coarser mesh")
     template = checks.canonical(points, metres, axes)
     loose = np.setdiff1d(np.arange(len(template)), np.unique(np.concatenate([np.array(p) for p in polygons])))
     if len(loose):
@@ -83,6 +86,9 @@ def make_character(what, body_path, out):
     safetensors_io.write(os.path.join(out, "character.safetensors"), out_tensors, kept)
     print(f"character: {len(names)} joints, garment of {len(template)} vertices, "
           f"{'trained with its mirror image' if pair else f'no mirror image: {why}'}", flush=True)
+    excess = body_limits.excess(tensors["body_vertices"], tensors["body_faces"], collider, template)
+    if excess:
+        print(f'body: {excess}; a coarser body, or fewer "body_meshes", would do', flush=True)
     return out_tensors, names, polygons, weights
 
 
@@ -132,8 +138,12 @@ def run(path, out, command=None):
             sequence.write(os.path.join(out, clip["kind"], project.stem(clip) + ".safetensors"), item)
             print(line, flush=True)
             drapes.append((item.joint_matrices[::DRAPE_EVERY], item.truth[::DRAPE_EVERY]))
-        if not any(c["kind"] == "static" for c in what["clips"]):
-            sequence.write(os.path.join(out, "static", "drapes-of-clips.safetensors"), sequence.Sequence(
+        stand_in = os.path.join(out, "static", "drapes-of-clips.safetensors")
+        if any(c["kind"] == "static" for c in what["clips"]):
+            if os.path.exists(stand_in):    # of an import before this one
+                os.unlink(stand_in)
+        else:
+            sequence.write(stand_in, sequence.Sequence(
                 np.concatenate([d[0] for d in drapes]), np.concatenate([d[1] for d in drapes]), made[1], RATE,
                 "drapes-of-clips", "static"))
             print(f"no static clip: every {DRAPE_EVERY}th tick of the dynamic ones stands in, so stage 1 learns a "

@@ -72,8 +72,12 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
     optimiser = torch.optim.AdamW([{"params": g} for g in groups], lr=rate, weight_decay=decay)
     state = checkpoint.load(path)
     if state:
-        module.load_state_dict(state["module"])
-        optimiser.load_state_dict(state["optimiser"])
+        try:
+            module.load_state_dict(state["module"])
+            optimiser.load_state_dict(state["optimiser"])
+        except (RuntimeError, ValueError):
+            raise ValueError(f"{path}: a step of other sizes than asked for now; give the options it was begun with, "
+                             f"or another --out") from None
         first, best, best_at, history = (state[k] for k in ("epoch", "best", "best_at", "history"))
         epochs = min(epochs, state.get("epochs", epochs))
         validation_seconds = 0.0

@@ -37,7 +37,7 @@ def library():
                     call.argtypes, call.restype = [shape] + [pointer] * pointers, ctypes.c_int32
             return loaded
     raise FileNotFoundError(f"mesh_bptt not found at {' or '.join(places)}; build it with "
-                            "scripts/build.sh build, or set DCLOTH_MESH_BPTT to its path")
+                            "scripts/build.sh build -DDCLOTH_BUILD_TESTS=OFF, or set DCLOTH_MESH_BPTT to its path")
 
 
 def flat_weights(mesh):

@@ -7,10 +7,11 @@ OUT (safetensors): positions [T, n, 3] F32 world metres; with --intermediates al
 (standardised, clamped), pivots [T, m, 3], h_S [T, k_S] and Q [T, k_M].
 """
 import argparse
+import sys
 
 import torch
 
-from . import bundle, network, safetensors_io, sequence
+from . import bundle, command, network, safetensors_io, sequence
 
 
 def matrices_for(item, rig, path="sequence"):
@@ -37,6 +38,12 @@ def main(argv=None):
     parser.add_argument("--intermediates", action="store_true")
     parser.add_argument("--frames", type=int, help="only the first so many")
     options = parser.parse_args(argv)
+    return command.ended("reference", lambda: write(options))
+
+
+def write(options):
+    """OUT of one sequence."""
+    command.folder_of(options.output)
     net, rig, _, _ = bundle.read(options.bundle,
                                  torch.float32 if options.float32 else torch.float64)
     matrices = matrices_for(sequence.read(options.sequence), rig, options.sequence)
@@ -49,4 +56,4 @@ def main(argv=None):
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

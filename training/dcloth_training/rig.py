@@ -46,7 +46,14 @@ def mirrored_joints(names):
 
 def read_character(path):
     tensors, metadata = safetensors_io.read(path)
+    def check_faces(name, count):
+        wrong = tensors[name][(tensors[name] < 0) | (tensors[name] >= count)]
+        if len(wrong):
+            raise ValueError(f"{name} of vertex {wrong[0]}, allowed 0 to {count - 1}")
+
     try:
+        check_faces("cloth_faces", len(tensors["cloth_template"]))
+        check_faces("body_faces", len(tensors["body_vertices"]))
         names = json.loads(metadata["joint_names"])
         weights = tensors["body_weights"].astype(np.float64)
         joint_mirror = None
@@ -79,9 +86,10 @@ def fit(character, hips=None, feature_joints=None, root_motion=True, rate=30.0, 
     """Nearest points on the collider part of the skin, cloth bones and W_I."""
     names, hips = character.joint_names, hips or character.hips
     feature_joints = feature_joints or character.feature_joints
-    missing = [j for j in (hips, *feature_joints) if j not in names]
+    missing = [j for j in dict.fromkeys((hips, *feature_joints)) if j not in names]
     if missing:
-        raise ValueError(f"joints {missing} not in the character, which has {names}")
+        raise ValueError(f"joints {', '.join(missing)} not in the character, which has {', '.join(names)}; its "
+                         f"\"hips\" and \"feature_joints\" say which are meant")
     points, weights = geometry.nearest_weights(
         character.template, character.body_vertices, character.body_faces,
         character.body_weights, character.collider)

@@ -9,13 +9,14 @@ under --out.
 import argparse
 import json
 import os
+import sys
 import time
 
 import numpy as np
 import torch
 
-from . import (assemble, augment, bundle, checkpoint, dataset, export, features, fit_mesh, fit_skeleton, fit_static, loop,
-               network, plots, rig)
+from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, export, features, fit_mesh, fit_skeleton,
+               fit_static, loop, network, plots, rig, train_checks)
 
 
 # What --freeze keeps from training: pivots start at D = 0, weights at the nearest-point weights.
@@ -68,7 +69,9 @@ def arguments(argv=None):
     add("--head-dropout", type=float, default=0.3)
     add("--head-noise", type=float, default=0.5)
     add("--head-decay", type=float, default=0.3)
-    return parser.parse_args(argv)
+    options = parser.parse_args(argv)
+    train_checks.ranges(options, parser.error)
+    return options
 
 
 @torch.no_grad()
@@ -101,23 +104,43 @@ class Log:
             file.write(line + "\n")
 
 
+def images_of(character):
+    return "clips with mirror images" if character.mirror is not None else "clips"
+
+
 def prepare(options, log):
     """Character, fit and clips -> (character, fitted, static clips, training, validation)."""
     character = rig.read_character(os.path.join(options.data, "character.safetensors"))
     fitted = rig.fit(character, root_motion=not options.no_root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
     static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
+    if not static:
+        raise ValueError(f"{os.path.join(options.data, 'static')}: no clips; stage 1 learns from quasi-static drapes")
     folders = [options.data] + ([options.more_data] if options.more_data else [])
+    if options.more_data and not dataset.find(options.more_data, "dynamic", dataset.HELD_OUT):
+        raise ValueError(f"{os.path.join(options.more_data, 'dynamic')}: no clips; --more-data names a folder like --data")
     dynamic = [c for folder in folders for c in dataset.load(
         dataset.find(folder, "dynamic", dataset.HELD_OUT), fitted.rig, character)]
-    training, validation = dataset.split(dynamic, options.validation.split(","))
+    wanted, there = options.validation.split(","), sorted({c.name for c in dynamic})
+    training, validation = dataset.split(dynamic, wanted)
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
         if not clips:
-            raise ValueError(f"{options.data}: no {what} clips; validation asked for "
-                             f"{options.validation}")
-        log(f"{what}: {len(clips)} clips with mirror images, {sum(map(len, clips))} frames")
+            raise ValueError(f"{options.data}: no {what} clips; --validation {options.validation} of "
+                             f"{', '.join(there[:20]) or 'no clips'}{', ...' if len(there) > 20 else ''}")
+        log(f"{what}: {len(clips)} {images_of(character)}, {sum(map(len, clips))} frames")
+    kept_out = [name for name in dataset.HELD_OUT if os.path.exists(dataset.path_of(options.data, name))]
+    if kept_out:
+        log(f"held out, never read: {', '.join(kept_out)}")
+    absent = [name for name in wanted if name not in there]
+    if absent:
+        log(f"validation: no clip {', '.join(absent)}")
     log(f"bones: {', '.join(names)}")
     return character, fitted, static, training, validation
+
+
+def frames(clips):
+    """Without mirror images."""
+    return sum(len(c) for c in clips if not c.mirrored)
 
 
 def unseen_clips(options, rig, character, training):
@@ -140,24 +163,33 @@ def by_folder(clips):
     return {folder: sorted(names) for folder, names in sorted(found.items())}
 
 
+def told(rig):
+    """A rig's features in words."""
+    return ", ".join(rig.joint_names[j] for j in rig.feature_joints) + (" and root motion" if rig.root_motion else "")
+
+
 def start_from(options, fitted):
     """The network of --start -> (network, its features' statistics, its provenance)."""
     net, other, _, provenance = export.load_trained(options.start, options.data)
     if net.skeleton is None or other.rig.feature_joints != fitted.rig.feature_joints or \
             len(net.skeleton.basis) != options.skeleton_size or other.rig.root_motion != fitted.rig.root_motion:
-        found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)}"
-        raise ValueError(f"--start {options.start}: found {found}, expected k_S = {options.skeleton_size} over the same "
-                         f"features; give the options it was trained with")
+        found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)} over {told(other.rig)}"
+        raise ValueError(f"--start {options.start}: found {found}; expected k_S = {options.skeleton_size} over "
+                         f"{told(fitted.rig)}; give the options it was trained with")
     standard = {k: getattr(net.standardise, k).double().numpy() for k in ("mean", "deviation", "low", "high")}
     return net, standard, provenance
 
 
 def run(options):
     """Train all stages -> (network, fitted, character, provenance)."""
+    if options.export:
+        command.folder_of(options.export)
     os.makedirs(options.out, exist_ok=True)
     torch.set_num_threads(options.threads)
     log = Log(options.out)
     character, fitted, static_clips, training, validation = prepare(options, log)
+    train_checks.lengths(training, options, log)
+    begun.check(options, static_clips + training + validation, log)
     before, history = None, {}
     if options.start:
         before, standard, history = start_from(options, fitted)
@@ -191,7 +223,7 @@ def run(options):
         if options.head_data:
             seen = unseen_clips(options, fitted.rig, character, training)
             dataset.add_residuals(seen, net.static, net.standardise, character, residuals)
-            log(f"stage 3: {len(seen)} clips with mirror images that stage 2 never saw")
+            log(f"stage 3: {len(seen)} {images_of(character)} that stage 2 never saw")
         everything = (seen if options.head_data else []) + (training if options.mesh_epochs else [])
         seen = fit_mesh.draw(seen, options)
         fit_skeleton.add_coarse(net.skeleton, net.standardise,
@@ -209,9 +241,7 @@ def run(options):
         "stage_3_clips": sorted({c.name for c in seen + everything}),
         "validation_clips": sorted({c.name for c in validation}),
         "held_out_clips": list(dataset.HELD_OUT),
-        "frames": {"training": sum(map(len, training)) // 2,
-                   "validation": sum(map(len, validation)) // 2,
-                   "static": sum(map(len, static_clips)) // 2},
+        "frames": {"training": frames(training), "validation": frames(validation), "static": frames(static_clips)},
         "validation_mm": {k: round(loop.kept(v)["validation_mm"], 3)
                           for k, v in histories.items()},
         "licence": "MIT"}
@@ -227,10 +257,13 @@ def run(options):
 
 def main(argv=None):
     options = arguments(argv)
-    net, fitted, character, provenance = run(options)
-    if options.export:
-        bundle.write(options.export, net, fitted, character, provenance)
+
+    def work():
+        net, fitted, character, provenance = run(options)
+        if options.export:
+            bundle.write(options.export, net, fitted, character, provenance)
+    return command.ended("train", work)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -106,6 +106,15 @@ def test_held_out_clips_are_never_found(tiny, tmp_path):
     assert not set(dataset.HELD_OUT) & set(dataset.VALIDATION)
 
 
+def test_takes_are_left_out_by_their_names_too(tiny, tmp_path):
+    """simulate/clips.py writes take 2 of a clip as -take2; an import keeps what it is called."""
+    (tmp_path / "dynamic").mkdir()
+    for name in ("a-one-take2", "a-one~3", "a-two"):
+        shutil.copy(tiny / "dynamic" / "a-one.safetensors", tmp_path / "dynamic" / f"{name}.safetensors")
+    found = dataset.find(str(tmp_path), "dynamic", ("a/one~2", "a/one~3"))
+    assert [p.split("/")[-1] for p in found] == ["a-two.safetensors"]
+
+
 def test_windows_begin_with_a_reset(tiny):
     class Clip:
         name, rate = "c", 30.0

@@ -33,7 +33,14 @@ namespace DCloth
             Handle->now = Marshal.GetFunctionPointerForDelegate(Now);
         }
 
-        public dcloth_timer* Handle => (dcloth_timer*)memory.Start;
+        public dcloth_timer* Handle
+        {
+            get
+            {
+                if (memory.Start == null) throw new ObjectDisposedException(nameof(ClothTimer));
+                return (dcloth_timer*)memory.Start;
+            }
+        }
 
         /// <summary>Since Clear, of all updates the timer was given to. `step` is one of DCLOTH_STEP_*.</summary>
         public double Milliseconds(int step)

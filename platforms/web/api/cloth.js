@@ -1,5 +1,5 @@
 import * as abi from "./abi.js";
-import { throwUnlessOk } from "./error.js";
+import { DClothError, throwUnlessOk } from "./error.js";
 
 /** @typedef {import("./model.js").Model} Model */
 /** @typedef {import("./timer.js").Timer} Timer */
@@ -141,6 +141,7 @@ export class Cloth {
    * @param {number} [flags] FrameFlags
    */
   update(seconds, stages = this.stages, flags = this.flags) {
+    this.#checkAlive("dcloth_cloth_update");
     const { exports, memory } = this.#engine;
     const frame = this.#frame;
     memory.u32[(frame + abi.dcloth_frame.stages) / 4] = stages;
@@ -163,6 +164,7 @@ export class Cloth {
 
   /** @param {number} blend 0: the tick before the last one, 1: the last one */
   skin(blend) {
+    this.#checkAlive("dcloth_cloth_skin");
     const output = this.#prepareOutput();
     throwUnlessOk(
       this.#engine.exports.dcloth_cloth_skin(this.address, this.#pose, blend, output, this.timer?.address ?? 0),
@@ -231,6 +233,15 @@ export class Cloth {
       entry.view = new Float32Array(/** @type {ArrayBuffer} */ (this.#engine.memory.buffer), entry.start, entry.floats);
     }
     return entry.view;
+  }
+
+  /**
+   * Before the structs are written: their memory may be another cloth's by now.
+   * @param {string} call
+   */
+  #checkAlive(call) {
+    if (this.address !== 0) return;
+    throw new DClothError(abi.DCLOTH_ERROR_ARGUMENT, `${call}: this cloth of ${this.model.name} was disposed of`);
   }
 
   #prepareOutput() {

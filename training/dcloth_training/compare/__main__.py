@@ -7,10 +7,11 @@ row in work goes on from its last checkpoint. Writes table.json, table.md and ta
 """
 import argparse
 import os
+import sys
 
 import torch
 
-from .. import train
+from .. import command, train
 from . import keep, table
 from .rows import ROWS
 from .scene import Scene
@@ -98,8 +99,9 @@ def run(options):
 
 
 def main(argv=None):
-    run(arguments(argv))
+    options = arguments(argv)
+    return command.ended("compare", lambda: run(options))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -5,7 +5,6 @@ import os
 
 from .. import dataset, metrics, sequence
 from . import sizes
-from .scene import clip_path
 
 
 def digest(paths):
@@ -74,7 +73,7 @@ def measure(scene, row, model, record):
     """Fill record["clips"] for every clip that is not yet measured against this very truth."""
     done = record.setdefault("clips", {})
     for name in scene.clips:
-        path = clip_path(scene.data, name)
+        path = dataset.path_of(scene.data, name)
         stamp = digest([path])
         if name in done and done[name]["file"] == stamp:
             continue
@@ -102,7 +101,7 @@ def finish(scene, row):
         known = {name: clip["file"] for name, clip in record["clips"].items()}
         if record["full"] != of_full:
             record = {}
-        elif all(known.get(c) == digest([clip_path(scene.data, c)]) for c in scene.clips):
+        elif all(known.get(c) == digest([dataset.path_of(scene.data, c)]) for c in scene.clips):
             return record
     model = row.load(scene, folder)
     if model is None:

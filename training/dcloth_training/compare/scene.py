@@ -47,11 +47,6 @@ def options_of(provenance, arguments, log):
     return options
 
 
-def clip_path(data, name):
-    return os.path.join(data, "dynamic",
-                        name.replace("/", "-").replace("@", "-from") + ".safetensors")
-
-
 class Scene:
     """Reads clips when a row needs them; one set of residuals is kept at a time."""
 
@@ -85,17 +80,17 @@ class Scene:
     def _check_clips(self, names):
         """Settle which clips are measured; none may have been trained or chosen on."""
         self.clips = list(dataset.HELD_OUT) if names is None else names
-        missing = [c for c in self.clips if not os.path.exists(clip_path(self.data, c))]
+        missing = [c for c in self.clips if not os.path.exists(dataset.path_of(self.data, c))]
         if missing:
             raise ValueError(f"{os.path.join(self.data, 'dynamic')}: held-out clips {missing} not found; "
                              f"simulate them, or name those that are there with --clips")
         known = {os.path.splitext(os.path.basename(p))[0]
                  for p in dataset.find(self.data, "dynamic", dataset.HELD_OUT)}
-        used = {os.path.splitext(os.path.basename(clip_path("", c)))[0]
+        used = {os.path.splitext(os.path.basename(dataset.path_of("", c)))[0]
                 for c in self.provenance.get("training_clips", [])
                 + self.provenance.get("validation_clips", [])}
         seen = [c for c in self.clips
-                if os.path.splitext(os.path.basename(clip_path("", c)))[0] in known | used]
+                if os.path.splitext(os.path.basename(dataset.path_of("", c)))[0] in known | used]
         if seen:
             raise ValueError(f"--clips: {seen} are trained or validated on; only clips that training "
                              f"never saw can be measured, like dataset.HELD_OUT")

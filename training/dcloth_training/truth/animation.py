@@ -13,7 +13,7 @@ def find_command(given=None):
         if path and os.access(path, os.X_OK):
             return os.path.abspath(path)
     refuse("dcloth", "no such command", "the built command line",
-           "build it (scripts/build.sh build) or give --dcloth PATH")
+           "build it (docs/train_your_own.md) or give --dcloth PATH")
 
 
 def _run(*arguments):

@@ -7,6 +7,7 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 # Rows: what becomes +X (left), +Y (up), +Z (front). z: Blender's axes, the character faces -Y.
 AXES = {"y": np.eye(3), "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])}
 
+FEWEST, MOST = 3, 65535    # vertices of a garment in a model
 TORN = 4.0       # times as long as at rest: no cloth stretches so far
 ALIKE = 1.5      # in another unit all edges change alike: no cloth stretches a tenth of them by half of the others
 LOST = 0.5       # m between the cloth and where plain skinning puts it, mean

@@ -1,0 +1,40 @@
+"""What can be known before training of what would end it, or waste it."""
+from . import dataset, fit_mesh
+
+# The least that each makes sense with; a window must outlast its warm-up.
+AT_LEAST = {"threads": 1, "influences": 1, "window": dataset.WARM_UP + 1, "validate_every": 1, "static_width": 1,
+            "skeleton_size": 1, "skeleton_rank": 1, "mesh_size": 1, "mesh_width": 1, "mesh_layers": 1, "mesh_hidden": 1,
+            "mesh_windows": 1, "mesh_patches": 1, "chunk": 1, "head_clips": 1, "head_rank": 1, "static_epochs": 0,
+            "skeleton_epochs": 0, "settle_epochs": 0, "mesh_epochs": 0, "head_epochs": 0}
+
+
+def ranges(options, refuse):
+    """refuse(text) of the first option that no training or no model takes."""
+    for name, least in AT_LEAST.items():
+        if getattr(options, name) < least:
+            refuse(f"--{name.replace('_', '-')} {getattr(options, name)}: at least {least}")
+    if options.mesh_width % 8 or options.mesh_width > 64:
+        refuse(f"--mesh-width {options.mesh_width}: a multiple of 8 up to 64")
+    if options.mesh_layers > 8:
+        refuse(f"--mesh-layers {options.mesh_layers}: at most 8")
+
+
+def lengths(training, options, log):
+    """Refuses clips that are all too short for a window of stage 2 or 3, or too few for stage 3's basis; names those
+    that stage 2 leaves out."""
+    longest = max(map(len, training))
+    needs = [("window", options.window)] * (options.stages != "static") + \
+        [("chunk", 2 * options.chunk)] * (options.stages == "mesh" and options.mesh_epochs > 0)
+    for name, ticks in needs:
+        if longest < ticks:
+            raise ValueError(f"{options.data}: no training clip of {ticks} ticks or more (the longest has {longest}); "
+                             f"lower --{name} or train on longer clips")
+    seen = sum(-(-len(c) // fit_mesh.BASIS_EVERY) for c in training)
+    if options.stages == "mesh" and not options.head_data and seen < options.mesh_size:
+        raise ValueError(f"{options.data}: {sum(map(len, training))} frames, mirror images counted; --mesh-size "
+                         f"{options.mesh_size} wants {fit_mesh.BASIS_EVERY * options.mesh_size}: lower it, train on more, "
+                         f"or stop at --stages skeleton")
+    short = sorted({f"{c.name} ({len(c)})" for c in training if len(c) < options.window})
+    if short and options.stages != "static":
+        log(f"training: {len(short)} clips are shorter than --window {options.window} and not seen by stage 2: "
+            f"{', '.join(short[:5])}{', ...' if len(short) > 5 else ''}")
