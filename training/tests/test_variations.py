@@ -170,7 +170,7 @@ def test_random_clips_are_reproducible_differ_and_use_every_segment():
         values = {keys[name] for _, _, script in scripts for _, keys in script}
         assert len(values) > 3, name
     for bad in ("random_", "random_x", "random_-1", "walk"):
-        with pytest.raises(KeyError, match="no procedural clip"):
+        with pytest.raises(ValueError, match="no procedural clip"):
             procedural.clip(bad)
 
 

@@ -155,8 +155,8 @@ def clip(name, frames=None, seed=None):
         own_seed, phase, events, keys = SCRIPTS[name]
         frames = min(frames or SCRIPT_FRAMES, int(keys[-1][0] * FPS) + TAIL_FRAMES)
     else:
-        raise KeyError(f"no procedural clip '{name}', expected random_<seed> or one of "
-                       f"{sorted(SCRIPTS)}")
+        raise ValueError(f"no procedural clip '{name}', expected random_<seed> or one of "
+                         f"{sorted(SCRIPTS)}")
     generator = np.random.default_rng(own_seed if seed is None else seed)
     made = tracks(keys, frames, generator)
     return gait.pose(made, phase + generator.uniform(0, 0.1), events)

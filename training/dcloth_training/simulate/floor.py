@@ -11,10 +11,11 @@ import argparse
 import concurrent.futures
 import json
 import os
+import sys
 
 import numpy as np
 
-from .. import sequence
+from .. import command, sequence
 from ..motion import skeleton
 from . import clips, cloth_job, mannequin, run, settings
 
@@ -57,7 +58,7 @@ def floor(name, options, chosen):
             "per_frame_mm": [round(float(d), 2) for d in distance]}
 
 
-def main():
+def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("clips", nargs="*", help="default: every held-out and training clip")
     parser.add_argument("--data", required=True, help="ground truth made by run.py")
@@ -66,9 +67,14 @@ def main():
     parser.add_argument("--garment", choices=run.GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--out", help="write the numbers as JSON")
-    options = parser.parse_args()
+    return parser.parse_args(argv)
+
+
+def measure(options):
     rows = []
     names = options.clips or clips.HELD_OUT + clips.training()
+    for name in names:
+        run.prepare(name, options)      # one that cannot be read is refused before the first is simulated
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
         for row in pool.map(lambda name: floor(name, options, settings.GROUND_TRUTH), names):
             rows.append(row)
@@ -85,5 +91,10 @@ def main():
           f"{mean['entered_mm']:.2f} mm, alive {mean['alive_mm']:.1f} mm")
 
 
+def main(argv=None):
+    options = arguments(argv)
+    return command.ended("floor", lambda: measure(options))
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

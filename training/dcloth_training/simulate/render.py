@@ -5,10 +5,11 @@
 Ground truth is looked at before it is trusted: tangled, exploded or sunken cloth shows here.
 """
 import argparse
+import sys
 
 import numpy as np
 
-from .. import picture_file, raster, safetensors_io, sequence
+from .. import command, picture_file, raster, safetensors_io, sequence
 from ..motion import rotations, skeleton
 
 BODY_COLOUR = (0.80, 0.68, 0.60)
@@ -55,7 +56,7 @@ def captions(lines, columns, size):
     return [(6 + size * (i % columns), size * (i // columns + 1) - 17, line, 11) for i, line in enumerate(lines)]
 
 
-def main():
+def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sequence")
     parser.add_argument("--character", required=True)
@@ -65,18 +66,39 @@ def main():
     parser.add_argument("--columns", type=int, default=6)
     parser.add_argument("--size", type=int, default=300)
     parser.add_argument("--yaw", type=float, default=0.6, help="camera, radians from the front")
-    options = parser.parse_args()
+    return parser.parse_args(argv)
+
+
+def chosen_frames(options, count):
+    """Frame numbers of a sequence of `count` frames."""
+    if not options.frames:
+        return np.unique(np.linspace(0, count - 1, options.count).astype(int))
+    try:
+        frames = [int(f) for f in options.frames.split(",")]
+    except ValueError:
+        raise ValueError(f"--frames '{options.frames}': expected numbers with commas between, 0,12,40") from None
+    for frame in frames:
+        if not 0 <= frame < count:
+            raise ValueError(f"{options.sequence}: frame {frame}: allowed are 0 to {count - 1}")
+    return frames
+
+
+def draw(options):
     character, _ = safetensors_io.read(options.character)
     data = sequence.read(options.sequence)
-    if options.frames:
-        frames = [int(f) for f in options.frames.split(",")]
-    else:
-        frames = np.unique(np.linspace(0, len(data.truth) - 1, options.count).astype(int))
+    if data.truth is None:
+        raise ValueError(f"{options.sequence}: no truth, the cloth to draw")
+    frames = chosen_frames(options, len(data.truth))
     picture_file.save(options.out,
                       contact_sheet(character, data.joint_matrices, data.truth, frames, options.columns,
                                     options.size, options.yaw),
                       captions([f"frame {f}" for f in frames], options.columns, options.size))
 
 
+def main(argv=None):
+    options = arguments(argv)
+    return command.ended("render", lambda: draw(options))
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

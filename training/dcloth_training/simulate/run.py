@@ -18,7 +18,7 @@ import time
 
 import numpy as np
 
-from .. import safetensors_io, sequence
+from .. import command, safetensors_io, sequence
 from ..motion import skeleton, timing
 from . import checks, clips, cloth_job, garment, garment_robe, mannequin, settings, statics
 
@@ -36,12 +36,10 @@ def with_lead(motion):
 GARMENTS = {"skirt": garment.skirt, "robe": garment_robe.robe}
 
 
-def make_character(path, options):
-    """Mannequin, topology and the garment as it hangs in the bind pose."""
-    worn = GARMENTS[options.garment]()
-    body = mannequin.mannequin(worn.not_colliding)
+def make_character(path, body, worn):
+    """Writes mannequin, topology and the garment as it hangs in the bind pose, unless they are there."""
     if os.path.exists(path):
-        return body, worn
+        return
     rest = skeleton.rest_motion(settings.DRAPE_FRAMES)
     hung = cloth_job.simulate(rest, body, worn, [len(rest) - 2, len(rest) - 1])
     drape = hung.cloth[1].astype(np.float64)
@@ -61,7 +59,6 @@ def make_character(path, options):
         "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8),
     }, {"joint_names": json.dumps(skeleton.NAMES), "parents": json.dumps(skeleton.PARENTS.tolist()),
         "joint_mirror": json.dumps(skeleton.MIRROR.tolist()), "feature_joints": json.dumps(worn.felt)})
-    return body, worn
 
 
 def manifest(options, entry):
@@ -121,17 +118,24 @@ def static_tours(options, felt):
 
 
 def tasks(options, context):
-    """Callables in order of importance, each returning (entry, seconds)."""
+    """(name, function, arguments) of each file that is not there yet, once, in order of importance."""
     groups = {"held_out": clips.HELD_OUT, "procedural": clips.PROCEDURAL,
               "recorded": clips.RECORDED, "training": clips.training(),
               "random": clips.RANDOM, "variations": clips.VARIATIONS, "wide": clips.WIDE,
               "mixed": clips.MIXED, "leaning": clips.LEANING}
+    met = set()
+
+    def wanted(path):
+        new = path not in met and not os.path.exists(path)
+        met.add(path)
+        return new
+
     for word in options.clips.split(","):
         if word == "static":
             for number, poses in static_tours(options, context[2].felt):
                 name = f"drapes-{number:02d}"
                 path = os.path.join(options.out, "static", name + ".safetensors")
-                if not os.path.exists(path):
+                if wanted(path):
                     tour, rests = statics.tour(poses)
                     joined, frames = with_lead(tour)
                     chosen = settings.with_changes(**statics.SETTINGS)
@@ -140,13 +144,13 @@ def tasks(options, context):
             continue
         for name in groups.get(word, [word]):
             path = os.path.join(options.out, "dynamic", clips.file_stem(name) + ".safetensors")
-            if not os.path.exists(path):
+            if wanted(path):
                 motion, frames = with_lead(prepare(name, options))
                 yield name, run_clip, (name, "dynamic", motion, frames, settings.GROUND_TRUTH,
                                        context, path)
 
 
-def main():
+def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", required=True)
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
@@ -155,14 +159,21 @@ def main():
     parser.add_argument("--garment", choices=GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--poses", type=int, default=1200, help="quasi-static drapes")
-    options = parser.parse_args()
+    return parser.parse_args(argv)
+
+
+def run(options):
+    """-> how many clips were refused."""
+    worn = GARMENTS[options.garment]()
+    body = mannequin.mannequin(worn.not_colliding)
+    # All of them before the first is simulated: a clip that cannot be read must not stop a batch half way.
+    chosen = list(tasks(options, (options, body, worn)))
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)
-    body, worn = make_character(os.path.join(options.out, "character.safetensors"), options)
+    make_character(os.path.join(options.out, "character.safetensors"), body, worn)
     refused, began = 0, time.time()
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
-        waiting = {pool.submit(function, *arguments): name
-                   for name, function, arguments in tasks(options, (options, body, worn))}
+        waiting = [pool.submit(function, *given) for _, function, given in chosen]
         for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
             entry, _ = future.result()
             refused += "refused" in entry
@@ -172,7 +183,12 @@ def main():
             print(f"[{count}/{len(waiting)} {(time.time() - began) / 60:.1f} min] {entry['clip']} "
                   f"{'REFUSED: ' + entry['refused'] if 'refused' in entry else 'done'} {numbers}",
                   flush=True)
-    return 1 if refused else 0
+    return refused
+
+
+def main(argv=None):
+    options, refused = arguments(argv), []
+    return command.ended("run", lambda: refused.append(run(options))) or int(refused[0] > 0)
 
 
 if __name__ == "__main__":

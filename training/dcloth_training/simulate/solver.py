@@ -1,7 +1,7 @@
 """The cloth solver (training/cloth_solver, C++) called from Python: one simulation, one thread.
 
 The library is found at $DCLOTH_CLOTH_SOLVER or in build/training beside this checkout;
-`scripts/build.sh build` makes it.
+`scripts/build.sh build -DDCLOTH_BUILD_TESTS=OFF` makes it.
 """
 import ctypes
 import functools
@@ -42,7 +42,7 @@ def library():
             loaded.cloth_solver_run.restype = ctypes.c_int32
             return loaded
     raise FileNotFoundError(f"cloth solver not found at {' or '.join(places)}; build it with "
-                            "scripts/build.sh build, or set DCLOTH_CLOTH_SOLVER to its path")
+                            "scripts/build.sh build -DDCLOTH_BUILD_TESTS=OFF, or set DCLOTH_CLOTH_SOLVER to its path")
 
 
 def run(rest, faces, pins, pin_path, body_faces, body_path, body_part, hips, settings,

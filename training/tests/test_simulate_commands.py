@@ -1,0 +1,59 @@
+"""What simulate's commands refuse: with one line, before anything is simulated, drawn or written."""
+import re
+
+import numpy as np
+import pytest
+
+from dcloth_training import safetensors_io, sequence
+from dcloth_training.motion import skeleton
+from dcloth_training.simulate import floor, render, run
+
+
+@pytest.fixture
+def sheet(tmp_path):
+    """A sequence of three frames and its character."""
+    cloth = np.zeros((3, 4, 3), np.float32)
+    matrices = np.tile(np.eye(4, dtype=np.float32), (3, len(skeleton.NAMES), 1, 1))
+    sequence.write(tmp_path / "clip.safetensors",
+                   sequence.Sequence(matrices, cloth, skeleton.NAMES, skeleton.FPS, "a/clip", "dynamic"))
+    safetensors_io.write(tmp_path / "character.safetensors", {"cloth_faces": np.array([[0, 1, 2]], np.int32)}, {})
+    return tmp_path
+
+
+@pytest.mark.parametrize("words, more", [
+    ("clip 'mocap/walk' needs --motion", ["--clips", "procedural/jumps,mocap/walk"]),
+    ("no procedural clip 'jump', expected .*'jumps'", ["--clips", "procedural/jump"]),
+    ("nowhere/mocap/walk.bvh: No such file", ["--clips", "mocap/walk", "--motion", "nowhere"]),
+])
+def test_run_begins_with_no_clip_where_one_cannot_be(tmp_path, capsys, words, more):
+    assert run.main(["--out", str(tmp_path / "data"), *more]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("run: error: ") and told.count("\n") == 1
+    assert re.search(words, told), told
+    assert not list(tmp_path.rglob("*.safetensors"))
+
+
+def test_a_clip_named_twice_is_simulated_once(tmp_path):
+    options = run.arguments(["--out", str(tmp_path), "--clips", "procedural/jumps,held_out,procedural/jumps,procedural/jumps",
+                             "--motion", "unused"])
+    options.clips = options.clips.replace("held_out,", "")
+    assert [name for name, *_ in run.tasks(options, (options, None, None))] == ["procedural/jumps"]
+
+
+def test_floor_wants_a_clip_that_can_be(tmp_path, capsys):
+    assert floor.main(["--data", str(tmp_path), "mocap/walk"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("floor: error: ") and "needs --motion" in told and told.count("\n") == 1
+
+
+@pytest.mark.parametrize("words, more", [
+    ("frame 3: allowed are 0 to 2", ["--frames", "1,3"]),
+    ("frame -1: allowed are 0 to 2", ["--frames=-1"]),
+    ("--frames 'x': ", ["--frames", "x"]),
+])
+def test_render_draws_frames_that_are_there(sheet, capsys, words, more):
+    assert render.main([str(sheet / "clip.safetensors"), "--character", str(sheet / "character.safetensors"),
+                        "-o", str(sheet / "out.png"), *more]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("render: error: ") and words in told and told.count("\n") == 1
+    assert not (sheet / "out.png").exists()
