@@ -8,7 +8,7 @@ import { bytesOf, load, modules, repository } from "./files.js";
 
 const manifest = JSON.parse(readFileSync(`${repository}/engine/abi.json`, "utf8"));
 // Bytes; what growth beyond costs every page is to be decided, not to happen.
-const LARGEST = { simd: 245_000, scalar: 130_000 };
+const LARGEST = { simd: 250_000, scalar: 130_000 };
 
 for (const kernels of ["simd", "scalar"]) {
   const module = new WebAssembly.Module(bytesOf(modules[kernels]));
