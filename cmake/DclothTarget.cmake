@@ -29,6 +29,13 @@ function(dcloth_common target)
     POSITION_INDEPENDENT_CODE ${relocatable} CXX_VISIBILITY_PRESET hidden C_VISIBILITY_PRESET hidden)
 endfunction()
 
+# Sources of the current folder that a release build optimises otherwise, for size.
+function(dcloth_optimize level)
+  if(CMAKE_BUILD_TYPE STREQUAL "Release" AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+    set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS ${level})
+  endif()
+endfunction()
+
 function(dcloth_runtime target)
   dcloth_common(${target})
   set_target_properties(${target} PROPERTIES CXX_STANDARD 17 CXX_STANDARD_REQUIRED ON)

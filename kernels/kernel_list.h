@@ -6,6 +6,7 @@
 #include "kernels/activation/activation.h"
 #include "kernels/gru/gru.h"
 #include "kernels/gsgru/gsgru.h"
+#include "kernels/gsgru/gsgru_i8.h"
 #include "kernels/matvec/matvec.h"
 #include "kernels/nearest/nearest.h"
 #include "kernels/normals/normals.h"
@@ -20,6 +21,7 @@
   X(Tanh, tanh)                 \
   X(GruGates, gru_gates)        \
   X(Gsgru, gsgru)               \
+  X(GsgruI8, gsgru_i8)          \
   X(Skinning, skinning)         \
   X(Normals, normals)           \
   X(Nearest, nearest)

@@ -4,8 +4,8 @@
 //   bench_gsgru         all of them
 //   bench_gsgru F32     those whose name has the word
 //
-// The limit is what bare multiply-adds would take. Errors of the kernels are those of one step to the scalar reference
-// (which the tests hold to double), of XNNPACK those of its products to double.
+// The limit is what bare multiply-adds in float would take. Errors of the kernels are those of one step to their scalar
+// references (which the tests hold to double), of XNNPACK those of its products to double.
 // Goals on Zen 3 at 7,964 vertices: F 8 0.35 ms, F 16 0.7 ms, F 32 1.8 ms.
 #include <algorithm>
 #include <cmath>
@@ -50,7 +50,9 @@ enum class Place { kHidden, kFirst, kEmbed };  // in the stack of layers
 struct Layer {
   size_t n, F, w;
   RingMesh mesh;
-  AlignedArray<float> x, input_gates, gate_bias, hidden_gates, candidate, output, row, next, s, scratch;
+  AlignedArray<float> x, input_gates, gate_bias, hidden_gates, candidate, output, row, next, s, scratch, factors;
+  AlignedArray<int8_t> integers;  // of the four products, side by side
+  AlignedArray<float> steps{0};
   bool embed;
 
   Layer(size_t vertices, size_t features, Place place)
@@ -58,7 +60,14 @@ struct Layer {
         x(RandomFloats(n * GsgruInputStride(w), -1, 1)), input_gates(Weights(w * 3 * F, 2)),
         gate_bias(Weights(3 * F, 3)), hidden_gates(Weights(2 * F * F, 4)), candidate(Weights(F * F, 5)),
         output(Weights(F * F, 6)), row(Weights(F, 7)),
-        next(n * F), s(n), scratch(GsgruScratchFloats(F)), embed(place == Place::kEmbed) {}
+        next(n * F), s(n), scratch(GsgruI8ScratchFloats(F)), factors(7 * F), integers(7 * F * F),
+        embed(place == Place::kEmbed) {
+    AlignedArray<float> levels = RandomFloats(integers.size(), -127, 127, 8);
+    for (size_t i = 0; i < integers.size(); ++i) integers[i] = static_cast<int8_t>(std::lround(levels[i]));
+    // Weights of the floats' size, for inputs within 1.
+    for (size_t i = 0; i < factors.size(); ++i) factors[i] = 1.0f / (127.0f * 127.0f * std::sqrt(static_cast<float>(F)));
+    steps = RandomFloats(F, 100, 127, 9);
+  }
 
   AlignedArray<float> Weights(size_t count, uint32_t seed) const {
     const float size = 1.0f / std::sqrt(static_cast<float>(F));
@@ -70,6 +79,10 @@ struct Layer {
             hidden_gates.data(), candidate.data(), output.data(), row.data(), row.data(), row.data(),
             embed ? row.data() : nullptr, state, embed ? nullptr : next.data(), embed ? s.data() : nullptr,
             scratch.data(), n, w, F, 0.25f, 0.0f};
+  }
+
+  GsgruI8Job IntegerJob(float* state) {
+    return {Job(state), integers.data(), factors.data(), steps.data()};
   }
 
   double Products() const {
@@ -128,10 +141,18 @@ struct XnnpackProducts {
 // Fused and contracted sums differ in rounding; the tests bound the difference element by element.
 constexpr double kScalarDifference = 1e-6;
 
-double ErrorToScalar(const KernelTable& table, Layer& layer) {
+// One of 127 levels of an input where the float before it lies between two: a weight of the largest size.
+constexpr double kScalarLevels = 3 / 127.0;
+
+double ErrorToScalar(const KernelTable& table, Layer& layer, bool integers) {
   AlignedArray<float> h(GsgruStateFloats(layer.n, layer.F)), reference(h.size());
-  table.gsgru(layer.Job(h.data()));
-  scalar::Gsgru(layer.Job(reference.data()));
+  if (integers) {
+    table.gsgru_i8(layer.IntegerJob(h.data()));
+    scalar::GsgruI8(layer.IntegerJob(reference.data()));
+  } else {
+    table.gsgru(layer.Job(h.data()));
+    scalar::Gsgru(layer.Job(reference.data()));
+  }
   double error = 0;
   for (size_t i = 0; i < layer.n * layer.F; ++i) error = std::max(error, std::fabs(double{h[i]} - reference[i]));
   return error;
@@ -142,8 +163,12 @@ void Run(const std::string& name, size_t n, size_t F, Place place) {
   std::vector<Contestant> contestants;
   for (const KernelTable* table : BestTables()) {
     const auto state = std::make_shared<AlignedArray<float>>(GsgruStateFloats(n, F));
+    const auto integer_state = std::make_shared<AlignedArray<float>>(state->size());
     contestants.push_back({table->name, {[=] { table->gsgru(layer->Job(state->data())); }},
-                           ErrorToScalar(*table, *layer), kScalarDifference});
+                           ErrorToScalar(*table, *layer, false), kScalarDifference});
+    contestants.push_back({table->name + std::string(" int8"),
+                           {[=] { table->gsgru_i8(layer->IntegerJob(integer_state->data())); }},
+                           ErrorToScalar(*table, *layer, true), kScalarLevels});
   }
 #ifdef DCLOTH_BENCH_XNNPACK
   const auto peer = std::make_shared<XnnpackProducts>(*layer);

@@ -56,6 +56,12 @@ HWY_INLINE void Aggregate(D d, const GsgruJob& job, size_t first, size_t count, 
   for (size_t i = count * stride; i < kGsgruBlock * stride; ++i) mean[i] = 0.0f;
 }
 
+// Apart, so that layers of all wide widths and both kinds of products share it.
+template <class D>
+HWY_NOINLINE void AggregateBlock(D d, const GsgruJob& job, size_t first, size_t count, float* mean) {
+  Aggregate(d, job, first, count, mean);
+}
+
 // Asks for what a later block of vertices needs: its state, the rows that it writes, and each vertex's last neighbour,
 // which in an ordered mesh is the one not yet seen. Only where a layer's rows do not stay in L2: at F 32 and 7,964
 // vertices 3 MB pass, and a Zen 5 waits a tenth of its time for them; narrower layers lose 3 %.

@@ -99,6 +99,14 @@ HWY_INLINE void NormFour(D d, const GsgruJob& job, float* HWY_RESTRICT o, size_t
   }
 }
 
+// A block's `count` rows of o; apart as AggregateBlock is.
+template <class D>
+HWY_NOINLINE void NormBlock(D d, const GsgruJob& job, float* o, size_t first, size_t count) {
+  for (size_t v = 0; v < count; v += 4) {
+    NormFour(d, job, o + v * job.features, first + v, HWY_MIN(size_t{4}, count - v));
+  }
+}
+
 }  // namespace dcloth::kernels::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 #endif  // DCLOTH_VECTOR_TARGET

@@ -135,6 +135,7 @@ HWY_INLINE void UpdateAndOutput(D d, const GsgruJob& job, float* HWY_RESTRICT h,
 // A width known to the compiler unrolls the products; 0 takes the job's. The copy lets the constant reach every stage.
 template <size_t kFeatures, class D>
 HWY_NOINLINE void RunLayer(D d, const GsgruJob& caller_job) {
+  constexpr bool kShared = kFeatures != 8;  // narrow layers spend a third of their time there
   GsgruJob job = caller_job;
   if (kFeatures != 0) job.features = kFeatures;
   const size_t tile = kGsgruBlock * job.features;
@@ -143,9 +144,13 @@ HWY_NOINLINE void RunLayer(D d, const GsgruJob& caller_job) {
     const size_t count = HWY_MIN(kGsgruBlock, job.vertices - first), next = first + count;
     PrefetchBlock(job, next, HWY_MIN(kGsgruBlock, job.vertices - next));
     float* h = job.state + first * job.features;
-    Aggregate(d, job, first, count, tiles.mean);
+    kShared ? AggregateBlock(d, job, first, count, tiles.mean) : Aggregate(d, job, first, count, tiles.mean);
     Gates(d, job, h, tiles);
     UpdateAndOutput(d, job, h, tiles);
+    if (kShared) {
+      NormBlock(d, job, tiles.candidate, first, count);
+      continue;
+    }
     for (size_t v = 0; v < count; v += 4) {
       NormFour(d, job, tiles.candidate + v * job.features, first + v, HWY_MIN(size_t{4}, count - v));
     }

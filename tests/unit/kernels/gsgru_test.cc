@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "tests/unit/kernels/gsgru_graph.h"
 #include "tests/unit/kernels/gsgru_oracle.h"
 #include "tests/unit/kernels/kernel_test.h"
 
@@ -10,38 +11,13 @@ namespace {
 
 using Floats = GuardedBuffer<float>;
 
-struct Graph {
-  std::vector<uint32_t> row_starts = {0};
-  std::vector<uint16_t> columns;
-  void AddRow(const std::vector<uint16_t>& neighbours) {
-    columns.insert(columns.end(), neighbours.begin(), neighbours.end());
-    row_starts.push_back(static_cast<uint32_t>(columns.size()));
-  }
-};
-
-constexpr size_t kHub = 3;
-
-// Every vertex holds itself. Every fifth is otherwise isolated, the hub touches all others, the rest have up to 8 more.
-Graph MakeGraph(size_t vertices, Random& random) {
-  Graph graph;
-  for (size_t i = 0; i < vertices; ++i) {
-    std::vector<uint16_t> row = {static_cast<uint16_t>(i)};
-    const size_t extra = i == kHub ? vertices - 1 : i % 5 == 0 ? 0 : 1 + random.Below(8);
-    for (size_t k = 0; k < extra; ++k) {
-      row.push_back(static_cast<uint16_t>(i == kHub ? (i + 1 + k) % vertices : random.Below(static_cast<uint32_t>(vertices))));
-    }
-    graph.AddRow(row);
-  }
-  return graph;
-}
-
 class GsgruTest : public KernelTest {
  protected:
   void Check(size_t vertices, size_t features, size_t input_width, bool embed) {
     SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width " << input_width
                                     << " embed " << embed);
     Random random(static_cast<uint32_t>(vertices * 1000 + features * 10 + input_width));
-    const Graph graph = MakeGraph(vertices, random);
+    const Graph graph(vertices, random);
     const GuardedBuffer<uint32_t> row_starts(graph.row_starts);
     const GuardedBuffer<uint16_t> columns(graph.columns);
     const auto weights = [&](size_t rows, size_t cols) {
@@ -75,7 +51,7 @@ class GsgruTest : public KernelTest {
         if (!embed) {
           ASSERT_LE(std::fabs(next_x[i * F + f] - expected.next_x[f].value), expected.next_x[f].error) << i << " " << f;
         }
-        if (i != kHub) widest = std::max(widest, expected.state[f].error);
+        if (i != Graph::kHub) widest = std::max(widest, expected.state[f].error);
       }
       if (embed) {
         ASSERT_LE(std::fabs(s[i] - expected.s.value), expected.s.error) << "s " << i;

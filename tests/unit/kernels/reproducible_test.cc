@@ -233,5 +233,44 @@ TEST_F(ReproducibleTest, GraphLayer) {
   }
 }
 
+TEST_F(ReproducibleTest, IntegerLayer) {
+  for (const auto& [width, first] : {std::pair<size_t, bool>{8, true}, {16, false}, {32, false}, {40, false}}) {
+    const size_t n = 77, input_width = first ? 3 : width, columns = GsgruI8Columns(input_width, width);
+    std::vector<uint32_t> row_starts = {0};
+    std::vector<uint16_t> neighbours;
+    for (size_t i = 0; i < n; ++i) {
+      neighbours.push_back(static_cast<uint16_t>(i));
+      for (uint32_t k = random_.Below(8); k > 0; --k) neighbours.push_back(static_cast<uint16_t>(random_.Below(n)));
+      row_starts.push_back(static_cast<uint32_t>(neighbours.size()));
+    }
+    Aligned x(random_.Floats(n * GsgruInputStride(input_width), -1, 1)), points(random_.Floats(9 * width, -1, 1));
+    Aligned bias(random_.Floats(3 * width, -1, 1)), row(random_.Floats(width, -1, 1)), steps(random_.Floats(width, 90, 127));
+    Aligned scales(random_.Floats(columns, 1e-5f, 2e-5f)), scratch(GsgruI8ScratchFloats(width));
+    Aligned integers(width * columns / 4);
+    auto* const weights = reinterpret_cast<int8_t*>(integers.data());
+    for (size_t i = 0; i < width * columns; ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random_.Below(255)) - 127);
+    const std::vector<float> before = random_.Floats(GsgruStateFloats(n, width), -1, 1);
+    for (const bool embed : {false, true}) {
+      Aligned state(before), strands_state(before), next_x(n * width), strands_next_x(n * width);
+      std::vector<float> s(n), strands_s(n);
+      GsgruI8Job job = {{x.data(), row_starts.data(), neighbours.data(), points.data(), bias.data(), nullptr, nullptr,
+                         nullptr, row.data(), row.data(), row.data(), embed ? row.data() : nullptr, state.data(),
+                         next_x.data(), s.data(), scratch.data(), n, input_width, width, 0.25f, 0.125f},
+                        weights,
+                        scales.data(),
+                        steps.data()};
+      table_->gsgru_i8(job);
+      job.layer.state = strands_state.data();
+      job.layer.next_x = strands_next_x.data();
+      job.layer.s = strands_s.data();
+      strands::GsgruI8(job);
+      const auto floats = [&](Aligned& values) { return std::vector<float>(values.data(), values.data() + n * width); };
+      ExpectSameBits(floats(state), floats(strands_state));
+      ExpectSameBits(floats(next_x), floats(strands_next_x));
+      ExpectSameBits(s, strands_s);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace dcloth::kernels

@@ -1,0 +1,118 @@
+#include "kernels/gsgru/gsgru_i8.h"
+
+#include <memory>
+
+#include "tests/unit/kernels/gsgru_graph.h"
+#include "tests/unit/kernels/gsgru_i8_oracle.h"
+#include "tests/unit/kernels/kernel_test.h"
+
+namespace dcloth::kernels {
+namespace {
+
+using Floats = GuardedBuffer<float>;
+
+TEST(CoarseTanhTest, StaysWithinItsErrorAndBelowOne) {
+  double largest = 0, sigmoid = 0;
+  for (int i = 0; i <= 1 << 20; ++i) {
+    const float x = 9.0f * static_cast<float>(i) / (1 << 20);
+    for (const float side : {x, -x}) {
+      const scalar::Fraction t = scalar::CoarseTanh(side), s = scalar::CoarseSigmoid(side);
+      ASSERT_LT(std::fabs(t.p), t.q) << side;
+      ASSERT_GE(t.q, 1.0f);
+      largest = std::max(largest, std::fabs(double{t.p / t.q} - std::tanh(double{side})));
+      sigmoid = std::max(sigmoid, std::fabs(double{s.p / s.q} - ExactSigmoid(double{side})));
+    }
+  }
+  EXPECT_LE(largest, kCoarseTanhMaxError);
+  EXPECT_GE(largest, 0.9 * kCoarseTanhMaxError) << "the stated error is too large to mean anything";
+  EXPECT_LE(sigmoid, kCoarseSigmoidMaxError);
+}
+
+// How far the inputs reach: within their levels, or beyond them, where they saturate.
+enum class Range { kWithin, kBeyond };
+
+class GsgruI8Test : public KernelTest {
+ protected:
+  // Where a vertex's levels are certain, what the kernel gives must be the oracle's to float rounding.
+  void Check(size_t vertices, size_t features, size_t input_width, bool embed, Range range = Range::kWithin) {
+    SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width " << input_width
+                                    << " embed " << embed);
+    Random random(static_cast<uint32_t>(vertices * 1000 + features * 10 + input_width));
+    const Graph graph(vertices, random);
+    const GuardedBuffer<uint32_t> row_starts(graph.row_starts);
+    const GuardedBuffer<uint16_t> columns(graph.columns);
+    const size_t w = input_width, F = features, stride = GsgruInputStride(w), wide = GsgruI8Columns(w, F);
+    const auto floats = [&](size_t count, float low, float high) {
+      return std::make_unique<Floats>(random.Floats(count, low, high), Place::kAligned64);
+    };
+    Floats x(vertices * stride, Place::kAligned64);
+    const float reach = range == Range::kWithin ? 1.0f : 3.0f;
+    for (size_t i = 0; i < x.size(); ++i) {
+      if (i % stride < w) x[i] = random.Uniform(-reach, reach);  // the padding stays NaN
+    }
+    const auto points = floats(3 * 3 * F, -0.5f, 0.5f), gate_bias = floats(3 * F, -1, 1), output_bias = floats(F, -1, 1),
+               gain = floats(F, -1, 1), offset = floats(F, -1, 1), embedding = floats(F, -0.3f, 0.3f);
+    const float size = 1.0f / (127.0f * 127.0f * std::sqrt(static_cast<float>(F)));
+    const auto scales = floats(wide, size / 2, size), steps = floats(F, 100, 127);
+    GuardedBuffer<int8_t> weights(F * wide, Place::kAligned64);
+    for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random.Below(255)) - 127);
+    const std::vector<float> before = random.Floats(GsgruStateFloats(vertices, F), -reach, reach);
+    Floats state(before, Place::kAligned64), scratch(GsgruI8ScratchFloats(F), Place::kAligned64);
+    Floats next_x(vertices * F, Place::kAligned64), s(vertices);
+    const GsgruJob layer = {x.data(), row_starts.data(), columns.data(), w == 3 ? points->data() : nullptr,
+                            gate_bias->data(), nullptr, nullptr, nullptr, output_bias->data(), gain->data(),
+                            offset->data(), embed ? embedding->data() : nullptr, state.data(),
+                            embed ? nullptr : next_x.data(), embed ? s.data() : nullptr, scratch.data(), vertices, w, F,
+                            0.25f, 0.125f};
+    const GsgruI8Job job = {layer, weights.data(), scales->data(), w == 3 ? nullptr : steps->data()};
+    table().gsgru_i8(job);
+
+    ASSERT_TRUE(state.SlackUntouched() && scratch.SlackUntouched() && next_x.SlackUntouched() && s.SlackUntouched());
+    for (size_t i = 0; i < vertices; ++i) {
+      const GsgruI8Expected expected = ExpectGsgruI8(job, i, before.data() + i * F);
+      ++vertices_;
+      certain_ += !expected.ambiguous;
+      for (size_t f = 0; f < F; ++f) {
+        const Bounded h = expected.layer.state[f], next = expected.layer.next_x[f];
+        ASSERT_LE(std::fabs(state[i * F + f] - h.value), h.error) << "h' " << i << " " << f;
+        if (!embed) {
+          ASSERT_LE(std::fabs(next_x[i * F + f] - next.value), next.error) << i << " " << f;
+        }
+        if (!expected.ambiguous && i != Graph::kHub) {
+          ASSERT_LE(h.error, 1e-4) << "too wide to test anything";
+        }
+      }
+      if (embed) {
+        ASSERT_LE(std::fabs(s[i] - expected.layer.s.value), expected.layer.s.error) << "s " << i;
+      }
+    }
+  }
+  // A level is uncertain where a value lies within its bound, 2e-5 of 1/127, of the middle between two.
+  void TearDown() override { EXPECT_GE(certain_, vertices_ / 2); }
+
+  size_t vertices_ = 0, certain_ = 0;
+};
+DCLOTH_TEST_EVERY_TABLE(GsgruI8Test);
+
+TEST_P(GsgruI8Test, EveryVertexCount) {
+  for (size_t vertices = 1; vertices <= 70; ++vertices) {
+    Check(vertices, 16, vertices % 2 == 0 ? 16 : 3, vertices % 3 == 0);
+  }
+}
+
+TEST_P(GsgruI8Test, EveryFeatureWidth) {
+  for (size_t features = 8; features <= kGsgruMaxFeatures; features += 8) {
+    for (size_t vertices : {1, 5, 16, 19}) {
+      Check(vertices, features, features, false);
+      Check(vertices, features, 3, false);
+      Check(vertices, features, features, true);
+    }
+  }
+}
+
+TEST_P(GsgruI8Test, InputsBeyondTheirLevelsSaturate) { Check(61, 32, 32, false, Range::kBeyond); }
+
+TEST_P(GsgruI8Test, LargeGraph) { Check(1021, 32, 32, false); }
+
+}  // namespace
+}  // namespace dcloth::kernels
