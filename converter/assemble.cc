@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "converter/correct.h"
+#include "converter/integer_layer.h"
 #include "converter/mesh_graph.h"
 #include "dcloth/dcloth.h"
 
@@ -50,19 +51,39 @@ void AddReduced(const FoldedBundle& folded, const PrecisionPlan& plan, ModelPart
                            FormatOf(plan, "displacement.head"));
 }
 
-MeshLayerParts AssembleLayer(const MeshLayerWeights& layer, const std::string& name) {
+// `before` is the layer that gives the inputs, null for the first.
+MeshLayerParts AssembleLayer(const MeshLayerWeights& layer, const MeshLayerWeights* before, const std::string& name,
+                             Precision format) {
   const FoldedMeshLayer folded = FoldMeshLayer(layer);
+  const auto field = [&](const char* tensor) { return name + "." + tensor; };
+  const bool integers = format == Precision::kInt8;
   MeshLayerParts parts;
-  parts.input_gates = PackFloats(name + "input_gates", folded.input_gates);
-  parts.gate_bias = PackFloats(name + "gate_bias", folded.gate_bias);
-  parts.hidden_gates = PackFloats(name + "hidden_gates", folded.hidden_gates);
-  parts.hidden_candidate = PackFloats(name + "hidden_candidate", folded.hidden_candidate);
-  parts.output = PackFloats(name + "output", layer.w_o);
-  parts.output_bias = PackFloats(name + "output_bias", layer.b_o);
-  parts.norm_gain = PackFloats(name + "norm_gain", layer.norm_weight);
-  parts.norm_offset = PackFloats(name + "norm_offset", layer.norm_bias);
+  if (integers) {
+    IntegerLayer stored = StackIntegerLayer(folded, layer.w_o, before);
+    PackedLinear packed = PackFlatIntegers(name, stored.weights);
+    parts.weights = std::move(packed.weights);
+    parts.column_scales = std::move(packed.column_scales);
+    if (before != nullptr) {
+      parts.input_inverse_steps = PackFloats(field("input_inverse_steps"), stored.input_inverse_steps);
+    }
+  } else {
+    parts.hidden_gates = PackFloats(field("hidden_gates"), folded.hidden_gates);
+    parts.hidden_candidate = PackFloats(field("hidden_candidate"), folded.hidden_candidate);
+    parts.output = PackFloats(field("output"), layer.w_o);
+  }
+  if (!integers || before == nullptr) parts.input_gates = PackFloats(field("input_gates"), folded.input_gates);
+  parts.gate_bias = PackFloats(field("gate_bias"), folded.gate_bias);
+  parts.output_bias = PackFloats(field("output_bias"), layer.b_o);
+  parts.norm_gain = PackFloats(field("norm_gain"), layer.norm_weight);
+  parts.norm_offset = PackFloats(field("norm_offset"), layer.norm_bias);
   parts.prelu_slope = layer.prelu;
   return parts;
+}
+
+// Narrow layers stay float: what surrounds their products takes the time, and rounding adds to it (kernels/README.md).
+bool IsNarrowLayer(const Bundle& bundle) {
+  constexpr Eigen::Index kLeastIntegerWidth = 16;
+  return bundle.mesh->embed.weight.cols() < kLeastIntegerWidth;
 }
 
 MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan) {
@@ -83,7 +104,9 @@ MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, co
                               {graph.columns.begin(), graph.columns.end()});
   parts.feature_width = static_cast<uint16_t>(mesh.embed.weight.cols());
   for (size_t l = 0; l < mesh.layers.size(); ++l) {
-    parts.layers.push_back(AssembleLayer(mesh.layers[l], "mesh_stage.layers." + std::to_string(l) + "."));
+    const std::string name = "mesh_stage.layers." + std::to_string(l);
+    const Precision format = IsNarrowLayer(bundle) ? Precision::kFp32 : FormatOf(plan, name);
+    parts.layers.push_back(AssembleLayer(mesh.layers[l], l == 0 ? nullptr : &mesh.layers[l - 1], name, format));
   }
   parts.embed = PackFloats("mesh_stage.embed", Vector(mesh.embed.weight.row(0).transpose()));
   parts.embed_bias = mesh.embed.bias[0];
@@ -134,12 +157,15 @@ FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body
   return folded;
 }
 
+bool IsLayer(const std::string& matrix) { return matrix.starts_with("mesh_stage.layers."); }
+
 Precision FormatOf(const PrecisionPlan& plan, const std::string& matrix) {
   const std::string tensor = matrix + ".weights";
   if (!plan.only.empty() && plan.only != tensor) return Precision::kFp32;
   const auto named = plan.formats.find(tensor);
   const Precision format = named == plan.formats.end() ? plan.precision : named->second;
   if (matrix == "displacement.head") return HeadPrecision(format);
+  if (IsLayer(matrix)) return format == Precision::kInt8 ? format : Precision::kFp32;  // halves would save 20 KB
   return matrix.starts_with("static_stage.") && format == Precision::kInt8 ? Precision::kFp16 : format;
 }
 

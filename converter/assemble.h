@@ -39,13 +39,16 @@ struct PrecisionPlan {
   const char* name() const { return formats.empty() ? PrecisionName(precision) : "mixed"; }
 };
 
+// Whether `matrix` is a graph layer's: one format for all its products, int8 or f32.
+bool IsLayer(const std::string& matrix);
+
 // What `matrix` ("displacement.basis", without ".weights") is stored in.
 Precision FormatOf(const PrecisionPlan& plan, const std::string& matrix);
 
-// The precision applies to the bases, the GRU and the vertex MLP: over 98 % of a model of the paper's size.
+// The precision applies to the bases, the GRU, the vertex MLP and, as int8 from 16 features on, to the graph layers.
 // The static MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8
-// would save 0.1 MB; nor is the head of a reduced basis (reduce.h). All else (geometry, gates, mesh layers, embedding,
-// biases) stays f32. Throws Error where fp16 overflows.
+// would save 0.1 MB; nor is the head of a reduced basis (reduce.h). All else (geometry, gates, embedding, biases)
+// stays f32. Throws Error where fp16 overflows.
 ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan);
 
 }  // namespace dcloth::converter

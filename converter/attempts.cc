@@ -84,6 +84,7 @@ bool Attempts::ChooseAt(uint32_t rank, AutoReport* report) {
     if (tensor.dtype != "i8" && tensor.dtype != "f16") continue;
     FormatOption option{tensor.name, tensor.dtype == "i8" ? Precision::kInt8 : Precision::kFp16, 1};
     for (const uint32_t extent : tensor.shape) option.element_count *= extent;
+    option.has_halves = !IsLayer(tensor.name);
     options.push_back(std::move(option));
   }
   const bool calibrated = !options_.calibration.empty();

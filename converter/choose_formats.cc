@@ -10,12 +10,12 @@ constexpr uint64_t ElementBytes(Precision format) {
   return format == Precision::kFp32 ? 4 : format == Precision::kFp16 ? 2 : 1;
 }
 
-constexpr Precision Raised(Precision format) {
-  return format == Precision::kInt8 ? Precision::kFp16 : Precision::kFp32;
+Precision Raised(const FormatOption& option, Precision format) {
+  return format == Precision::kInt8 && option.has_halves ? Precision::kFp16 : Precision::kFp32;
 }
 
-constexpr Precision Lowered(Precision format) {
-  return format == Precision::kFp32 ? Precision::kFp16 : Precision::kInt8;
+Precision Lowered(const FormatOption& option, Precision format) {
+  return format == Precision::kFp32 && option.has_halves ? Precision::kFp16 : Precision::kInt8;
 }
 
 class Chooser {
@@ -37,7 +37,7 @@ class Chooser {
     for (size_t t = 0; t < options_.size(); ++t) {
       FormatDecision decision{options_[t].tensor, formats_[t], {}, 0};
       if (formats_[t] != options_[t].lowest) {
-        decision.cheaper = Lowered(formats_[t]);
+        decision.cheaper = Lowered(options_[t], formats_[t]);
         decision.cheaper_mm = refused_mm_[t];
       }
       result.decisions.push_back(std::move(decision));
@@ -54,13 +54,19 @@ class Chooser {
     for (const Precision uniform : {Precision::kInt8, Precision::kFp16, Precision::kFp32}) {
       plan = {uniform, {}, {}};
       for (size_t t = 0; t < options_.size(); ++t) {
-        if (formats[t] != std::max(uniform, options_[t].lowest, Cheaper)) plan.formats[options_[t].tensor] = formats[t];
+        if (formats[t] != InUniform(options_[t], uniform)) plan.formats[options_[t].tensor] = formats[t];
       }
       if (plan.formats.empty()) return plan;
     }
     plan = {*std::min_element(formats.begin(), formats.end(), Cheaper), {}, {}};
     for (size_t t = 0; t < options_.size(); ++t) plan.formats[options_[t].tensor] = formats[t];
     return plan;
+  }
+
+  // What Assemble stores an option in where all are asked for in `uniform`.
+  static Precision InUniform(const FormatOption& option, Precision uniform) {
+    const Precision format = std::max(uniform, option.lowest, Cheaper);
+    return format == Precision::kFp16 && !option.has_halves ? Precision::kFp32 : format;
   }
 
   static bool Cheaper(Precision a, Precision b) { return ElementBytes(a) < ElementBytes(b); }
@@ -83,9 +89,10 @@ class Chooser {
     std::vector<Step> steps;  // a tensor's first step always comes before its second
     for (size_t t = 0; t < options_.size(); ++t) {
       double before = Alone(t, options_[t].lowest), least = -1;
-      for (Precision f = options_[t].lowest; f != Precision::kFp32; f = Raised(f)) {
-        const double after = Alone(t, Raised(f));
-        const auto bytes = static_cast<double>(options_[t].element_count * (ElementBytes(Raised(f)) - ElementBytes(f)));
+      for (Precision f = options_[t].lowest; f != Precision::kFp32; f = Raised(options_[t], f)) {
+        const Precision raised = Raised(options_[t], f);
+        const double after = Alone(t, raised);
+        const auto bytes = static_cast<double>(options_[t].element_count * (ElementBytes(raised) - ElementBytes(f)));
         double gain = std::max(before - after, 0.0) / std::max(bytes, 1.0);
         if (least >= 0) gain = std::min(gain, least);
         steps.push_back({t, gain});
@@ -96,7 +103,7 @@ class Chooser {
     std::stable_sort(steps.begin(), steps.end(),
                      [](const Step& a, const Step& b) { return a.gain_per_byte > b.gain_per_byte; });
     for (const Step& step : steps) {
-      formats_[step.tensor] = Raised(formats_[step.tensor]);
+      formats_[step.tensor] = Raised(options_[step.tensor], formats_[step.tensor]);
       *error_mm = Measure(formats_);
       if (*error_mm <= bound_mm_) return true;
     }
@@ -110,14 +117,14 @@ class Chooser {
       if (formats_[t] != options_[t].lowest) order.push_back(t);
     }
     const auto saved = [&](size_t t) {
-      return options_[t].element_count * (ElementBytes(formats_[t]) - ElementBytes(Lowered(formats_[t])));
+      return options_[t].element_count * (ElementBytes(formats_[t]) - ElementBytes(Lowered(options_[t], formats_[t])));
     };
     std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return saved(a) > saved(b); });
     refused_mm_.assign(options_.size(), 0);
     bool lowered = false;
     for (const size_t t : order) {
       Formats trial = formats_;
-      trial[t] = Lowered(trial[t]);
+      trial[t] = Lowered(options_[t], trial[t]);
       const double error = Measure(trial);
       if (error <= bound_mm_) {
         formats_ = std::move(trial);

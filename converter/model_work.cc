@@ -67,7 +67,11 @@ PartWork Layers(const format::MeshStage* mesh, uint64_t n) {
     const uint64_t gates = n * f * (3 * kActivationFlops + 8);
     const uint64_t norm = n * f * (4 + 4 + 2);  // mean and variance, LayerNorm, PReLU
     work.flops += 2 * n * products + aggregation + gates + norm;
-    work.weight_bytes += products * kFloat + (3 * f + 3 * f) * kFloat + (n + 1) * sizeof(uint32_t) + edges * 2;
+    const bool int8 = mesh->layers()->Get(l)->weights() != nullptr;
+    const uint64_t points = l == 0 ? 3 * w * f : 0, columns = l == 0 ? 4 * f : 8 * f;  // scales, and steps of inputs
+    work.weight_bytes += int8 ? (products - points) + points * kFloat + columns * kFloat : products * kFloat;
+    work.weight_bytes += (3 * f + 3 * f) * kFloat + (n + 1) * sizeof(uint32_t) + edges * 2;
+    work.int8 = work.int8 || int8;
     const bool last = l + 1 == mesh->layers()->size();
     work.state_bytes += n * kFloat * ((l == 0 ? 4 : f) + 2 * f + (last ? 1 : f));  // x, state in and out, next x
     if (last) work.flops += n * 2 * f;

@@ -87,6 +87,16 @@ PackedLinear PackQuantized(const std::string& name, const Matrix& exact, const Q
   return linear;
 }
 
+PackedLinear PackFlatIntegers(const std::string& name, const Matrix& weights) {
+  const QuantizedMatrix quantized = QuantizePerColumn(name + ".weights", weights);
+  PackedLinear linear;
+  linear.weights = Finish(name + ".weights", StoredType::kI8, ShapeOf(weights), BytesOf(quantized.values),
+                          LossOf(weights, quantized));
+  linear.column_scales = PackFloats(name + ".column_scales", {static_cast<uint32_t>(quantized.columns)},
+                                    quantized.column_scales);
+  return linear;
+}
+
 PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision) {
   const auto rows = static_cast<size_t>(weights.rows()), columns = static_cast<size_t>(weights.cols());
   const kernels::MatrixShape shape = {rows, columns, columns, 1};

@@ -56,6 +56,9 @@ PackedTensor PackIndices(const std::string& name, StoredType type, std::vector<u
 // Pair panels of what is quantised already; `exact` of the same shape is for the report.
 PackedLinear PackQuantized(const std::string& name, const Matrix& exact, const QuantizedMatrix& quantized);
 
+// Flat integers with their column scales, row scales 1; no bias.
+PackedLinear PackFlatIntegers(const std::string& name, const Matrix& weights);
+
 // Panels (f32, f16) or pair panels (int8). `bias` may be empty. Throws Error where fp16 overflows.
 PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision);
 

@@ -1,5 +1,6 @@
 #include "converter/write_model.h"
 
+#include <algorithm>
 #include <cstring>
 #include <unordered_map>
 
@@ -17,7 +18,14 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 2;
+constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3;
+
+// The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
+uint16_t FormatMinor(const ModelParts& parts) {
+  const auto has_integers = [](const MeshLayerParts& layer) { return layer.weights.has_value(); };
+  const bool integers = parts.mesh && std::any_of(parts.mesh->layers.begin(), parts.mesh->layers.end(), has_integers);
+  return integers ? kFormatMinorOfIntegerLayers : kFormatMinor;
+}
 
 // Where each tensor lies in the weight vector.
 struct Layout {
@@ -62,7 +70,7 @@ class Writer {
     const auto producer = String(parts_.producer);
     const auto precision = String(parts_.precision);
     const auto model =
-        format::CreateModel(builder_, format::kFormatMajor, kFormatMinor, producer, precision, parts_.tick_rate,
+        format::CreateModel(builder_, format::kFormatMajor, FormatMinor(parts_), producer, precision, parts_.tick_rate,
                             garment, character, features, static_stage, skeleton, mesh, displacement, weights,
                             kNoIdentityYet, body);
     builder_.Finish(model, format::ModelIdentifier());
@@ -153,8 +161,12 @@ class Writer {
     const auto output_bias = Tensor(layer.output_bias);
     const auto norm_gain = Tensor(layer.norm_gain);
     const auto norm_offset = Tensor(layer.norm_offset);
+    const auto weights = Tensor(layer.weights);
+    const auto column_scales = Tensor(layer.column_scales);
+    const auto input_inverse_steps = Tensor(layer.input_inverse_steps);
     return format::CreateMeshLayer(builder_, input_gates, gate_bias, hidden_gates, hidden_candidate, output,
-                                   output_bias, norm_gain, norm_offset, layer.prelu_slope);
+                                   output_bias, norm_gain, norm_offset, layer.prelu_slope, weights, column_scales,
+                                   input_inverse_steps);
   }
 
   fb::Offset<format::MeshStage> Mesh(const MeshStageParts& mesh) {
@@ -203,11 +215,10 @@ class Writer {
 std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
   std::vector<const PackedTensor*> tensors;
   auto add = [&](const auto&... tensor) { (tensors.push_back(&tensor), ...); };
+  auto add_present = [&](const auto&... optional) { ((optional ? tensors.push_back(&*optional) : void()), ...); };
   auto add_linear = [&](const PackedLinear& linear) {
     add(linear.weights);
-    for (const std::optional<PackedTensor>* optional : {&linear.row_scales, &linear.column_scales, &linear.bias}) {
-      if (*optional) add(**optional);
-    }
+    add_present(linear.row_scales, linear.column_scales, linear.bias);
   };
   add(parts.inverse_bind, parts.mean, parts.inverse_deviation, parts.low, parts.high, parts.pivots);
   add_linear(parts.static_hidden);
@@ -221,8 +232,11 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
     add(mesh.input_mean, mesh.input_inverse_deviation, mesh.body_points, mesh.body_joints, mesh.body_weights,
         mesh.row_starts, mesh.columns);
     for (const MeshLayerParts& layer : mesh.layers) {
-      add(layer.input_gates, layer.gate_bias, layer.hidden_gates, layer.hidden_candidate, layer.output,
-          layer.output_bias, layer.norm_gain, layer.norm_offset);
+      add_present(layer.input_gates);
+      add(layer.gate_bias);
+      add_present(layer.hidden_gates, layer.hidden_candidate, layer.output, layer.weights, layer.column_scales,
+                  layer.input_inverse_steps);
+      add(layer.output_bias, layer.norm_gain, layer.norm_offset);
     }
     add(mesh.embed);
     add_linear(mesh.hidden);

@@ -14,7 +14,9 @@ namespace dcloth::converter {
 
 // Fields of engine/format/dcloth.fbs, one for one.
 struct MeshLayerParts {
-  PackedTensor input_gates, gate_bias, hidden_gates, hidden_candidate, output, output_bias, norm_gain, norm_offset;
+  PackedTensor gate_bias, output_bias, norm_gain, norm_offset;
+  std::optional<PackedTensor> input_gates, hidden_gates, hidden_candidate, output;
+  std::optional<PackedTensor> weights, column_scales, input_inverse_steps;
   float prelu_slope = 0;
 };
 

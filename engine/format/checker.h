@@ -47,6 +47,9 @@ class Checker {
   bool WeightRows(const Path& path, const Tensor* tensor, Shape shape, const float** values);
   bool Indices(const Path& path, const Tensor* tensor, Shape shape, uint32_t limit, const uint8_t** values);
   bool Indices(const Path& path, const Tensor* tensor, Shape shape, uint32_t limit, const uint16_t** values);
+  bool Integers(const Path& path, const Tensor* tensor, Shape shape, const int8_t** values);  // -127 to 127
+  // Normal numbers above 0. `parent` is the place of a tensor that is missing.
+  bool Scales(const Path& path, const void* parent, const Tensor* tensor, uint32_t count, const float** values);
   bool Words(const Path& path, const Tensor* tensor, Shape shape, const uint32_t** values);  // any values
 
   // A [rows, columns] matrix with its scales and bias. Checks their values, but not the weights': see LinearView.
@@ -65,7 +68,6 @@ class Checker {
                const void** values);
   bool ShapeIs(const Path& path, const Tensor* tensor, Shape shape);
   bool Claim(const Path& path, const Tensor* tensor, uint64_t size);
-  bool Scales(const Path& path, const void* parent, const Tensor* tensor, uint32_t count, const float** values);
   bool LinearScales(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t padded_columns,
                     LinearView* view);
 

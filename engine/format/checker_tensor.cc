@@ -48,7 +48,7 @@ bool Checker::Claim(const Path& path, const Tensor* tensor, uint64_t size) {
       return Fail(offset_path, tensor, found, "a range of its own");
     }
   }
-  if (range_count_ == kMaxTensors) return Fail(path, tensor, "more tensors than any model has", "128");
+  if (range_count_ == kMaxTensors) return Fail(path, tensor, "more tensors than any model has", "160");
   ranges_[range_count_++] = {offset, offset + size};
   return true;
 }
@@ -70,6 +70,15 @@ bool Checker::Scales(const Path& path, const void* parent, const Tensor* tensor,
   const size_t bad = FindNotPositive(*values, count);
   return bad == count || FailElement(path, *values, bad, sizeof(float), "a scale that is not positive",
                                      "normal numbers above 0, in padding too");
+}
+
+bool Checker::Integers(const Path& path, const Tensor* tensor, Shape shape, const int8_t** values) {
+  const void* found = nullptr;
+  const uint64_t count = uint64_t{shape.rows} * shape.columns;
+  if (!Resolve(path, tensor, DType_I8, shape, count, &found)) return false;
+  *values = static_cast<const int8_t*>(found);
+  const size_t bad = FindBelow(*values, count, -127);
+  return bad == count || FailElement(path, *values, bad, sizeof(int8_t), "-128", "-127 to 127");
 }
 
 bool Checker::LinearScales(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t padded_columns,

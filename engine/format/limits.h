@@ -38,7 +38,7 @@ constexpr float kMaxTickRate = 1000.0f;
 // widest model of this major version has, with room for fields to come.
 constexpr uint32_t kMaxTableDepth = 4;
 constexpr uint32_t kMaxTables = 256;
-constexpr uint32_t kMaxTensors = 128;
+constexpr uint32_t kMaxTensors = 160;
 
 }  // namespace dcloth::format
 

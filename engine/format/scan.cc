@@ -54,6 +54,9 @@ size_t FindNotPositive(const float* values, size_t count) {
   return FindFirst(count, [=](size_t i) { return !((values[i] >= kSmallestNormal) & (values[i] <= kLargestFloat)); });
 }
 
+size_t FindBelow(const int8_t* values, size_t count, int8_t limit) {
+  return FindFirst(count, [=](size_t i) { return values[i] < limit; });
+}
 size_t FindNotBelow(const uint8_t* values, size_t count, uint32_t limit) {
   return FindIndexNotBelow(values, count, limit);
 }

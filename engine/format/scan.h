@@ -13,6 +13,7 @@ size_t FindNotFinite(const float* values, size_t count);
 // Not finite, or below the smallest normal float (a subnormal's worth would depend on the host's DAZ flag).
 size_t FindNotPositive(const float* values, size_t count);
 
+size_t FindBelow(const int8_t* values, size_t count, int8_t limit);
 size_t FindNotBelow(const uint8_t* values, size_t count, uint32_t limit);
 size_t FindNotBelow(const uint16_t* values, size_t count, uint32_t limit);
 

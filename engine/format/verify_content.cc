@@ -141,15 +141,44 @@ bool VerifyGraph(const MeshStage& stage, Checker* check, ModelView* model) {
          check->Indices({&parent, "columns"}, stage.columns(), {starts[n]}, n, &view->columns);
 }
 
+// A matrix of floats, which is there where no integers take its place.
+bool VerifyMatrix(const Path& path, const MeshLayer& layer, const Tensor* tensor, bool wanted, Shape shape,
+                  Checker* check, const float** values) {
+  if (wanted == (tensor != nullptr)) return !wanted || check->Floats(path, tensor, shape, values);
+  return wanted ? check->Fail(path, &layer, "no weights", "f32 weights, or i8 ones of the whole layer")
+                : check->Fail(path, tensor, "float weights beside the layer's i8 ones", "one of both");
+}
+
+bool VerifyIntegers(const MeshLayer& layer, const Path& path, bool first, uint32_t width, Checker* check,
+                    MeshLayerView* view) {
+  const uint32_t columns = (first ? 4 : 7) * width;
+  const Path scales = {&path, "column_scales"}, steps = {&path, "input_inverse_steps"};
+  if (layer.weights() == nullptr) {
+    if (layer.column_scales() != nullptr) return check->Fail(scales, &layer, "scales beside float weights", "none");
+    return layer.input_inverse_steps() == nullptr || check->Fail(steps, &layer, "steps beside float weights", "none");
+  }
+  if (!check->Integers({&path, "weights"}, layer.weights(), {width, columns}, &view->integers) ||
+      !check->Scales(scales, &layer, layer.column_scales(), columns, &view->column_scales)) {
+    return false;
+  }
+  if (!first) return check->Scales(steps, &layer, layer.input_inverse_steps(), width, &view->input_inverse_steps);
+  return layer.input_inverse_steps() == nullptr ||
+         check->Fail(steps, &layer, "steps of a first layer", "none: its inputs are not rounded");
+}
+
 bool VerifyLayer(const MeshLayer& layer, const Path& path, uint32_t input_width, uint32_t width, Checker* check,
                  MeshLayerView* view) {
+  const bool floats = layer.weights() == nullptr, first = input_width == 3;
   view->prelu_slope = layer.prelu_slope();
-  return check->Floats({&path, "input_gates"}, layer.input_gates(), {input_width, 3 * width}, &view->input_gates) &&
+  return VerifyMatrix({&path, "input_gates"}, layer, layer.input_gates(), floats || first, {input_width, 3 * width},
+                      check, &view->input_gates) &&
          check->Floats({&path, "gate_bias"}, layer.gate_bias(), {3 * width}, &view->gate_bias) &&
-         check->Floats({&path, "hidden_gates"}, layer.hidden_gates(), {width, 2 * width}, &view->hidden_gates) &&
-         check->Floats({&path, "hidden_candidate"}, layer.hidden_candidate(), {width, width},
-                       &view->hidden_candidate) &&
-         check->Floats({&path, "output"}, layer.output(), {width, width}, &view->output) &&
+         VerifyMatrix({&path, "hidden_gates"}, layer, layer.hidden_gates(), floats, {width, 2 * width}, check,
+                      &view->hidden_gates) &&
+         VerifyMatrix({&path, "hidden_candidate"}, layer, layer.hidden_candidate(), floats, {width, width}, check,
+                      &view->hidden_candidate) &&
+         VerifyMatrix({&path, "output"}, layer, layer.output(), floats, {width, width}, check, &view->output) &&
+         VerifyIntegers(layer, path, first, width, check, view) &&
          check->Floats({&path, "output_bias"}, layer.output_bias(), {width}, &view->output_bias) &&
          check->Floats({&path, "norm_gain"}, layer.norm_gain(), {width}, &view->norm_gain) &&
          check->Floats({&path, "norm_offset"}, layer.norm_offset(), {width}, &view->norm_offset) &&

@@ -49,6 +49,7 @@ struct SkeletonStageView {
   uint32_t units;     // k, 0 where the model has no such stage
 };
 
+// Float matrices, or `integers` in place of all but the first layer's input_gates.
 struct MeshLayerView {
   const float* input_gates;
   const float* gate_bias;
@@ -58,6 +59,9 @@ struct MeshLayerView {
   const float* output_bias;
   const float* norm_gain;
   const float* norm_offset;
+  const int8_t* integers;            // [F, 7 F], in layer 0 [F, 4 F]; or null
+  const float* column_scales;        // [7 F] or [4 F]
+  const float* input_inverse_steps;  // [F], not in layer 0
   float prelu_slope;
 };
 

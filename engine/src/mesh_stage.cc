@@ -57,6 +57,13 @@ kernels::GsgruJob LayerJob(const ModelView& model, size_t index, const MeshMemor
   return job;
 }
 
+size_t LayerScratchFloats(const MeshStageView& stage) {
+  for (uint32_t l = 0; l < stage.layer_count; ++l) {
+    if (stage.layers[l].integers != nullptr) return kernels::GsgruI8ScratchFloats(stage.feature_width);
+  }
+  return kernels::GsgruScratchFloats(stage.feature_width);
+}
+
 }  // namespace
 
 MeshMemory PlaceMeshMemory(const ModelView& model, Arena* arena) {
@@ -68,7 +75,7 @@ MeshMemory PlaceMeshMemory(const ModelView& model, Arena* arena) {
   memory.matrices = arena->Take<float>(size_t{12} * model.joint_count);
   memory.even = arena->Take<float>(n * (layers > 2 ? width : kPointStride));
   memory.odd = arena->Take<float>(layers > 1 ? n * width : 0);
-  memory.layer = arena->Take<float>(kernels::GsgruScratchFloats(width));
+  memory.layer = arena->Take<float>(LayerScratchFloats(stage));
   memory.embedded = arena->Take<float>(n);
   memory.hidden = arena->Take<float>(kernels::PaddedColumns(stage.hidden.columns));
   return memory;
@@ -120,7 +127,13 @@ void RunMeshLayers(const kernels::KernelTable& kernels, const ModelView& model, 
   while (block_count > 0) {
     const size_t layer = begin_block / blocks, first = begin_block % blocks;
     const size_t count = block_count < blocks - first ? block_count : blocks - first;
-    kernels.gsgru(LayerJob(model, layer, memory, VerticesOf(model, first, count)));
+    const kernels::GsgruJob job = LayerJob(model, layer, memory, VerticesOf(model, first, count));
+    const MeshLayerView& view = model.mesh_stage.layers[layer];
+    if (view.integers == nullptr) {
+      kernels.gsgru(job);
+    } else {
+      kernels.gsgru_i8({job, view.integers, view.column_scales, view.input_inverse_steps});
+    }
     begin_block += count;
     block_count -= count;
   }

@@ -15,11 +15,11 @@ using format::ModelView;
 
 // Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of
 // weights out of the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices
-// take 0.253 ms at F = 8 and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add; skinning takes
-// 0.039 ms for 7,952 vertices.
+// take 0.253 ms at F = 8 and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add, four fifths of it with
+// integer products; skinning takes 0.039 ms for 7,952 vertices.
 constexpr uint64_t kPerByte = 40;
 constexpr uint64_t kPerLayerVertex = 20000;
-constexpr uint64_t kPerMultiplyAdd = 27;
+constexpr uint64_t kPerMultiplyAdd = 27, kPerIntegerMultiplyAdd = 21;
 constexpr uint64_t kPerSkinnedVertex = 5000;
 constexpr uint64_t kPerGate = 1000;
 
@@ -42,7 +42,8 @@ uint64_t LayerBlockCost(const ModelView& model) {
   const uint64_t width = model.mesh_stage.feature_width, layers = model.mesh_stage.layer_count;
   const uint64_t inputs = 3 + (layers - 1) * width;
   const uint64_t multiply_adds = 3 * width * inputs / layers + 4 * width * width;
-  return kernels::kGsgruBlock * (kPerLayerVertex + kPerMultiplyAdd * multiply_adds);
+  const bool integers = model.mesh_stage.layers[layers - 1].integers != nullptr;
+  return kernels::kGsgruBlock * (kPerLayerVertex + (integers ? kPerIntegerMultiplyAdd : kPerMultiplyAdd) * multiply_adds);
 }
 
 // No items: the part does not take place.

@@ -8,6 +8,7 @@ TestModel Sound(const Corruption& corruption) {
   spec.precision = corruption.precision;
   spec.mesh = corruption.stages == DCLOTH_STAGES_MESH;
   spec.skeleton = corruption.stages != DCLOTH_STAGES_STATIC;
+  spec.integer_layers = corruption.integer_layers;
   return BuildModel(spec);
 }
 
@@ -23,15 +24,21 @@ std::unique_ptr<format::TensorT> Copy(const format::TensorT& tensor) {
 
 std::unique_ptr<format::MeshLayerT> Copy(const format::MeshLayerT& layer) {
   auto copy = std::make_unique<format::MeshLayerT>();
-  copy->input_gates = Copy(*layer.input_gates);
+  const auto copy_present = [](const std::unique_ptr<format::TensorT>& tensor) {
+    return tensor ? Copy(*tensor) : nullptr;
+  };
+  copy->input_gates = copy_present(layer.input_gates);
   copy->gate_bias = Copy(*layer.gate_bias);
-  copy->hidden_gates = Copy(*layer.hidden_gates);
-  copy->hidden_candidate = Copy(*layer.hidden_candidate);
-  copy->output = Copy(*layer.output);
+  copy->hidden_gates = copy_present(layer.hidden_gates);
+  copy->hidden_candidate = copy_present(layer.hidden_candidate);
+  copy->output = copy_present(layer.output);
   copy->output_bias = Copy(*layer.output_bias);
   copy->norm_gain = Copy(*layer.norm_gain);
   copy->norm_offset = Copy(*layer.norm_offset);
   copy->prelu_slope = layer.prelu_slope;
+  copy->weights = copy_present(layer.weights);
+  copy->column_scales = copy_present(layer.column_scales);
+  copy->input_inverse_steps = copy_present(layer.input_inverse_steps);
   return copy;
 }
 

@@ -24,6 +24,7 @@ struct Corruption {
   std::function<void(AlignedBytes*)> bytes = nullptr;
   format::DType precision = format::DType_I8;
   uint32_t stages = DCLOTH_STAGES_MESH;  // of the sound model
+  bool integer_layers = false;           // in it
 };
 
 inline void PrintTo(const Corruption& corruption, std::ostream* out) { *out << corruption.name; }

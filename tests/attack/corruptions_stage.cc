@@ -118,6 +118,12 @@ std::vector<Corruption> Layers() {
       {"layers_swapped", kSemantics,
        "mesh_stage.layers[0].input_gates.shape: ", "found [16, 48]; allowed: [3, 48]",
        [](M* m) { std::swap(m->mesh_stage->layers[0], m->mesh_stage->layers[1]); }},
+      {"layer_without_output", kSemantics, "mesh_stage.layers[1].output: ",
+       "found no weights; allowed: f32 weights, or i8 ones of the whole layer",
+       [](M* m) { m->mesh_stage->layers[1]->output.reset(); }},
+      {"layer_scales_beside_floats", kSemantics, "mesh_stage.layers[1].column_scales: ",
+       "found scales beside float weights; allowed: none",
+       [](M* m) { m->mesh_stage->layers[1]->column_scales = Copy(*m->mesh_stage->layers[1]->norm_gain); }},
       {"layer_output_narrow", kSemantics, "mesh_stage.layers[1].output.shape: ",
        "found [16, 15]; allowed: [16, 16]", [](M* m) { m->mesh_stage->layers[1]->output->shape[1] = 15; }},
       {"layer_gates_nan", kSemantics, "mesh_stage.layers[2].hidden_gates[1]: ", "found NaN",
@@ -184,11 +190,47 @@ std::vector<Corruption> StagesThatDoNotFit() {
   };
 }
 
+std::vector<Corruption> IntegerLayers() {
+  using L = format::MeshLayerT;
+  const auto spoil = [](const char* name, const char* field, const char* reason, size_t layer, void (*change)(M*, L*)) {
+    return Corruption{name,  kSemantics, field, reason, [=](M* m) { change(m, m->mesh_stage->layers[layer].get()); },
+                      nullptr, format::DType_I8, DCLOTH_STAGES_MESH, true};
+  };
+  return {
+      spoil("integers_beside_floats", "mesh_stage.layers[1].output: ",
+            "found float weights beside the layer's i8 ones; allowed: one of both", 1,
+            [](M*, L* layer) { layer->output = Copy(*layer->weights); }),
+      spoil("integers_of_first_layer_without_its_floats", "mesh_stage.layers[0].input_gates: ", "found no weights", 0,
+            [](M*, L* layer) { layer->input_gates.reset(); }),
+      spoil("integers_as_floats", "mesh_stage.layers[1].weights.dtype: ", "found f32; allowed: i8", 1,
+            [](M*, L* layer) { layer->weights->dtype = format::DType_F32; }),
+      spoil("integers_narrow", "mesh_stage.layers[1].weights.shape: ", "found [16, 64]; allowed: [16, 112]", 1,
+            [](M*, L* layer) { layer->weights->shape[1] = 64; }),
+      spoil("integer_lowest", "mesh_stage.layers[2].weights[5]: ", "found -128; allowed: -127 to 127", 2,
+            [](M* m, L* layer) { *Data<int8_t>(m, *layer->weights, 5) = -128; }),
+      spoil("integer_scales_missing", "mesh_stage.layers[1].column_scales: ", "found no scales", 1,
+            [](M*, L* layer) { layer->column_scales.reset(); }),
+      spoil("integer_scales_short", "mesh_stage.layers[0].column_scales.shape: ", "found [63]; allowed: [64]", 0,
+            [](M*, L* layer) { layer->column_scales->shape[0] = 63; }),
+      spoil("integer_scale_zero", "mesh_stage.layers[1].column_scales[7]: ", "found a scale that is not positive", 1,
+            [](M* m, L* layer) { *Data<float>(m, *layer->column_scales, 7) = 0; }),
+      spoil("integer_steps_missing", "mesh_stage.layers[1].input_inverse_steps: ", "found no scales", 1,
+            [](M*, L* layer) { layer->input_inverse_steps.reset(); }),
+      spoil("integer_step_infinite", "mesh_stage.layers[2].input_inverse_steps[3]: ", "found infinity", 2,
+            [](M* m, L* layer) { *Data<float>(m, *layer->input_inverse_steps, 3) = kInfinity; }),
+      spoil("integer_steps_of_first_layer", "mesh_stage.layers[0].input_inverse_steps: ",
+            "found steps of a first layer; allowed: none", 0,
+            [](M*, L* layer) { layer->input_inverse_steps = Copy(*layer->norm_gain); }),
+      spoil("integers_overlap", "mesh_stage.layers[2].weights.offset: ", "found an overlap with the tensor at", 2,
+            [](M* m, L* layer) { layer->weights->offset = m->mesh_stage->layers[1]->weights->offset; }),
+  };
+}
+
 }  // namespace
 
 std::vector<Corruption> StageCorruptions() {
   std::vector<Corruption> all = IndicesAndWeights();
-  for (const auto& more : {GraphRows(), Layers(), StagesThatDoNotFit()})
+  for (const auto& more : {GraphRows(), Layers(), IntegerLayers(), StagesThatDoNotFit()})
     all.insert(all.end(), more.begin(), more.end());
   return all;
 }

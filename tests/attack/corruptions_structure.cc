@@ -109,8 +109,6 @@ std::vector<Corruption> MissingFields() {
       {"no_body_points", kFormat, "mesh_stage: ", kBroken, [](M* m) { m->mesh_stage->body_points.reset(); }},
       {"no_basis_weights", kFormat, "displacement: ", kBroken,
        [](M* m) { m->displacement->basis->weights.reset(); }},
-      {"layer_without_output", kFormat, "mesh_stage: ", kBroken,
-       [](M* m) { m->mesh_stage->layers[1]->output.reset(); }},
       {"tables_beyond_count", kFormat, "mesh_stage: ", kBroken,
        [](M* m) {
          while (m->mesh_stage->layers.size() < 30)

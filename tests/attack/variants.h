@@ -17,8 +17,8 @@ struct Variant {
 
 inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
-// Every precision with every set of stages, and two that differ in features, influences and layers, one with a reduced
-// basis and one with a body: 13 models of 3 to 20 KB.
+// Every precision with every set of stages, and two that differ in features, influences and layers, one with integer
+// layers, one with a reduced basis and one with a body: 14 models of 3 to 20 KB.
 inline std::vector<Variant> Variants() {
   ModelSpec small;
   small.rings = 3;
@@ -56,6 +56,9 @@ inline std::vector<Variant> Variants() {
   other.influences = 1;
   other.body_influences = 8;
   variants.push_back({"I8_one_wide_layer", other});
+  other.integer_layers = true;
+  other.layers = 2;
+  variants.push_back({"I8_integer_layers", other});
   small.precision = format::DType_I8;
   small.rank = 4;
   variants.push_back({"I8_reduced", small});

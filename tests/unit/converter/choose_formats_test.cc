@@ -34,7 +34,9 @@ struct Made {
     for (const FormatOption& option : options) {
       const auto named = plan.formats.find(option.tensor);
       const Precision format = named == plan.formats.end() ? plan.precision : named->second;
-      formats.push_back(Bytes(format) < Bytes(option.lowest) ? option.lowest : format);
+      formats.push_back(Bytes(format) < Bytes(option.lowest)                     ? option.lowest
+                        : format == Precision::kFp16 && !option.has_halves ? Precision::kFp32
+                                                                           : format);
     }
     return formats;
   }
@@ -57,7 +59,8 @@ Made FromSeed(unsigned seed) {
   const size_t count = 2 + random() % 5;
   for (size_t t = 0; t < count; ++t) {
     const Precision lowest = random() % 4 == 0 ? Precision::kFp16 : Precision::kInt8;
-    made.options.push_back({std::to_string(t), lowest, 10 + random() % 1000});
+    const bool has_halves = lowest == Precision::kFp16 || random() % 4 != 0;
+    made.options.push_back({std::to_string(t), lowest, 10 + random() % 1000, has_halves});
     made.int8_mm.push_back(std::exp(static_cast<double>(random() % 1000) / 150.0));
   }
   return made;
@@ -132,6 +135,7 @@ TEST(ChooseFormatsTest, AnswersKeepTheBoundAndNoTensorCanBeCheaper) {
         }
         for (const Precision f : {Precision::kInt8, Precision::kFp16, Precision::kFp32}) {
           if (Bytes(f) < Bytes(made.options[t].lowest)) continue;
+          if (f == Precision::kFp16 && !made.options[t].has_halves) continue;
           trial[t] = f;
           visit(t + 1);
         }

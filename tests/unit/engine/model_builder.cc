@@ -1,5 +1,6 @@
 #include "tests/unit/engine/model_builder.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <set>
@@ -119,6 +120,43 @@ std::unique_ptr<format::MeshLayerT> MeshLayer(uint32_t input_width, uint32_t wid
   return table;
 }
 
+// The layer's float matrices as integers: each column's largest weight is 127 steps. Steps of inputs reach past what the
+// norm before gives, 0.5 sqrt(15) + 0.3.
+void MakeIntegers(uint32_t width, bool first, TensorWriter* writer, format::MeshLayerT* table, Layer* layer) {
+  std::vector<float> inverse_steps;
+  for (uint32_t f = 0; f < width; ++f) inverse_steps.push_back(static_cast<float>(writer->Uniform(50, 54)));
+  std::vector<int8_t> integers(size_t{width} * (first ? 4 : 7) * width);
+  std::vector<float> scales;
+  const size_t stride = integers.size() / width;
+  const auto add = [&](std::vector<double>* matrix, bool inputs) {
+    const size_t columns = matrix->size() / width;
+    for (size_t c = 0; c < columns; ++c) {
+      const auto step = [&](size_t k) { return 1.0 / (inputs ? static_cast<double>(inverse_steps[k]) : 127.0); };
+      double largest = 0;
+      for (size_t k = 0; k < width; ++k) largest = std::max(largest, std::abs((*matrix)[k * columns + c]) * step(k));
+      const auto scale = static_cast<float>(largest / 127);
+      for (size_t k = 0; k < width; ++k) {
+        double& weight = (*matrix)[k * columns + c];
+        const double level = std::clamp(std::nearbyint(weight * step(k) / static_cast<double>(scale)), -127.0, 127.0);
+        integers[k * stride + scales.size()] = static_cast<int8_t>(level);
+        weight = level * static_cast<double>(scale) / step(k);
+      }
+      scales.push_back(scale);
+    }
+  };
+  if (!first) {
+    add(&layer->input_gates, true);
+    table->input_gates.reset();
+    table->input_inverse_steps = writer->Add(format::DType_F32, {width}, inverse_steps);
+  }
+  for (std::vector<double>* matrix : {&layer->hidden_gates, &layer->hidden_candidate, &layer->output}) add(matrix, false);
+  table->hidden_gates.reset();
+  table->hidden_candidate.reset();
+  table->output.reset();
+  table->weights = writer->Add(format::DType_I8, {width, static_cast<uint32_t>(stride)}, integers);
+  table->column_scales = writer->Add(format::DType_F32, {static_cast<uint32_t>(stride)}, scales);
+}
+
 std::unique_ptr<format::MeshStageT> MeshStage(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers) {
   auto stage = std::make_unique<format::MeshStageT>();
   const auto n = static_cast<uint32_t>(numbers->n), width = spec.feature_width;
@@ -140,6 +178,7 @@ std::unique_ptr<format::MeshStageT> MeshStage(const ModelSpec& spec, TensorWrite
   for (uint32_t l = 0; l < spec.layers; ++l) {
     numbers->layers.emplace_back();
     stage->layers.push_back(MeshLayer(l == 0 ? 3 : width, width, writer, &numbers->layers.back()));
+    if (spec.integer_layers) MakeIntegers(width, l == 0, writer, stage->layers.back().get(), &numbers->layers.back());
   }
   stage->embed = writer->RandomFloats({width}, -2.0 / width, 2.0 / width, &numbers->embed);
   stage->embed_bias = 0.125f;

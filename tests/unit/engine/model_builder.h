@@ -32,6 +32,7 @@ struct ModelSpec {
   uint32_t units = 19;  // k_S; odd, so that the basis has a pad row
   uint32_t feature_width = 16;
   uint32_t layers = 3;
+  bool integer_layers = false;  // the layers' products in int8; `numbers` then hold what the integers stand for
   uint32_t mesh_width = 37;
   uint32_t mesh_basis = 13;  // k_M
   uint32_t rank = 0;         // of a reduced basis; 0: not reduced
