@@ -2,7 +2,8 @@
 // once per instruction set.
 //
 //   AVX-512   four rows at once, vpdpbusd: inputs as q + 128 (it takes one side unsigned), taken back by the start value
-//   NEON      four rows at once: two products in 16 bits (at most 2 * 128 * 127), then pairs into 32
+//   NEON      four rows at once: sdot where the build may use it (-march=armv8.2-a+dotprod, Apple's by default), else two
+//             products in 16 bits (at most 2 * 128 * 127), then pairs into 32
 //   others    two rows at once, pmaddwd and its like: both sides widened to 16 bits, weights once a call
 #include "kernels/gsgru/gsgru_i8.h"
 
@@ -47,13 +48,15 @@ using WeightTag = hn::Repartition<Weight, DI>;
 
 // sum + the products of kRows rows, each lane a column. `x` holds the same kRows inputs in every lane.
 template <class DI, class V = hn::Vec<DI>, class VW = hn::Vec<WeightTag<DI>>>
-HWY_INLINE V AddRows(DI di, V sum, VW w, V x) {
+HWY_INLINE V AddRows([[maybe_unused]] DI di, V sum, VW w, V x) {
 #if HWY_TARGET == HWY_AVX3 && !HWY_COMPILER_MSVC
-  (void)di;
   __asm__("vpdpbusd %2, %1, %0" : "+v"(sum.raw) : "v"(x.raw), "v"(w.raw));
   return sum;
 #elif HWY_ARCH_ARM
   const int8x16_t inputs = hn::BitCast(WeightTag<DI>(), x).raw;
+#if defined(__ARM_FEATURE_DOTPROD)
+  return V(vdotq_s32(sum.raw, w.raw, inputs));
+#else
   const int16x8_t low = vmull_s8(vget_low_s8(w.raw), vget_low_s8(inputs));
   const int16x8_t high = vmull_s8(vget_high_s8(w.raw), vget_high_s8(inputs));
 #if HWY_ARCH_ARM_A64
@@ -63,10 +66,10 @@ HWY_INLINE V AddRows(DI di, V sum, VW w, V x) {
                                        vpadd_s16(vget_low_s16(high), vget_high_s16(high)));
 #endif
   return V(vpadalq_s16(sum.raw, pairs));
+#endif
 #elif HWY_TARGET == HWY_WASM
   return hn::Add(sum, V{wasm_i32x4_dot_i16x8(w.raw, hn::BitCast(WeightTag<DI>(), x).raw)});
 #elif HWY_TARGET == HWY_AVX2 && !HWY_COMPILER_MSVC
-  (void)di;
   // GCC 12 keeps sums in two registers each, and copies.
   const __m256i products = _mm256_madd_epi16(w.raw, hn::BitCast(WeightTag<DI>(), x).raw);
   __asm__("vpaddd %1, %0, %0" : "+x"(sum.raw) : "x"(products));
