@@ -6,9 +6,9 @@
 // POSES as for tests/picture. A JSON line after each twentieth of the time, flushed; a last one with a hash of all
 // instances' states, which does not depend on the threads. Exit 1 and the reason on stderr where the heap or the
 // process grew, a canary that plays the same motion after each part drew other bits, a garment left its character, a
-// call failed or, with --strict, the 99th percentile rose by more than a tenth from the first part to the last. Other work
-// on the machine raises it, too: it is taken as a multiple of that of controls, instances made anew for each part that
-// live the same life every time, here and there among the others. --fault breaks that promise.
+// call failed or, with --strict, the 99th percentile rose by more than a tenth from the first part to the last. Other
+// work on the machine raises it, too: it is taken as a multiple of that of controls, instances made anew for each part
+// that live the same life every time, here and there among the others. --fault breaks that promise.
 #include <malloc.h>
 #include <time.h>
 #include <unistd.h>
