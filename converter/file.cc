@@ -77,6 +77,15 @@ bool Rename(const fs::path& from, const fs::path& to, std::string* reason) {
 bool Writable(const fs::path& path) { return ::access(path.c_str(), W_OK) == 0; }
 #endif
 
+// The name of a temporary file beside `target`, of this process. A long name (255 bytes are usual, 143 where a disk is
+// encrypted) leaves no room for more and is left out of it.
+fs::path TemporaryName(const fs::path& target, int attempt) {
+  constexpr size_t kLongName = 100;
+  fs::path name = target.filename().native().size() > kLongName ? fs::path("dcloth") : target.filename();
+  name += "." + std::to_string(ProcessId()) + "." + std::to_string(attempt) + ".tmp";
+  return target.parent_path() / name;
+}
+
 // The file that `path` means, and whether it may be replaced.
 fs::path Target(const fs::path& path, fs::perms* keep) {
   if (path.empty()) Refuse(path, "an empty file name", "name the file to write");
@@ -109,12 +118,7 @@ class PreparedFile::Temporary {
  public:
   explicit Temporary(const fs::path& path) : path_(path), target_(Target(path, &keep_)) {
     for (int attempt = 0; attempt < 100; ++attempt) {
-      temporary_ = target_;
-      temporary_ += std::string(".")
-                   .append(std::to_string(ProcessId()))
-                   .append(".")
-                   .append(std::to_string(attempt))
-                   .append(".tmp");
+      temporary_ = TemporaryName(target_, attempt);
       file_ = OpenExclusive(temporary_);
       if (file_ >= 0 || errno != EEXIST) break;
     }

@@ -32,9 +32,9 @@ using AlignedBytes = std::vector<std::byte, ModelAllocator<std::byte>>;
 // are refused, as is a file of more than `limit_bytes`. Throws Error.
 AlignedBytes ReadFile(const std::filesystem::path& path, uint64_t limit_bytes = uint64_t{16} << 30);
 
-// Creates or replaces `path` with the pieces, one after another: a temporary file beside it, flushed to the disk, then
-// renamed. On failure an existing file is intact and the temporary file is gone. A symbolic link is followed; a file
-// without write permission, a directory or a device is refused. Throws Error.
+// Creates or replaces `path` with the pieces, one after another: a temporary file in its folder, flushed to the disk,
+// then renamed. On failure an existing file is intact and the temporary file is gone. A symbolic link is followed; a
+// file without write permission, a directory or a device is refused. Throws Error.
 void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::span<const std::byte>> pieces);
 void WriteFileAtomically(const std::filesystem::path& path, std::span<const std::byte> bytes);
 

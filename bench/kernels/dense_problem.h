@@ -82,14 +82,13 @@ class PackedDense {
     const size_t rows = problem_.rows, pairs = PairedRows(rows), panels = PanelCount(problem_.columns);
     const float* x = problem_.x.data();
     if (kind_ == WeightKind::kF32) {
-      table.matvec_f32({x, f32_.data(), nullptr, y_.data(), rows, 0, rows, panels, false});
+      table.matvec_f32({x, f32_.data(), nullptr, y_.data(), rows, rows, panels, false});
     } else if (kind_ == WeightKind::kF16) {
-      table.matvec_f16({x, f16_.data(), nullptr, y_.data(), rows, 0, rows, panels, false});
+      table.matvec_f16({x, f16_.data(), nullptr, y_.data(), rows, rows, panels, false});
     } else {
       float scale;
       table.quantize_i16({x, nullptr, q_.data(), &scale, rows});
-      table.matvec_i8(
-          {q_.data(), i8_.data(), scales_.data(), nullptr, y_.data(), scale, pairs, 0, pairs, panels, false});
+      table.matvec_i8({q_.data(), i8_.data(), scales_.data(), nullptr, y_.data(), scale, pairs, pairs, panels, false});
     }
   }
 

@@ -20,15 +20,14 @@ constexpr size_t PairedRows(size_t rows) { return rows + (rows & 1); }
 // in_order: products and sums are rounded apart, from the first row to the last: bit-identical on every instruction set,
 // and somewhat slower where the weights are in the cache.
 //
-// Which rows of the stored matrix take part: rows [row_begin, row_begin + row_count) of `panel_rows` stored ones, so that
-// a stage may use its part of a shared basis. x[0] belongs to row_begin. row_count 0 gives the bias.
+// Which rows of the stored matrix take part: the first row_count of `panel_rows` stored ones, so that the stages in use
+// take their part of a shared basis. row_count 0 gives the bias.
 struct MatvecF32Job {
   const float* x;        // [row_count]
   const float* weights;  // [panel_count][panel_rows][32]
   const float* bias;     // [panel_count * 32], or null for zero
   float* y;              // [panel_count * 32]
   size_t panel_rows;
-  size_t row_begin;
   size_t row_count;
   size_t panel_count;    // PanelCount(columns)
   bool relu;             // y = max(y, 0)
@@ -42,7 +41,6 @@ struct MatvecF16Job {
   const float* bias;
   float* y;
   size_t panel_rows;
-  size_t row_begin;
   size_t row_count;
   size_t panel_count;
   bool relu;
@@ -50,7 +48,7 @@ struct MatvecF16Job {
 };
 
 // y[c] = (float(sum_j x[j] W[j][c]) * x_scale) * column_scales[c] + bias[c]; the sum is exact in int32 where x comes from
-// QuantizeI16. panel_rows, row_begin and row_count are even. Bit-identical on every instruction set.
+// QuantizeI16. panel_rows and row_count are even. Bit-identical on every instruction set.
 struct MatvecI8Job {
   const int16_t* x;            // [row_count]
   const int8_t* weights;       // [panel_count][panel_rows / 2][32][2]
@@ -59,7 +57,6 @@ struct MatvecI8Job {
   float* y;                    // [panel_count * 32]
   float x_scale;
   size_t panel_rows;
-  size_t row_begin;
   size_t row_count;
   size_t panel_count;
   bool relu;

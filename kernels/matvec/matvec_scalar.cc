@@ -12,7 +12,7 @@ float ToFloat(uint16_t weight) { return FloatFromHalf(weight); }
 template <typename Job>
 void MatvecFloat(const Job& job) {
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
-    const auto* weights = job.weights + (panel * job.panel_rows + job.row_begin) * kPanelColumns;
+    const auto* weights = job.weights + panel * job.panel_rows * kPanelColumns;
     for (size_t c = 0; c < kPanelColumns; ++c) {
       float sum = 0.0f;
       for (size_t j = 0; j < job.row_count; ++j) sum += job.x[j] * ToFloat(weights[j * kPanelColumns + c]);
@@ -30,7 +30,7 @@ void MatvecF16(const MatvecF16Job& job) { MatvecFloat(job); }
 
 void MatvecI8(const MatvecI8Job& job) {
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
-    const int8_t* weights = job.weights + (panel * job.panel_rows + job.row_begin) * kPanelColumns;
+    const int8_t* weights = job.weights + panel * job.panel_rows * kPanelColumns;
     for (size_t c = 0; c < kPanelColumns; ++c) {
       uint32_t sum = 0;  // unsigned, so that inputs outside the contract wrap instead of being undefined
       for (size_t j = 0; j < job.row_count; ++j) {

@@ -69,7 +69,7 @@ HWY_INLINE void MatvecFloat(const Job& job) {
   constexpr size_t kStep = HWY_MAX(kSums, size_t{2});  // rows unrolled, so that every second line is one of two rows
   constexpr bool kFuse = kFused && !kInOrder;
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
-    const Weight* weights = job.weights + (panel * job.panel_rows + job.row_begin) * kPanelColumns;
+    const Weight* weights = job.weights + panel * job.panel_rows * kPanelColumns;
     VF sum[kSums][kVectors];
     for (size_t r = 0; r < kSums; ++r) {
       for (size_t i = 0; i < kVectors; ++i) sum[r][i] = hn::Zero(df);
@@ -142,7 +142,7 @@ void MatvecI8(const MatvecI8Job& job) {
   constexpr size_t kPairBytes = 2 * kPanelColumns;
   const VF x_scale = hn::Set(df, job.x_scale);
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
-    const int8_t* weights = job.weights + (panel * job.panel_rows + job.row_begin) * kPanelColumns;
+    const int8_t* weights = job.weights + panel * job.panel_rows * kPanelColumns;
     VI sum[kTurns][kVectors], spare[kVectors];
     for (size_t i = 0; i < kVectors; ++i) spare[i] = hn::Zero(di);
     for (auto& turn : sum) {

@@ -15,6 +15,9 @@ alignas(DCLOTH_ALIGNMENT) unsigned char storage[8192];
 
 // Argument: a model file.
 int Run(const char* path) {
+  char version[32];
+  std::snprintf(version, sizeof(version), "%d.%d.%d", DCLOTH_VERSION_MAJOR, DCLOTH_VERSION_MINOR, DCLOTH_VERSION_PATCH);
+  if (std::strcmp(dcloth_version(), version) != 0) return 1;
   std::FILE* file = std::fopen(path, "rb");
   if (file == nullptr) return 2;
   std::fseek(file, 0, SEEK_END);

@@ -82,6 +82,23 @@ TEST(Ladder, BytesOffTheirBoundaryAreRefused) {
   }
 }
 
+// Where a child is broken, the error points at the field that leads to it.
+TEST(Ladder, ABrokenChildIsFound) {
+  for (const auto field : {format::Model::VT_GARMENT, format::Model::VT_CHARACTER, format::Model::VT_FEATURES}) {
+    AlignedBytes file = BuildModel({}).Bytes();
+    const auto* root = reinterpret_cast<const flatbuffers::Table*>(format::GetModel(file.data()));
+    const uint8_t* place = root->GetAddressOf(static_cast<flatbuffers::voffset_t>(field));
+    ASSERT_NE(place, nullptr) << field;
+    const auto offset = static_cast<size_t>(place - file.data());
+    const uint32_t past_the_end = 0x7FFFFFF0;
+    std::memcpy(file.data() + offset, &past_the_end, sizeof(past_the_end));
+    dcloth_error error = {};
+    error.struct_size = sizeof(error);
+    ASSERT_EQ(Open(file.data(), file.size(), &error), DCLOTH_ERROR_FORMAT) << field;
+    EXPECT_EQ(error.offset_bytes, offset) << error.text;
+  }
+}
+
 // Sizes that no file has are refused before a byte is read: there are none behind this one line.
 TEST(Ladder, ImpossibleSizesAreRefused) {
   const AlignedBytes line(64);

@@ -1,6 +1,6 @@
 /* Preloaded into the command line: makes the Nth of its file calls fail, or kills the process there.
  *
- * Counted are opens that create, writes, fsyncs and renames, of files only. FAULT_AT is N, from 1; FAULT_KIND is
+ * Counted are opens that create, writes, fsyncs and renames, of files only, and forks. FAULT_AT is N, from 1; FAULT_KIND is
  * "before" (killed in place of the call), "half" (killed after half of a write, or in place of another call), "after"
  * (killed right after the call) or a number, the errno that the call fails with. SIGKILL, as kill -9 sends it. */
 #define _GNU_SOURCE
@@ -80,6 +80,15 @@ int fsync(int file) {
   const int result = real(file);
   after(kind);
   return result;
+}
+
+pid_t fork(void) {
+  pid_t (*const real)(void) = (pid_t(*)(void))dlsym(RTLD_NEXT, "fork");
+  const char* kind = kind_here();
+  if (before(kind) != 0) return -1;
+  const pid_t child = real();
+  after(kind);
+  return child;
 }
 
 int rename(const char* from, const char* to) {

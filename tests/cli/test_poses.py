@@ -1,7 +1,9 @@
 """poses and body: a character that Blender animated and wrote as glTF, FBX (two sets of axes) and BVH comes back as
 Blender itself poses it (data/make_walker.py)."""
+import errno
 import json
 import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +180,30 @@ def test_a_root_that_turns_and_scales(dcloth, importing, tmp_path):
     assert np.abs(np.linalg.norm(tensors["joint_bind"][:, :3, :3], axis=1) - 1).max() < 8 * eps     # axes of length 1
     file.write_bytes(skinned(pose=0.5))     # the bind pose alone says where the mesh is: in its own centimetres
     refused(dcloth("body", file, "-o", tmp_path / "c.safetensors"), "joints that span 50 m", "--unit")
+
+
+def test_weights_that_are_no_shares(dcloth, importing, tmp_path):
+    """Any finite weights are brought to a sum of 1; ones whose sum is not finite have no shares."""
+    file, out = tmp_path / "a.glb", tmp_path / "b.safetensors"
+    file.write_bytes(skinned(weights=(3e37, 1e37)))
+    result = dcloth("body", file, "-o", out)
+    assert result.returncode == 0, result.stderr
+    assert np.abs(np.sort(safetensors_file.read(out)[0]["body_weights"], 1)[:, -2:] - [0.25, 0.75]).max() < 1e-6
+    os.unlink(out)
+    file.write_bytes(skinned(weights=(3e38, 3e38)))
+    refused(dcloth("body", file, "-o", out), "a.glb", "vertex 0 of mesh", "add up to infinity", "normalize")
+    assert not out.exists()
+
+
+def test_without_a_process_to_read_in(binary, importing, tmp_path):
+    """Where the system grants no second process nothing is read: a damaged file would have the command itself."""
+    for command in ("poses", "body"):
+        out = tmp_path / "s.safetensors"
+        result = subprocess.run([binary, command, str(DATA / "walker.glb"), "-o", str(out)], capture_output=True, text=True,
+                                env={**os.environ, "LD_PRELOAD": os.environ["DCLOTH_FAULT_PRELOAD"], "FAULT_AT": "1",
+                                     "FAULT_KIND": str(int(errno.EAGAIN))})
+        refused(result, "walker.glb", "no process to read it in", os.strerror(errno.EAGAIN))
+        assert not out.exists()
 
 
 def test_hostile_gltf(dcloth, importing, tmp_path):

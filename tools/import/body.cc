@@ -1,6 +1,7 @@
 // `dcloth body`: the skinned body of a character, in its bind pose, as training reads it.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 
@@ -58,6 +59,15 @@ Body Gather(const CharacterFile& file, const Options& options, const CharacterSp
     body.weights.resize(count * nodes.size());
     std::vector<float> sum(mesh.positions.size());
     for (const SkinInfluence& influence : mesh.influences) sum[influence.vertex] += influence.weight;
+    const auto endless = std::ranges::find_if_not(sum, [](float weights) { return std::isfinite(weights); });
+    if (endless != sum.end()) {
+      throw converter::Error({.path = file.path,
+                              .tensor = {},
+                              .found = "vertex " + std::to_string(endless - sum.begin()) + " of mesh '" + mesh.name +
+                                       "' with weights that add up to infinity",
+                              .expected = "weights with a finite sum",
+                              .mend = "normalize them, or leave the mesh out with --mesh"});
+    }
     for (const SkinInfluence& influence : mesh.influences) {
       body.weights[(first + influence.vertex) * nodes.size() + joint_of[influence.node]] +=
           influence.weight / sum[influence.vertex];

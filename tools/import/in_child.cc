@@ -13,6 +13,7 @@
 
 #include <cerrno>
 #include <csignal>
+#include <system_error>
 #endif
 
 namespace dcloth::tools {
@@ -37,7 +38,13 @@ void Limit(int what, rlim_t value) {
 std::optional<int> InChild(const std::filesystem::path& input) {
   std::fflush(nullptr);
   const pid_t child = fork();
-  if (child < 0) return std::nullopt;
+  if (child < 0) {
+    throw converter::Error({.path = input,
+                            .tensor = {},
+                            .found = "no process to read it in: " + std::generic_category().message(errno),
+                            .expected = "a second process, where a damaged file can do no harm",
+                            .mend = "free memory or processes, or raise their limits (ulimit -u, -v)"});
+  }
   if (child == 0) {
     Limit(RLIMIT_CORE, 0);
     Limit(RLIMIT_AS, kMaxBytes);

@@ -8,8 +8,8 @@
 namespace dcloth::tools {
 
 // On POSIX forks: returns nothing in the child, which goes on with the command under limits of memory and time, and its
-// exit code in the parent. Throws converter::Error in the parent when a signal ended the child. Elsewhere returns
-// nothing and guards nothing.
+// exit code in the parent. Throws converter::Error when there is no second process to be had and, in the parent, when a
+// signal ended the child. Elsewhere returns nothing and guards nothing.
 std::optional<int> InChild(const std::filesystem::path& input);
 
 }  // namespace dcloth::tools

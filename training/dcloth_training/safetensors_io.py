@@ -43,7 +43,10 @@ def write(path, tensors, metadata=None):
         blobs.append(blob)
     text = json.dumps(header, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 8)
-    temporary = f"{path}.{os.getpid()}.tmp"
+    # A long name leaves no room for more: file systems end at 255 bytes, some at 143.
+    folder, name = os.path.split(path)
+    name = "dcloth" if len(os.fsencode(name)) > 100 else name
+    temporary = os.path.join(folder, f"{name}.{os.getpid()}.tmp")
     try:
         with open(temporary, "wb") as file:
             file.write(struct.pack("<Q", len(text)) + text)

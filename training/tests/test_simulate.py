@@ -158,6 +158,10 @@ def test_safetensors_round_trip(tmp_path):
     with pytest.raises(safetensors_io.SafetensorsError):
         safetensors_io.write(path, {"c": np.zeros(2, complex)})
     assert len(safetensors_io.read(path)[0]) == len(tensors)  # the old file survives
+    longest = str(tmp_path / ("n" * 255))
+    safetensors_io.write(longest, tensors)
+    assert len(safetensors_io.read(longest)[0]) == len(tensors)
+    assert {p.name for p in tmp_path.iterdir()} == {"a.safetensors", "n" * 255}
 
 
 MALFORMED = {

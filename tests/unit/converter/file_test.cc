@@ -124,10 +124,14 @@ TEST_F(FileTest, FailedWriteLeavesNothingBehind) {
   EXPECT_EQ(Entries(), 1u);
 }
 
-TEST_F(FileTest, NameTooLongForATemporary) {
-  const std::string name(255, 'n');  // legal itself, its temporary name is not
-  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / name, "new"); }), "too long"));
-  EXPECT_EQ(Entries(), 0u);
+TEST_F(FileTest, NamesThatLeaveNoRoom) {
+  const std::string longest(255, 'n');
+  Write(folder_ / longest, "1");
+  Write(folder_ / longest, "2");
+  EXPECT_EQ(Get(folder_ / longest), "2");
+  EXPECT_EQ(Entries(), 1u);
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / (longest + "n"), "new"); }), "too long"));
+  EXPECT_EQ(Entries(), 1u);
 }
 
 TEST_F(FileTest, NamesNeedNotBeUtf8) {

@@ -65,7 +65,7 @@ TEST(PackTest, FloatPanelsThroughTheScalarKernel) {
     const auto bias = Aligned<float>(*linear.bias);
     ASSERT_EQ(weights.size(), kernels::PanelElements(p.weights.rows(), p.weights.cols()));
     AlignedVector<float> y(bias.size(), NAN);
-    kernels::scalar::MatvecF32({p.x.data(), weights.data(), bias.data(), y.data(), static_cast<size_t>(rows), 0,
+    kernels::scalar::MatvecF32({p.x.data(), weights.data(), bias.data(), y.data(), static_cast<size_t>(rows),
                                 static_cast<size_t>(rows), kernels::PanelCount(static_cast<size_t>(columns)), false});
     for (Eigen::Index c = 0; c < columns; ++c) {
       // rows products and rows sums, each rounded once (Higham, Accuracy and Stability, 3.1).
@@ -85,7 +85,7 @@ TEST(PackTest, HalfPanelsThroughTheScalarKernel) {
     const auto weights = Aligned<uint16_t>(linear.weights);
     const auto bias = Aligned<float>(*linear.bias);
     AlignedVector<float> y(bias.size(), NAN);
-    kernels::scalar::MatvecF16({p.x.data(), weights.data(), bias.data(), y.data(), static_cast<size_t>(rows), 0,
+    kernels::scalar::MatvecF16({p.x.data(), weights.data(), bias.data(), y.data(), static_cast<size_t>(rows),
                                 static_cast<size_t>(rows), kernels::PanelCount(static_cast<size_t>(columns)), false});
     for (Eigen::Index c = 0; c < columns; ++c) {
       const double stored = 0x1p-11 * Magnitude(p, c) + 0x1p-25 * static_cast<double>(p.x.cwiseAbs().sum());
@@ -117,7 +117,7 @@ TEST(PackTest, Int8PairPanelsThroughTheScalarKernels) {
     float x_scale = 0;
     kernels::scalar::QuantizeI16({p.x.data(), row_scales.data(), q.data(), &x_scale, static_cast<size_t>(rows)});
     kernels::scalar::MatvecI8({q.data(), weights.data(), column_scales.data(), bias.data(), y.data(), x_scale,
-                               stored_rows, 0, stored_rows, kernels::PanelCount(static_cast<size_t>(columns)), false});
+                               stored_rows, stored_rows, kernels::PanelCount(static_cast<size_t>(columns)), false});
     for (Eigen::Index c = 0; c < columns; ++c) {
       // Weights err by half a step s_j t_c, inputs by half of x_scale (in units of s_j x_j) times 127 t_c at most.
       double bound = 0;

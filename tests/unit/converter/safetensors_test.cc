@@ -55,6 +55,15 @@ TEST(SafetensorsTest, ReadsWhatItWrites) {
   EXPECT_TRUE(Mentions(ErrorText([&] { file.RequireMetadata("z"); }), "no metadata 'z'"));
 }
 
+TEST(SafetensorsTest, HalvesBecomeFloats) {
+  const std::string header = R"({"h":{"dtype":"F16","shape":[4],"data_offsets":[0,8]}})";
+  AlignedBytes bytes = File(header, 8);
+  const uint16_t halves[] = {0x3C00, 0xC100, 0x0001, 0x7BFF};
+  std::memcpy(bytes.data() + 8 + header.size(), halves, sizeof(halves));
+  const SafeFile file = SafeFile::Parse(std::move(bytes), "f.safetensors");
+  EXPECT_EQ(FloatsOf(file, file.Require("h")), (std::vector<float>{1, -2.5f, 0x1p-24f, 65504}));
+}
+
 // Each prefix in a block of exactly its size, so that a sanitizer sees any read past it.
 TEST(SafetensorsTest, EveryTruncatedPrefixIsRefused) {
   dcloth::testing::RawFile raw;

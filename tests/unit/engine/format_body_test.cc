@@ -77,6 +77,12 @@ std::vector<Fault> Faults() {
        [](M* m, B* b) {
          for (size_t i = 10; i < 283; ++i) *Data<uint32_t>(m, *b->row_starts, i) += 40;
        }},
+      {"row_long_first", "body.row_starts[1]: ", "found more than 32 faces around a vertex",
+       [](M* m, B* b) {
+         for (size_t i = 1; i < 283; ++i) *Data<uint32_t>(m, *b->row_starts, i) += 40;
+       }},
+      {"row_long_last", "body.row_starts[282]: ", "found more than 32 faces around a vertex",
+       [](M* m, B* b) { *Data<uint32_t>(m, *b->row_starts, 282) += 40; }},
       {"row_end_one_less", "body.row_starts[282]: ", "found 1679; allowed: 1680",
        [](M* m, B* b) { *Data<uint32_t>(m, *b->row_starts, 282) -= 1; }},
       {"rows_one_less", "body.row_starts.shape: ", "found [282]; allowed: [283]",

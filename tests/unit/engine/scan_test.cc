@@ -102,6 +102,14 @@ TEST(ScanTest, FindsTheFirstBadRowOfEveryWidth) {
   }
 }
 
+TEST(ScanTest, SumsAtTheToleranceAreWithinIt) {
+  for (const float bound : {1.0f - kWeightSumTolerance, 1.0f + kWeightSumTolerance}) {
+    const float beyond = std::nextafter(bound, bound < 1 ? 0.0f : 2.0f);
+    EXPECT_EQ(FindBadWeightRow(&bound, 1, 1), 1u) << bound;
+    EXPECT_EQ(FindBadWeightRow(&beyond, 1, 1), 0u) << beyond;
+  }
+}
+
 TEST(ScanTest, FindsTheFirstStartThatDoesNotRise) {
   for (const size_t count : kCounts) {
     std::vector<uint32_t> starts(count + 1);

@@ -66,7 +66,7 @@ TEST_P(HalfTest, KernelConvertsEveryFiniteHalfExactly) {
   const GuardedBuffer<uint16_t> weights(halves, Place::kAligned64);
   const GuardedBuffer<float> one(std::vector<float>{1.0f});
   GuardedBuffer<float> y(halves.size());
-  table().matvec_f16({one.data(), weights.data(), nullptr, y.data(), 1, 0, 1, halves.size() / kPanelColumns, false});
+  table().matvec_f16({one.data(), weights.data(), nullptr, y.data(), 1, 1, halves.size() / kPanelColumns, false});
   for (size_t i = 0; i < halves.size(); ++i) {
     ASSERT_EQ(static_cast<double>(y[i]), HalfByDefinition(halves[i])) << table().name << " " << halves[i];
   }

@@ -12,7 +12,6 @@ namespace dcloth::kernels {
 struct MatvecCase {
   size_t rows;
   size_t columns;
-  size_t row_begin;
   size_t row_count;
   bool bias;
   bool relu;
@@ -21,8 +20,8 @@ struct MatvecCase {
 // Format: Weight, Job, Pack(source, shape, packed), Decode(weight) and Run(table, job).
 template <typename Format>
 void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
-  SCOPED_TRACE(testing::Message() << table.name << " rows " << c.rows << " columns " << c.columns << " from "
-                                  << c.row_begin << " count " << c.row_count << " relu " << c.relu);
+  SCOPED_TRACE(testing::Message() << table.name << " rows " << c.rows << " columns " << c.columns << " count "
+                                  << c.row_count << " relu " << c.relu);
   Random random(static_cast<uint32_t>(c.rows * 131 + c.columns));
   const std::vector<float> source = random.Floats(c.rows * c.columns, -1.0f, 1.0f);
   GuardedBuffer<typename Format::Weight> weights(PanelElements(c.rows, c.columns), Place::kAligned64);
@@ -34,8 +33,8 @@ void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
   GuardedBuffer<float> y(padded + 1);
 
   const float* bias_data = c.bias ? bias.data() : nullptr;
-  typename Format::Job job = {x.data(), weights.data(), bias_data, y.data(), c.rows, c.row_begin, c.row_count,
-                              PanelCount(c.columns), c.relu};
+  typename Format::Job job = {x.data(), weights.data(), bias_data, y.data(), c.rows, c.row_count, PanelCount(c.columns),
+                              c.relu};
   Format::Run(table, job);
 
   ASSERT_TRUE(std::isnan(y[padded]));
@@ -44,7 +43,7 @@ void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
     double exact = c.bias ? bias[column] : 0.0;
     double magnitude = std::fabs(exact);
     for (size_t j = 0; column < c.columns && j < c.row_count; ++j) {
-      const double product = double{x[j]} * Format::Decode(source[(c.row_begin + j) * c.columns + column]);
+      const double product = double{x[j]} * Format::Decode(source[j * c.columns + column]);
       exact += product;
       magnitude += std::fabs(product);
     }
@@ -65,17 +64,15 @@ void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
 template <typename Format>
 void CheckMatvecSizes(const KernelTable& table) {
   for (size_t size : InterestingSizes()) {
-    CheckMatvec<Format>(table, {size, 33, 0, size, true, false});
-    CheckMatvec<Format>(table, {37, size, 0, 37, false, true});
+    CheckMatvec<Format>(table, {size, 33, size, true, false});
+    CheckMatvec<Format>(table, {37, size, 37, false, true});
   }
-  CheckMatvec<Format>(table, {128, 3 * 521, 0, 128, true, true});
+  CheckMatvec<Format>(table, {128, 3 * 521, 128, true, true});
 }
 
 template <typename Format>
 void CheckMatvecRowSubsets(const KernelTable& table) {
-  for (size_t begin : {0, 1, 2, 7, 16}) {
-    for (size_t count : {0, 1, 2, 3, 8, 15}) CheckMatvec<Format>(table, {31, 65, begin, count, count % 2 == 0, false});
-  }
+  for (size_t count : {0, 1, 2, 3, 8, 15, 30}) CheckMatvec<Format>(table, {31, 65, count, count % 2 == 0, false});
 }
 
 }  // namespace dcloth::kernels

@@ -9,7 +9,6 @@ namespace {
 struct Case {
   size_t rows;
   size_t columns;
-  size_t row_begin;
   size_t row_count;
   bool bias;
   bool relu;
@@ -19,8 +18,8 @@ class MatvecI8Test : public KernelTest {
  protected:
   // Against int64, and to the bit against the scalar reference. `extreme` takes the largest inputs that the contract allows.
   void Check(const Case& c, bool extreme = false) {
-    SCOPED_TRACE(testing::Message() << table().name << " rows " << c.rows << " columns " << c.columns << " from "
-                                    << c.row_begin << " count " << c.row_count);
+    SCOPED_TRACE(testing::Message() << table().name << " rows " << c.rows << " columns " << c.columns << " count "
+                                    << c.row_count);
     Random random(static_cast<uint32_t>(c.rows * 131 + c.columns));
     std::vector<int8_t> source(c.rows * c.columns);
     for (int8_t& w : source) w = static_cast<int8_t>(extreme ? -128 : static_cast<int>(random.Below(256)) - 128);
@@ -37,7 +36,7 @@ class MatvecI8Test : public KernelTest {
     const GuardedBuffer<float> bias(random.Floats(padded, -1.0f, 1.0f));
     GuardedBuffer<float> y(padded + 1), reference(padded + 1);
     MatvecI8Job job = {x.data(), weights.data(), scales.data(), c.bias ? bias.data() : nullptr, y.data(), 0x1p-10f,
-                       PairedRows(c.rows), c.row_begin, c.row_count, PanelCount(c.columns), c.relu};
+                       PairedRows(c.rows), c.row_count, PanelCount(c.columns), c.relu};
     table().matvec_i8(job);
     job.y = reference.data();
     scalar::MatvecI8(job);
@@ -47,8 +46,8 @@ class MatvecI8Test : public KernelTest {
     ASSERT_TRUE(weights.SlackUntouched() && x.SlackUntouched() && y.SlackUntouched());
     for (size_t column = 0; column < padded; ++column) {
       int64_t sum = 0;
-      for (size_t j = 0; column < c.columns && j < c.row_count && c.row_begin + j < c.rows; ++j) {
-        sum += int64_t{x[j]} * source[(c.row_begin + j) * c.columns + column];
+      for (size_t j = 0; column < c.columns && j < c.row_count && j < c.rows; ++j) {
+        sum += int64_t{x[j]} * source[j * c.columns + column];
       }
       ASSERT_LT(std::llabs(sum), int64_t{1} << 31);
       const double product = static_cast<double>(sum) * 0x1p-10 * scales[column];
@@ -63,20 +62,18 @@ DCLOTH_TEST_EVERY_TABLE(MatvecI8Test);
 
 TEST_P(MatvecI8Test, EverySize) {
   for (size_t size : InterestingSizes()) {
-    Check({size, 33, 0, PairedRows(size), true, false});
-    Check({38, size, 0, 38, false, true});
+    Check({size, 33, PairedRows(size), true, false});
+    Check({38, size, 38, false, true});
   }
-  Check({128, 3 * 521, 0, 128, true, true});
+  Check({128, 3 * 521, 128, true, true});
 }
 
 TEST_P(MatvecI8Test, RowSubsets) {
-  for (size_t begin : {0, 2, 8, 16}) {
-    for (size_t count : {0, 2, 6, 14}) Check({30, 65, begin, count, count % 4 == 0, false});
-  }
+  for (size_t count : {0, 2, 6, 14, 28}) Check({30, 65, count, count % 4 == 0, false});
 }
 
 TEST_P(MatvecI8Test, LargestInputsDoNotOverflow) {
-  for (size_t rows : {2, 512, 514, 1024, 7952, 16384}) Check({rows, 32, 0, rows, true, false}, true);
+  for (size_t rows : {2, 512, 514, 1024, 7952, 16384}) Check({rows, 32, rows, true, false}, true);
 }
 
 TEST(MatvecPackI8, PutsElementsWhereTheSchemaSays) {

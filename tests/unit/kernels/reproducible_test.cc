@@ -71,7 +71,7 @@ TEST_F(ReproducibleTest, MatrixVector) {
     const std::vector<float> x = random_.Floats(rows, -1, 1), bias = random_.Floats(32 * panels, -1, 1);
     Aligned weights(random_.Floats(rows * panels * 32, -1, 1));
     std::vector<float> y(32 * panels), plain(y.size());
-    MatvecF32Job job = {x.data(), weights.data(), bias.data(), y.data(), rows, 0, rows, panels, true};
+    MatvecF32Job job = {x.data(), weights.data(), bias.data(), y.data(), rows, rows, panels, true};
     table_->matvec_f32(job);
     job.y = plain.data();
     scalar::MatvecF32(job);
@@ -79,7 +79,7 @@ TEST_F(ReproducibleTest, MatrixVector) {
     Aligned halves(rows * panels * 16);
     auto* const bits = reinterpret_cast<uint16_t*>(halves.data());
     for (size_t i = 0; i < rows * panels * 32; ++i) bits[i] = static_cast<uint16_t>(random_.Below(0x7C00));
-    MatvecF16Job half = {x.data(), bits, bias.data(), y.data(), rows, 0, rows, panels, false};
+    MatvecF16Job half = {x.data(), bits, bias.data(), y.data(), rows, rows, panels, false};
     table_->matvec_f16(half);
     half.y = plain.data();
     scalar::MatvecF16(half);
