@@ -4,9 +4,11 @@
 #include <iostream>
 #include <new>
 #include <string>
+#include <vector>
 
 #include "converter/error.h"
 #include "dcloth/dcloth.h"
+#include "tools/arguments.h"
 #include "tools/commands.h"
 #include "tools/import/commands.h"
 
@@ -26,6 +28,7 @@ int Run(int argc, char** argv) {
         "dcloth: learned cloth inside a game's frame budget.\n"
         "Exit codes: 0 good, 1 a threshold missed, 2 bad usage or input. --json prints one JSON object on stdout."};
     app.name("dcloth");
+    app.allow_windows_style_options(false);  // "/clips/walk" is a file on every system
     app.set_version_flag("--version", dcloth_version());
     app.require_subcommand(1);
     AddConvert(app, exit_code);
@@ -35,12 +38,13 @@ int Run(int argc, char** argv) {
     AddEvaluate(app, exit_code);
     AddPoses(app, exit_code);
     AddBody(app, exit_code);
+    const std::vector<std::string> arguments = Utf8Arguments(argc, argv);
     try {
-      app.parse(argc, argv);
+      app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // wants the last one first
     } catch (const CLI::RequiredError& error) {
       // The parser asks for a command before it looks at a misspelt one.
-      if (argc > 1 && app.get_subcommands().empty()) {
-        const std::string text = std::string("no command '") + argv[1] +
+      if (!arguments.empty() && app.get_subcommands().empty()) {
+        const std::string text = "no command '" + arguments.front() +
                                  "'; there are convert, inspect, run, profile, evaluate, poses, body";
         return Fail(text.c_str(), kExitBadInput);
       }

@@ -3,7 +3,7 @@
 #ifndef DCLOTH_TOOLS_NUMBER_CHECK_H_
 #define DCLOTH_TOOLS_NUMBER_CHECK_H_
 
-#include <CLI/CLI.hpp>
+#include "tools/cli.h"
 
 namespace dcloth::tools {
 

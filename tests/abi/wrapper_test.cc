@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 #include <type_traits>
 
 #include "dcloth/dcloth.hpp"
@@ -13,6 +14,9 @@ namespace {
 
 alignas(DCLOTH_ALIGNMENT) unsigned char storage[8192];
 
+// Of C++17: not every system's C library has aligned_alloc.
+constexpr std::align_val_t kAligned{DCLOTH_ALIGNMENT};
+
 // Argument: a model file.
 int Run(const char* path) {
   char version[32];
@@ -23,7 +27,7 @@ int Run(const char* path) {
   std::fseek(file, 0, SEEK_END);
   const auto size = static_cast<size_t>(std::ftell(file));
   std::rewind(file);
-  void* bytes = std::aligned_alloc(DCLOTH_ALIGNMENT, size);
+  void* bytes = ::operator new(size, kAligned, std::nothrow);
   const bool read = std::fread(bytes, 1, size, file) == size;
   std::fclose(file);
   dcloth::Error error;
@@ -36,7 +40,7 @@ int Run(const char* path) {
   const dcloth_model_info info = model.Describe();
   if (model.JointName(0) == nullptr || model.JointName(info.joint_count) != nullptr) return 1;
 
-  void* memory = std::aligned_alloc(DCLOTH_ALIGNMENT, model.ClothStorageSize());
+  void* memory = ::operator new(model.ClothStorageSize(), kAligned, std::nothrow);
   dcloth::Cloth cloth;
   if (cloth.Create(model, memory, model.ClothStorageSize()) != dcloth::Status::kOk || !cloth.is_created()) return 1;
   auto* matrices = static_cast<float*>(std::calloc(info.joint_count, 16 * sizeof(float)));
@@ -67,8 +71,8 @@ int Run(const char* path) {
                     cloth.Reset() == dcloth::Status::kOk;
   std::free(matrices);
   std::free(vertices);
-  std::free(memory);
-  std::free(bytes);
+  ::operator delete(memory, kAligned);
+  ::operator delete(bytes, kAligned);
   return fine ? 0 : 1;
 }
 

@@ -97,6 +97,47 @@ test("a model lives as long as its cloths", () => {
   assert.equal(engine.memory.blockCount, 0);
 });
 
+test("what cannot be made whole gives everything back", () => {
+  const { memory } = engine;
+  const { exports } = memory;
+  const uv = new Float32Array(2 * 7952);
+  const space = { left: Axis.X, up: Axis.Y, forward: Axis.Z };
+  const model = engine.openModel(file, "skirt");
+  const makers = {
+    openModel: () => engine.openModel(file, "skirt"),
+    createCloth: () => model.createCloth({ jointNames, space, uv }),
+    createScene: () => engine.createScene(3),
+    createTimer: () => engine.createTimer(),
+  };
+  const before = memory.blockCount;
+  const tried = {};
+  for (const [name, make] of Object.entries(makers)) {
+    let made = null;
+    for (let failing = 1; made === null; ++failing) {
+      let calls = 0;
+      memory.exports = { ...exports, aligned_alloc: (alignment, size) =>
+        (++calls === failing ? 0 : exports.aligned_alloc(alignment, size)) };
+      try {
+        made = make();
+      } catch (error) {
+        assert.ok(error instanceof DClothError && error.statusName === "MEMORY", `${name}: ${error}`);
+      } finally {
+        memory.exports = exports;
+      }
+      tried[name] = failing - 1;
+      if (made === null) {
+        assert.equal(memory.blockCount, before, `${name} keeps blocks where allocation ${failing} fails`);
+      }
+    }
+    made.dispose();
+    assert.equal(memory.blockCount, before);
+  }
+  console.log(`allocations that were made to fail: ${JSON.stringify(tried)}`);
+  assert.ok(Object.values(tried).every((count) => count > 0) && tried.openModel > 3 && tried.createScene > 2);
+  model.dispose();
+  assert.equal(memory.blockCount, 0);
+});
+
 test("views follow when the memory grows", () => {
   const model = engine.openModel(file);
   const cloth = model.createCloth({ jointNames });

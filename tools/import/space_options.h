@@ -2,7 +2,7 @@
 #ifndef DCLOTH_TOOLS_IMPORT_SPACE_OPTIONS_H_
 #define DCLOTH_TOOLS_IMPORT_SPACE_OPTIONS_H_
 
-#include <CLI/CLI.hpp>
+#include "tools/cli.h"
 #include <span>
 #include <string>
 

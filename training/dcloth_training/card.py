@@ -3,10 +3,10 @@
     python3 -m dcloth_training.card FOLDER [--data DATA] [--fixed-hips DATA] [--failures DATA] [--bundle FILE]
 
 FOLDER holds the bundle and README.md. --data and --fixed-hips name ground truth with root motion and with the hips
-held; the held-out clips there (dataset.HELD_OUT) give FOLDER/errors.json, .txt, .png and errors_fixed_hips.json, .txt,
-and the figures of floor.json, if it lies in DATA, go to FOLDER/floor.json and floor_fixed_hips.json. Pictures of the
-worst frames come from --failures (default: --fixed-hips, else --data) into FOLDER/failures; the other clips of DATA
-tell how near training came to their motion. Without ground truth only
+held; the held-out clips there (those the bundle names: train --held-out) give FOLDER/errors.json, .txt, .png and
+errors_fixed_hips.json, .txt, and the figures of floor.json, if it lies in DATA, go to FOLDER/floor.json and
+floor_fixed_hips.json. Pictures of the worst frames come from --failures (default: --fixed-hips, else --data) into
+FOLDER/failures; the other clips of DATA tell how near training came to their motion. Without ground truth only
 README.md is written, from those files. In it stands, for each part wanted,
 
     <!-- card: network -->           what the bundle holds
@@ -45,21 +45,21 @@ def replace(path, text):
     os.replace(path + ".part", path)
 
 
-def held_out(data):
+def held_out(data, names):
     """Paths of the held-out clips in a folder of ground truth."""
-    paths = [dataset.path_of(data, name) for name in dataset.HELD_OUT]
+    paths = [dataset.path_of(data, name) for name in names]
     there = [path for path in paths if os.path.exists(path)]
     if not there:
-        raise ValueError(f"{os.path.join(data, 'dynamic')}: none of the held-out clips {', '.join(dataset.HELD_OUT)}; "
-                         f"simulate them with simulate.run --clips held_out")
+        raise ValueError(f"{os.path.join(data, 'dynamic')}: none of the held-out clips {', '.join(names) or '(none named)'}; add "
+                         f"them (simulate.run --clips held_out, import_truth), or train with other --held-out")
     return there
 
 
-def measure(model, folder, data, suffix):
+def measure(model, folder, data, names, suffix):
     """errors<suffix>.json, .txt and, with root motion, .png; floor<suffix>.json where DATA has one."""
     net, rig, faces, _ = model
     results = {}
-    for path in held_out(data):
+    for path in held_out(data, names):
         item = sequence.read(path)
         results[item.clip or path] = evaluate.evaluate(net, rig, faces, item, path)
         print(f"{item.clip}: " + ", ".join(f"{level} {m['position_mm']['mean']:.1f} mm"
@@ -117,13 +117,14 @@ def main(argv=None):
     try:
         if pictured:
             model = bundle.read(path, torch.float32)
+            provenance = json.loads(model[3].get("training", "{}"))
+            names = dataset.held_out(provenance)
             for data, suffix in ((options.data, ""), (options.fixed_hips, "_fixed_hips")):
                 if data:
-                    measure(model, folder, data, suffix)
+                    measure(model, folder, data, names, suffix)
             folders = [data for data in (options.data, options.fixed_hips) if data] or [pictured]
-            apart = json.loads(model[3].get("training", "{}")).get("validation_clips", [])
-            learned = familiarity.Training(model[0], model[1], folders, apart)
-            cases = failures.worst(model[0], model[1], held_out(pictured), options.count, training=learned,
+            learned = familiarity.Training(model[0], model[1], folders, provenance)
+            cases = failures.worst(model[0], model[1], held_out(pictured, names), options.count, training=learned,
                                    log=lambda t: print(t, file=sys.stderr))
             failures.write(cases, failure_pictures.read_body(path), model[2], os.path.join(folder, "failures"))
         with open(readme) as file:

@@ -21,6 +21,16 @@ HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run
 VALIDATION = ("mocap/walk", "procedural/hula_twist", "mocap/stealthy_walk")
 
 
+def clip_names(text):
+    """Those of a comma separated list."""
+    return tuple(name for name in text.split(",") if name)
+
+
+def held_out(provenance):
+    """Clips that a network's training never read, as its provenance says; HELD_OUT where it says nothing."""
+    return tuple(provenance.get("held_out_clips", HELD_OUT))
+
+
 # What stage 2 reads every epoch is a quarter of the vertices, 12 kB a frame: 100,000 frames and their mirror images
 # are 2.4 GB in memory, where all vertices would be read from disk again and again.
 SAMPLE_EVERY = 4
@@ -78,15 +88,21 @@ def load_truth(path, mirrored, vertex_mirror):
     return features.mirror_cloth(truth, vertex_mirror) if mirrored else truth
 
 
+def _stems(name):
+    """File names of a clip: an import keeps a take's ~2, simulate/clips.py (file_stem) writes -take2."""
+    stem = name.replace("/", "-").replace("@", "-from")
+    return stem, stem.replace("~", "-take")
+
+
 def path_of(folder, name):
     """Where a dynamic clip of that name lies."""
-    return os.path.join(folder, "dynamic", name.replace("/", "-").replace("@", "-from") + ".safetensors")
+    paths = [os.path.join(folder, "dynamic", stem + ".safetensors") for stem in _stems(name)]
+    return next((path for path in paths if os.path.exists(path)), paths[0])
 
 
 def find(folder, kind, exclude=()):
     """Paths of a kind ("dynamic" or "static"), sorted, without excluded clip names."""
-    left_out = {name.replace("/", "-").replace("@", "-from") for name in exclude}
-    left_out |= {name.replace("~", "-take") for name in left_out}    # simulate/clips.py: file_stem
+    left_out = {stem for name in exclude for stem in _stems(name)}
     paths = sorted(glob.glob(os.path.join(folder, kind, "*.safetensors")))
     return [p for p in paths if os.path.splitext(os.path.basename(p))[0] not in left_out]
 

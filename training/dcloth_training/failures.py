@@ -129,8 +129,8 @@ def main(argv=None):
         net, rig, faces, metadata = bundle.read(options.bundle, torch.float32)
         training = None
         if options.training:
-            apart = json.loads(metadata.get("training", "{}")).get("validation_clips", [])
-            training = familiarity.Training(net, rig, options.training, apart)
+            provenance = json.loads(metadata.get("training", "{}"))
+            training = familiarity.Training(net, rig, options.training, provenance)
         cases = worst(net, rig, options.sequences, options.count, options.stages, training)
         write(cases, failure_pictures.read_body(options.bundle), faces, options.out)
     except (OSError, ValueError) as error:

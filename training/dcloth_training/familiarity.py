@@ -20,13 +20,14 @@ def windows(net, pose):
 class Training:
     """The motion of folders of ground truth without held-out and validation clips; the cloth is not read.
 
-    apart: names of more clips that no weight learned from, such as another garment's validation clips.
+    provenance: the network's, which names those clips.
     """
 
-    def __init__(self, net, rig, folders, apart=()):
+    def __init__(self, net, rig, folders, provenance):
+        apart = (*dataset.held_out(provenance), *provenance.get("validation_clips", dataset.VALIDATION))
         self.net, self.clips, found = net, [], []
         for folder in folders:
-            for path in dataset.find(folder, "dynamic", (*dataset.HELD_OUT, *dataset.VALIDATION, *apart)):
+            for path in dataset.find(folder, "dynamic", apart):
                 tensors, metadata = safetensors_io.read(path, ("joint_matrices",))
                 item = sequence.Sequence(tensors["joint_matrices"], None, json.loads(metadata["joint_names"]), rig.rate,
                                          metadata.get("clip", path), "dynamic")

@@ -31,7 +31,9 @@ def arguments(argv=None):
     add("--out", required=True)
     add("--start", help="folder of a finished training to go on from: its features and stage 1 stay, stage 2 learns on")
     add("--export", help="bundle to write at the end")
-    add("--validation", default=",".join(dataset.VALIDATION), help="clips, comma separated")
+    add("--validation", default=",".join(dataset.VALIDATION), help="clips that choose the epoch, comma separated")
+    add("--held-out", default=",".join(dataset.HELD_OUT),
+        help="clips to measure the network on, never read here, comma separated; the bundle names them")
     add("--seed", type=int, default=1)
     add("--threads", type=int, default=2)
     add("--rate", type=float, default=1e-3)
@@ -71,6 +73,7 @@ def arguments(argv=None):
     add("--head-decay", type=float, default=0.3)
     options = parser.parse_args(argv)
     train_checks.ranges(options, parser.error)
+    train_checks.apart(options, parser.error)
     return options
 
 
@@ -117,10 +120,11 @@ def prepare(options, log):
     if not static:
         raise ValueError(f"{os.path.join(options.data, 'static')}: no clips; stage 1 learns from quasi-static drapes")
     folders = [options.data] + ([options.more_data] if options.more_data else [])
-    if options.more_data and not dataset.find(options.more_data, "dynamic", dataset.HELD_OUT):
+    held_out = dataset.clip_names(options.held_out)
+    if options.more_data and not dataset.find(options.more_data, "dynamic", held_out):
         raise ValueError(f"{os.path.join(options.more_data, 'dynamic')}: no clips; --more-data names a folder like --data")
     dynamic = [c for folder in folders for c in dataset.load(
-        dataset.find(folder, "dynamic", dataset.HELD_OUT), fitted.rig, character)]
+        dataset.find(folder, "dynamic", held_out), fitted.rig, character)]
     wanted, there = options.validation.split(","), sorted({c.name for c in dynamic})
     training, validation = dataset.split(dynamic, wanted)
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
@@ -128,9 +132,11 @@ def prepare(options, log):
             raise ValueError(f"{options.data}: no {what} clips; --validation {options.validation} of "
                              f"{', '.join(there[:20]) or 'no clips'}{', ...' if len(there) > 20 else ''}")
         log(f"{what}: {len(clips)} {images_of(character)}, {sum(map(len, clips))} frames")
-    kept_out = [name for name in dataset.HELD_OUT if os.path.exists(dataset.path_of(options.data, name))]
+    kept_out = [name for name in held_out if any(os.path.exists(dataset.path_of(folder, name)) for folder in folders)]
     if kept_out:
         log(f"held out, never read: {', '.join(kept_out)}")
+    if held_out != dataset.HELD_OUT and len(kept_out) < len(held_out):
+        log(f"held out: no clip {', '.join(name for name in held_out if name not in kept_out)}")
     absent = [name for name in wanted if name not in there]
     if absent:
         log(f"validation: no clip {', '.join(absent)}")
@@ -145,7 +151,7 @@ def frames(clips):
 
 def unseen_clips(options, rig, character, training):
     """Clips of --head-data, which neither stage 2 learned from nor anybody chooses epochs by."""
-    apart = dataset.HELD_OUT + tuple(options.validation.split(","))
+    apart = dataset.clip_names(options.held_out) + dataset.clip_names(options.validation)
     clips = dataset.load(dataset.find(options.head_data, "dynamic", apart), rig, character)
     known = sorted({c.name for c in clips} & {c.name for c in training})
     if known or not clips:
@@ -168,6 +174,12 @@ def told(rig):
     return ", ".join(rig.joint_names[j] for j in rig.feature_joints) + (" and root motion" if rig.root_motion else "")
 
 
+def learned(provenance):
+    """Clips that a network learned from, also before the training that it was started from."""
+    return set() if not provenance else \
+        {*provenance.get("training_clips", []), *provenance.get("stage_3_clips", []), *learned(provenance.get("started_from"))}
+
+
 def start_from(options, fitted):
     """The network of --start -> (network, its features' statistics, its provenance)."""
     net, other, _, provenance = export.load_trained(options.start, options.data)
@@ -176,6 +188,10 @@ def start_from(options, fitted):
         found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)} over {told(other.rig)}"
         raise ValueError(f"--start {options.start}: found {found}; expected k_S = {options.skeleton_size} over "
                          f"{told(fitted.rig)}; give the options it was trained with")
+    known = sorted(learned(provenance) & set(dataset.clip_names(options.held_out)))
+    if known:
+        raise ValueError(f"--start {options.start}: learned from {', '.join(known[:3])}; --held-out takes clips that no "
+                         f"training read; hold out others, or start anew")
     standard = {k: getattr(net.standardise, k).double().numpy() for k in ("mean", "deviation", "low", "high")}
     return net, standard, provenance
 
@@ -233,14 +249,14 @@ def run(options):
                                         validation, options, options.out, log))
     provenance = {
         "command": {k: v for k, v in vars(options).items()
-                    if k not in ("data", "more_data", "out", "export", "head_data", "start")},
+                    if k not in ("data", "more_data", "out", "export", "head_data", "start", "held_out")},
         "started_from": history,
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
         "training_folders": by_folder(training),
         "stage_3_clips": sorted({c.name for c in seen + everything}),
         "validation_clips": sorted({c.name for c in validation}),
-        "held_out_clips": list(dataset.HELD_OUT),
+        "held_out_clips": list(dataset.clip_names(options.held_out)),
         "frames": {"training": frames(training), "validation": frames(validation), "static": frames(static_clips)},
         "validation_mm": {k: round(loop.kept(v)["validation_mm"], 3)
                           for k, v in histories.items()},

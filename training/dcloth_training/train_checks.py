@@ -19,6 +19,14 @@ def ranges(options, refuse):
         refuse(f"--mesh-layers {options.mesh_layers}: at most 8")
 
 
+def apart(options, refuse):
+    """refuse(text) where a clip is to choose the epoch and to be measured on, too."""
+    both = set(dataset.clip_names(options.validation)) & set(dataset.clip_names(options.held_out))
+    if both:
+        refuse(f"--held-out {', '.join(sorted(both))}: also in --validation, which chooses the epoch to keep; name other "
+               "clips in one of them")
+
+
 def lengths(training, options, log):
     """Refuses clips that are all too short for a window of stage 2 or 3, or too few for stage 3's basis; names those
     that stage 2 leaves out."""

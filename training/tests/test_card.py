@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from conftest import NAMES, hang, poses
-from dcloth_training import bundle, card, card_text, dataset, export, failure_pictures, safetensors_io, sequence
+from dcloth_training import bundle, card, card_text, export, failure_pictures, safetensors_io, sequence
 
 MODELS = os.path.join(os.path.dirname(__file__), "..", "..", "models")
 README = """# tiny
@@ -49,7 +49,6 @@ def held(tiny, tmp_path_factory):
 def model(tiny, trained, tmp_path, monkeypatch):
     """models/tiny with its bundle and a card."""
     monkeypatch.setattr(failure_pictures, "SAMPLES", 1)
-    monkeypatch.setattr(dataset, "HELD_OUT", ("a/unseen", "a/later"))
     folder = tmp_path / "tiny"
     folder.mkdir()
     net, fitted, character, provenance = export.load_trained(str(trained[1]), str(tiny))
@@ -104,7 +103,23 @@ def test_a_card_that_cannot_be_written_stays_as_it_was(model, capsys, text, mess
 
 def test_without_held_out_clips_nothing_is_measured(model, tiny, capsys):
     assert card.main([str(model), "--data", str(tiny)]) == 2
-    assert "none of the held-out clips a/unseen" in capsys.readouterr().err and not (model / "errors.json").exists()
+    said = capsys.readouterr().err
+    assert "none of the held-out clips a/unseen, a/later" in said and "--held-out" in said
+    assert not (model / "errors.json").exists()
+
+
+@pytest.mark.parametrize("named,wanted", [(None, "mocap/run"), ([], "(none named)"), (["a/gone"], "a/gone")])
+def test_held_out_clips_are_those_the_bundle_names(model, tiny, capsys, named, wanted):
+    """And this project's where it names none, as bundles of other trainers."""
+    path = model / "tiny.safetensors"
+    tensors, metadata = safetensors_io.read(path)
+    provenance = json.loads(metadata["training"])
+    assert provenance.pop("held_out_clips") == ["a/unseen", "a/later"] and "held_out" not in provenance["command"]
+    if named is not None:
+        provenance["held_out_clips"] = named
+    safetensors_io.write(path, tensors, {**metadata, "training": json.dumps(provenance)})
+    assert card.main([str(model), "--data", str(tiny)]) == 2
+    assert wanted in capsys.readouterr().err.partition("held-out clips ")[2]
 
 
 @pytest.mark.parametrize("name", sorted(n for n in os.listdir(MODELS) if os.path.isdir(os.path.join(MODELS, n))))

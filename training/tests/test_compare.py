@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from conftest import NAMES, hang, poses, tube
-from dcloth_training import (bundle, checkpoint, dataset, evaluate, export, loop, sequence, train)
+from dcloth_training import bundle, checkpoint, evaluate, export, loop, sequence, train
 from dcloth_training.compare import __main__ as command
 from dcloth_training.compare import keep, rows, table
 
@@ -24,17 +24,12 @@ def add_clip(folder, name, seed):
 
 @pytest.fixture(scope="module")
 def data(tiny, tmp_path_factory):
-    """The tiny folder with two clips more, which the patched HELD_OUT names."""
+    """The tiny folder with the two clips more that its training held out."""
     folder = tmp_path_factory.mktemp("compare") / "data"
     shutil.copytree(tiny, folder)
     add_clip(folder, "a/unseen", 11)
     add_clip(folder, "a/later", 12)
     return folder
-
-
-@pytest.fixture(autouse=True)
-def held_out(monkeypatch):
-    monkeypatch.setattr(dataset, "HELD_OUT", ("a/unseen", "a/later"))
 
 
 def run(data, full, out, *more):
@@ -46,9 +41,7 @@ def run(data, full, out, *more):
 def finished(data, trained, tmp_path_factory):
     """(table, folder) of all rows on one of the two held-out clips."""
     out = tmp_path_factory.mktemp("finished")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "HELD_OUT", ("a/unseen", "a/later"))
-        return run(data, trained[1], out, "--clips", "a/unseen"), out
+    return run(data, trained[1], out, "--clips", "a/unseen"), out
 
 
 def by_key(found):

@@ -90,8 +90,7 @@ def test_features_beyond_training_are_counted(made):
 def test_distance_to_training_is_that_of_plain_loops(made, tiny, monkeypatch):
     path, clips = made
     net, rig, *_ = bundle.read(path, torch.float32)
-    monkeypatch.setattr(familiarity.dataset, "HELD_OUT", ("a/held",))
-    known = familiarity.Training(net, rig, [str(tiny)])
+    known = familiarity.Training(net, rig, [str(tiny)], {"held_out_clips": ["a/held"]})
     assert set(known.clips) == {"a/one", "a/two"}
     pose = network.pose_of(sequence.read(clips[2]).joint_matrices, rig, torch.float32)
     away, alike = known.distance(pose)
@@ -99,9 +98,10 @@ def test_distance_to_training_is_that_of_plain_loops(made, tiny, monkeypatch):
     wanted = [min((float(np.sqrt(np.mean((a - w) ** 2))), name) for w, name in zip(known.windows, known.clips))
               for a in asked]
     assert np.allclose(away, [w for w, _ in wanted], atol=2e-3) and alike[-1] == wanted[-1][1]
-    monkeypatch.setattr(familiarity.dataset, "HELD_OUT", ("a/held", "a/one", "a/two"))
     with pytest.raises(ValueError, match="no clips but held-out"):
-        familiarity.Training(net, rig, [str(tiny)])
+        familiarity.Training(net, rig, [str(tiny)], {"held_out_clips": ["a/held", "a/one"], "validation_clips": ["a/two"]})
+    monkeypatch.setattr(familiarity.dataset, "HELD_OUT", ("a/one",))
+    assert set(familiarity.Training(net, rig, [str(tiny)], {}).clips) == {"a/held", "a/two"}    # it says nothing
 
 
 def test_colours_and_scale():

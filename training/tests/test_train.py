@@ -106,6 +106,31 @@ def test_held_out_clips_are_never_found(tiny, tmp_path):
     assert not set(dataset.HELD_OUT) & set(dataset.VALIDATION)
 
 
+def test_clips_to_hold_out_are_named_by_the_user(tiny, tmp_path):
+    said = []
+    options = train.arguments(["--data", str(tiny), "--out", str(tmp_path), "--validation", "a/held", "--held-out",
+                               "a/two,a/gone"])
+    _, _, _, training, validation = train.prepare(options, said.append)
+    assert {c.name for c in training} == {"a/one"} and {c.name for c in validation} == {"a/held"}
+    assert "held out, never read: a/two" in said and "held out: no clip a/gone" in said
+    default = train.arguments(["--data", str(tiny), "--out", str(tmp_path)])
+    assert dataset.clip_names(default.held_out) == dataset.HELD_OUT
+
+
+def test_a_clip_does_not_choose_and_measure(tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        train.arguments(["--data", "d", "--out", "o", "--validation", "a/one,a/two", "--held-out", "a/two"])
+    assert ended.value.code == 2 and "--held-out a/two: also in --validation" in capsys.readouterr().err
+
+
+def test_what_a_training_goes_on_from_has_not_seen_held_out_clips(tiny, trained, tmp_path):
+    """Nor what that one went on from."""
+    with pytest.raises(ValueError, match="--start.*learned from a/two.*--held-out"):
+        run(tiny, tmp_path, "--start", str(trained[1]), "--held-out", "a/two")
+    assert train.learned({"training_clips": ["b"], "stage_3_clips": ["c"], "started_from": trained[0][3]}) == {
+        "a/one", "a/two", "b", "c"}
+
+
 def test_takes_are_left_out_by_their_names_too(tiny, tmp_path):
     """simulate/clips.py writes take 2 of a clip as -take2; an import keeps what it is called."""
     (tmp_path / "dynamic").mkdir()
@@ -113,6 +138,8 @@ def test_takes_are_left_out_by_their_names_too(tiny, tmp_path):
         shutil.copy(tiny / "dynamic" / "a-one.safetensors", tmp_path / "dynamic" / f"{name}.safetensors")
     found = dataset.find(str(tmp_path), "dynamic", ("a/one~2", "a/one~3"))
     assert [p.split("/")[-1] for p in found] == ["a-two.safetensors"]
+    found = [dataset.path_of(str(tmp_path), name) for name in ("a/one~2", "a/one~3", "a/one~4")]
+    assert [p.split("/")[-1] for p in found] == ["a-one-take2.safetensors", "a-one~3.safetensors", "a-one~4.safetensors"]
 
 
 def test_windows_begin_with_a_reset(tiny):
@@ -197,7 +224,7 @@ def test_stage_3_may_not_learn_on_what_stage_2_saw(tiny, tmp_path):
     character = rig.read_character(str(tiny / "character.safetensors"))
     fitted = rig.fit(character)
     training = dataset.load(dataset.find(str(tiny), "dynamic", dataset.HELD_OUT), fitted.rig, character)
-    options = type("O", (), {"head_data": str(tiny), "validation": training[0].name})
+    options = type("O", (), {"head_data": str(tiny), "validation": training[0].name, "held_out": ""})
     with pytest.raises(ValueError, match="does not learn from"):
         train.unseen_clips(options, fitted.rig, character, training)
     found = train.unseen_clips(options, fitted.rig, character, [])

@@ -47,11 +47,11 @@ export class Model {
           exports.dcloth_model_open(this.#bytes, source.length, this.#storage, storageSize, result, error));
         this.address = memory.u32[result / 4];
       });
+      this.#describe();
     } catch (error) {
       this.#giveBack();
       throw error;
     }
-    this.#describe();
     /** In the order of a pose's matrices. */
     this.jointNames = Array.from({ length: this.jointCount }, (_, i) =>
       memory.text(exports.dcloth_model_joint_name(this.address, i)));

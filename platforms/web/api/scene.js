@@ -21,8 +21,8 @@ import { throwUnlessOk } from "./error.js";
  */
 export class Scene {
   #engine;
-  #storage;
-  #block;
+  #storage = 0;
+  #block = 0;
   #scene = 0;
   /** @type {(Cloth | null)[]} */
   #cloths;
@@ -38,10 +38,10 @@ export class Scene {
     this.characterCount = characterCount;
     this.#cloths = new Array(characterCount).fill(null);
     const size = exports.dcloth_scene_storage_size(characterCount);
-    this.#storage = memory.lend(size);
-    // The choice of one character after the other, the frame before them, the planned cost before that.
-    this.#block = memory.lend(16 + abi.dcloth_scene_frame.bytes + abi.dcloth_scene_choice.bytes * characterCount);
     try {
+      this.#storage = memory.lend(size);
+      // The choice of one character after the other, the frame before them, the planned cost before that.
+      this.#block = memory.lend(16 + abi.dcloth_scene_frame.bytes + abi.dcloth_scene_choice.bytes * characterCount);
       memory.withBlock(4, (result) => {
         memory.check("scene", (error) =>
           exports.dcloth_scene_create(characterCount, this.#storage, size, result, error));
@@ -137,9 +137,9 @@ export class Scene {
 
   /** Before the cloths in it. */
   dispose() {
-    if (this.#storage === 0) return;
-    this.#engine.memory.giveBack(this.#block);
-    this.#engine.memory.giveBack(this.#storage);
+    const { memory } = this.#engine;
+    if (this.#block !== 0) memory.giveBack(this.#block);
+    if (this.#storage !== 0) memory.giveBack(this.#storage);
     this.#storage = this.#block = this.#scene = 0;
     this.#cloths.fill(null);
   }

@@ -66,9 +66,13 @@ TEST_F(FileTest, WritesPiecesAndReadsThemBackAligned) {
 TEST_F(FileTest, ReplacesAndKeepsTheMode) {
   Put(folder_ / "x", "old and longer");
   fs::permissions(folder_ / "x", fs::perms::owner_read | fs::perms::owner_write);
+  const fs::perms mode = fs::status(folder_ / "x").permissions();
+#if !defined(_WIN32)  // which tells readers and writers not apart
+  EXPECT_EQ(mode, fs::perms::owner_read | fs::perms::owner_write);
+#endif
   Write(folder_ / "x", "new");
   EXPECT_EQ(Get(folder_ / "x"), "new");
-  EXPECT_EQ(fs::status(folder_ / "x").permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_EQ(fs::status(folder_ / "x").permissions(), mode);
   EXPECT_EQ(Entries(), 1u);
 }
 
@@ -78,6 +82,7 @@ TEST_F(FileTest, ReadOnlyTargetStaysAsItIs) {
   EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "x", "new"); }), "without write permission"));
   EXPECT_EQ(Get(folder_ / "x"), "precious");
   EXPECT_EQ(Entries(), 1u);
+  fs::permissions(folder_ / "x", fs::perms::owner_all);  // Windows removes no file that cannot be written
 }
 
 TEST_F(FileTest, MissingFolderIsNamed) {

@@ -11,14 +11,10 @@ import sys
 
 import torch
 
-from .. import command, train
+from .. import command, dataset, train
 from . import keep, table
 from .rows import ROWS
 from .scene import Scene
-
-
-def names(text):
-    return [name for name in text.split(",") if name]
 
 
 def arguments(argv=None):
@@ -29,8 +25,9 @@ def arguments(argv=None):
     add("--more-data", help="folder of more training clips, as for train")
     add("--full", required=True, help="the trained model: train.py's folder, or a bundle")
     add("--out", required=True, help="weights, measurements and the table")
-    add("--clips", type=names, help="held-out clips, comma separated (default: dataset.HELD_OUT)")
-    add("--rows", type=names, help="keys of rows, comma separated (default: all): "
+    add("--clips", type=dataset.clip_names,
+        help="held-out clips, comma separated (default: those the full model's training was told, train --held-out)")
+    add("--rows", type=dataset.clip_names, help="keys of rows, comma separated (default: all): "
         + ", ".join(row.key for row in ROWS))
     add("--minutes-per-model", type=float, metavar="M",
         help="limit of each fit; it lowers epochs by this machine's speed (default: no limit)")

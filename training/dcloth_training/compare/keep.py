@@ -42,11 +42,11 @@ def settings(scene):
     for value in (net.static.template, net.static.initial_weights, *scene.standardise.buffers()):
         statistics.update(value.float().contiguous().numpy().tobytes())
     options = {k: v for k, v in vars(scene.options).items()
-               if k not in ("data", "more_data", "out", "export", "threads")}
+               if k not in ("data", "more_data", "out", "export", "threads", "held_out")}    # "data" below tells
     training = [os.path.join(scene.data, "character.safetensors"),
                 *dataset.find(scene.data, "static"),
-                *dataset.find(scene.data, "dynamic", dataset.HELD_OUT),
-                *(dataset.find(scene.more_data, "dynamic", dataset.HELD_OUT) if scene.more_data else [])]
+                *dataset.find(scene.data, "dynamic", scene.held_out),
+                *(dataset.find(scene.more_data, "dynamic", scene.held_out) if scene.more_data else [])]
     found = {"data": digest(training), "statistics": statistics.hexdigest(),
              "learned_numbers": sizes.of_network(net, "skeleton"), "options": options,
              "minutes_per_model": scene.minutes}

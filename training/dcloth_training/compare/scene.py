@@ -60,6 +60,8 @@ class Scene:
             raise ValueError(f"{arguments.full}: stops after stage 1; the comparison needs stages 1-2 at "
                              f"least: train it with --stages skeleton or mesh")
         self.options = options_of(self.provenance, arguments, log)
+        self.held_out = dataset.held_out(self.provenance)
+        self.options.held_out = ",".join(self.held_out)
         self.options.stages = self.net.last_stage()
         self.standardise = self.net.standardise
         self._training = self._validation = self._base = None
@@ -79,26 +81,23 @@ class Scene:
 
     def _check_clips(self, names):
         """Settle which clips are measured; none may have been trained or chosen on."""
-        self.clips = list(dataset.HELD_OUT) if names is None else names
+        self.clips = list(self.held_out if names is None else names)
         missing = [c for c in self.clips if not os.path.exists(dataset.path_of(self.data, c))]
         if missing:
             raise ValueError(f"{os.path.join(self.data, 'dynamic')}: held-out clips {missing} not found; "
                              f"simulate them, or name those that are there with --clips")
-        known = {os.path.splitext(os.path.basename(p))[0]
-                 for p in dataset.find(self.data, "dynamic", dataset.HELD_OUT)}
-        used = {os.path.splitext(os.path.basename(dataset.path_of("", c)))[0]
-                for c in self.provenance.get("training_clips", [])
+        known = set(dataset.find(self.data, "dynamic", self.held_out))
+        used = {dataset.path_of(self.data, c) for c in self.provenance.get("training_clips", [])
                 + self.provenance.get("validation_clips", [])}
-        seen = [c for c in self.clips
-                if os.path.splitext(os.path.basename(dataset.path_of("", c)))[0] in known | used]
+        seen = [c for c in self.clips if dataset.path_of(self.data, c) in known | used]
         if seen:
             raise ValueError(f"--clips: {seen} are trained or validated on; only clips that training "
-                             f"never saw can be measured, like dataset.HELD_OUT")
+                             f"never saw can be measured: {', '.join(self.held_out) or 'none (train --held-out)'}")
 
     def training_names(self):
         """Clip names that the data folder gives to training, without reading the clips' frames."""
         folders = [self.data] + ([self.more_data] if self.more_data else [])
-        paths = [p for folder in folders for p in dataset.find(folder, "dynamic", dataset.HELD_OUT)]
+        paths = [p for folder in folders for p in dataset.find(folder, "dynamic", self.held_out)]
         found = {safetensors_io.read(p, ())[1].get("clip", "") for p in paths}
         return found - set(self.options.validation.split(","))
 
