@@ -92,3 +92,10 @@ def busy_text(used_cores, cores, seconds):
     return (f"**The machine was not quiet: others used {used_cores:.1f} of its {cores} cores. These times prove "
             "that the bench runs; they are no result: a tick that is interrupted counts with the interruption, "
             "and only the least times come near those of an idle machine. Run it again on one.**")
+
+
+def built(results):
+    """The line that every page begins with: date, machine, compiler, instruction set, version."""
+    m = results["machine"]
+    return (f"{results['date']}, {m['cpu']}, core {m['core']} of {m['cores']}, {m['system']}; dcloth "
+            f"{results['version']}, built by {m['compiler']}, its kernels chose {m['isa']}; Python {m['python']}.")
