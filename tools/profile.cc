@@ -22,12 +22,13 @@
 namespace dcloth::tools {
 namespace {
 
-// Fewer samples give no p99 worth its name: it would be the maximum.
-constexpr size_t kMinimumFrames = 600;
+// Fewer samples give no p99 worth its name: below a hundred it is the maximum.
+constexpr size_t kDefaultFrames = 600;
 
 struct Options {
   std::filesystem::path model, sequence, trace;
   double budget_ms = 0, fps = 60;
+  size_t frames = kDefaultFrames;
   int core = -1;
   bool pipelined = false, cold = false, contend = false, project = false, json = false;
 };
@@ -63,13 +64,13 @@ class Profiler {
   }
 
   // From a reset through the whole sequence. Only the engine's calls are timed, and the first frame, which
-  // starts with a whole tick in any mode, is not kept.
+  // starts with a whole tick in any mode, is not kept. The first round is the one that does not count.
   void Round(bool first, std::vector<ProfiledFrame>* frames) {
     player_.Reset();
     for (size_t f = 0; f < frame_count_; ++f) {
       const double seconds = static_cast<double>(f) / options_.fps;
       poses_.At(seconds, pose_);
-      if (evictor_) evictor_->Evict();
+      if (evictor_ && !first) evictor_->Evict();
       const ProfiledFrame frame = Time();
       if (f != 0) frames->push_back(frame);
       if (first) Compare(seconds);
@@ -154,8 +155,8 @@ int RunProfile(const Options& options) {
     Progress progress("profiling");
     do {
       profiler.Round(false, &profile.frames);
-      progress.Step(std::min(profile.frames.size(), kMinimumFrames), kMinimumFrames);
-    } while (profile.frames.size() < kMinimumFrames);
+      progress.Step(std::min(profile.frames.size(), options.frames), options.frames);
+    } while (profile.frames.size() < options.frames);
   }
   profile.model = converter::PathText(options.model);
   profile.sequence = converter::PathText(options.sequence);
@@ -189,7 +190,7 @@ void AddProfile(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("profile", "Measure what a frame costs on one core");
   command->footer(
-      "A frame is the ticks that are due or their part, then skinning with normals. The sequence repeats until 600 frames "
+      "A frame is the ticks that are due or their part, then skinning with normals. The sequence repeats until --frames "
       "are measured,\n"
       "after one uncounted pass. With truth in the sequence the error of the drawn frames stands beside the times.");
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
@@ -198,6 +199,9 @@ void AddProfile(CLI::App& app, int& exit_code) {
       ->check(NumberAboveZero());
   command->add_option("--fps", options->fps, "drawn frames per second")
       ->check(NumberWithin(1, 1000))
+      ->capture_default_str();
+  command->add_option("--frames", options->frames, "measure at least so many; the sequence is always played out")
+      ->check(NumberWithin(1, 1'000'000))
       ->capture_default_str();
   command->add_option("--core", options->core, "the core to stay on; the last allowed one when not given")
       ->check(NumberWithin(0, 65535));

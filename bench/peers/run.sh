@@ -24,6 +24,6 @@ for packages in "onnx onnxruntime" openvino ai-edge-litert ncnn; do
     { echo "not installed: $packages" >&2; tail -n 3 "$log" >&2; }
 done
 
-export PYTHONPATH=bench/peers:training OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_WAIT_POLICY=passive
+export PYTHONPATH=bench:bench/peers:training OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_WAIT_POLICY=passive
 $venv/bin/python -m peers --library build/libdcloth_peers.so --dcloth build/dcloth --build build --work out/peers \
   --json out/peers/results.json --page bench/peers/RESULTS.md "$@"

@@ -19,9 +19,9 @@ class Size:
     """The bundled skirt's kind, unless changed."""
     vertices: int = 8000
     width: int = 8       # F
-    layers: int = 2      # L
+    layers: int = 3      # L
     rank: int = 192      # k_S + k_M, half each
-    hidden: int = 256    # of the vertex perceptron
+    hidden: int = 96     # of the vertex perceptron
 
     def changed(self, axis, value):
         return replace(self, **{axis: value})
@@ -90,5 +90,5 @@ def write_bundle(path, size):
         "root_motion": "true", "bones": json.dumps(small.BONES), "training": "{}"})
 
 
-def write_motion(path, frames=40):
+def write_motion(path, frames=25):
     small.write_sequence(path, small.motion(frames, 30), truth=False)

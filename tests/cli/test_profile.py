@@ -32,6 +32,15 @@ def test_a_sequence_without_truth_has_no_error(dcloth, files):
     assert profile(dcloth, files.model, files.bare)["truth"] is None
 
 
+def test_fewer_frames(dcloth, files):
+    """Whole passes of the sequence, as many as are asked for at least."""
+    one = profile(dcloth, files.model, files.walk, "--frames", 1)["frames"]
+    assert 1 <= one < 600
+    assert profile(dcloth, files.model, files.walk, "--frames", one + 1)["frames"] == 2 * one
+    for wrong in (0, -1, "many"):
+        refused(dcloth("profile", files.model, files.walk, "--frames", wrong), "--frames")
+
+
 def test_budget_missed_and_kept(dcloth, files):
     missed = profile(dcloth, files.model, files.walk, "--budget-ms", "0.000001", code=1)
     assert missed["missed_frames"] == missed["frames"] and missed["budget_ms"] == 0.000001

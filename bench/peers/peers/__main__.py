@@ -10,7 +10,9 @@ import shutil
 import sys
 import time
 
-from . import contestants, machine, measure, page
+from pages import machine
+
+from . import contestants, measure, page
 from .engine_peer import EnginePeer, Library
 
 

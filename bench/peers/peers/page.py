@@ -1,10 +1,15 @@
 """The results as a Markdown page and as a table for the terminal."""
+import json
+import sys
+
+from pages import machine
+from pages.markdown import bullets, ms, table
+
 from .contestants import BASELINE
 from .measure import FLOAT32_LIMIT_MM, INT8_LIMIT_SHARE
 from .peer import NETWORK
-from .verdicts import best_peers, goals, losses
+from .verdicts import best_peers, floor_ms, goals, losses
 
-QUIET_CORES = 0.1    # what others may use before times mean nothing
 TEMPERATURES = ("warm", "cold")
 PAGE = """\
 # dcloth and general runtimes on the same network
@@ -60,8 +65,10 @@ both at the rates above. {vectors}
 
 {goals}
 
-Whole frames of dcloth against the peer's network. The weights are seeded, not trained: what a bound in millimetres
-allows beyond exact rewrites is measured on trained garments, by `dcloth evaluate`.
+Whole frames of dcloth against the peer's network. **At the limit**: the ratio if dcloth's network took no longer than
+the core's limit above and its skinning and normals nothing: more cannot be had in float32 arithmetic without fewer
+weights. The weights are seeded, not trained: what a bound in millimetres allows beyond exact rewrites is measured on
+trained garments, by `dcloth evaluate`.
 
 ## Losses
 
@@ -83,17 +90,8 @@ The fastest of each stage runs; least of four calls, in cache.
 """
 
 
-def _ms(value):
-    return f"{value:.3f}" if value < 0.1 else f"{value:.2f}" if value < 100 else f"{value:.0f}"
-
-
 def _three(timed, part):
-    return " / ".join(_ms(timed[part][q]) for q in ("p50", "p95", "p99")) if part in timed else "–"
-
-
-def _table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows])
+    return " / ".join(ms(timed[part][q]) for q in ("p50", "p95", "p99")) if part in timed else "–"
 
 
 def _ratio(results, row, temperature, part="network"):
@@ -105,11 +103,11 @@ def _ratio(results, row, temperature, part="network"):
 
 def network_rows(results):
     for name, row in results["rows"].items():
-        error, floor = row["error_mm"], sum(results["floor_ms"][row["precision"]].values())
+        error, floor = row["error_mm"], floor_ms(results, name)
         yield [name, f"{row['weight_bytes'] / 1e6:.1f}", f"{error['mean']:.4f}", f"{error['max']:.4f}",
                _three(row["warm"], "network"), _three(row["cold"], "network"),
-               " / ".join(_ms(row[t]["network"]["least"]) for t in TEMPERATURES), _ratio(results, row, "warm"),
-               _ratio(results, row, "cold"), "–" if "," in name else f"{floor / row['cold']['network']['p50']:.0%}"]
+               " / ".join(ms(row[t]["network"]["least"]) for t in TEMPERATURES), _ratio(results, row, "warm"),
+               _ratio(results, row, "cold"), f"{floor / row['cold']['network']['p50']:.0%}" if floor else "–"]
 
 
 NETWORK_HEADER = ["", "MB", "mm mean", "mm max", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms",
@@ -120,14 +118,14 @@ def _frames(results):
     rows = [[name, *(_three(row[t], "frame") for t in TEMPERATURES),
              *(_ratio(results, row, t, "frame") if row["engine"] else "–" for t in TEMPERATURES)]
             for name, row in results["rows"].items() if "frame" in row["warm"]]
-    return _table(["", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms", "ratio warm", "ratio cold"], rows)
+    return table(["", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms", "ratio warm", "ratio cold"], rows)
 
 
 def _stages(results):
     stages = ("pose", *NETWORK, "skinning", "normals")
-    rows = [[name, *(" / ".join(_ms(row[t][s]["p50"]) if s in row[t] else "–" for t in TEMPERATURES) for s in stages)]
+    rows = [[name, *(" / ".join(ms(row[t][s]["p50"]) if s in row[t] else "–" for t in TEMPERATURES) for s in stages)]
             for name, row in results["rows"].items()]
-    return _table(["p50 warm / cold, ms", *stages], rows)
+    return table(["p50 warm / cold, ms", *stages], rows)
 
 
 def _where(results):
@@ -139,7 +137,7 @@ def _where(results):
             cells = [f"{cold[s]['p50']:.2f} ({cold[s]['p50'] / cold['frame']['p50']:.0%} of the frame), limit "
                      f"{floors[s]:.2f} ({floors[s] / cold[s]['p50']:.0%})" for s in NETWORK[1:]]
             rows.append([name, f"{cold['frame']['p50']:.2f}", *cells])
-    return _table(["ms, cold p50", "frame", "skeleton", "mesh", "displacement"], rows)
+    return table(["ms, cold p50", "frame", "skeleton", "mesh", "displacement"], rows)
 
 
 def _vectors(results):
@@ -162,26 +160,17 @@ def _machine(results):
             f"Garment: preset '{results['preset']}' of `dcloth_training.synthetic` ({sizes}; {megabytes:.1f} MB of "
             "float32 weights in a tick), seeded weights, not trained: times and differences to float64 mean something, "
             "looks do not."]
-    if used > QUIET_CORES:
-        text.append(f"**The machine was not quiet: others used {used:.1f} of its {m['cores']} cores. These times prove "
-                    "that the bench runs; they are no result: a tick that is interrupted counts with the interruption, "
-                    "and only the least times come near those of an idle machine. Run it again on one.**")
-    else:
-        text.append(f"Others used {used:.2f} of {m['cores']} cores meanwhile. The run took {results['seconds']:.0f} s.")
+    text.append(machine.busy_text(used, m["cores"], results["seconds"]))
     return "\n".join(text)
 
 
 def _tried(results):
-    def outcome(ms):
-        return f"{_ms(ms)} ms" if isinstance(ms, float) else f"does not run: {ms}".replace("|", "/")
+    def outcome(spent):
+        return f"{ms(spent)} ms" if isinstance(spent, float) else f"does not run: {spent}".replace("|", "/")
 
-    rows = [[name, stage, graph, outcome(ms)]
-            for name, row in results["rows"].items() for stage, graph, ms in row["tried"] if stage in NETWORK[1:3]]
-    return _table(["peer", "stage", "graph", "time"], rows)
-
-
-def _list(lines):
-    return "\n".join(f"- {line}" for line in lines) or "None."
+    rows = [[name, stage, graph, outcome(spent)]
+            for name, row in results["rows"].items() for stage, graph, spent in row["tried"] if stage in NETWORK[1:3]]
+    return table(["peer", "stage", "graph", "time"], rows)
 
 
 def markdown(results):
@@ -190,11 +179,11 @@ def markdown(results):
     versions = [f"{name}: {row['version']}" + (f"; {row['note']}" if row["note"] else "")
                 for name, row in rows.items() if not row["engine"]]
     return PAGE.format(
-        machine=_machine(results), network=_table(NETWORK_HEADER, network_rows(results)), frame=_frames(results),
+        machine=_machine(results), network=table(NETWORK_HEADER, network_rows(results)), frame=_frames(results),
         stages=_stages(results), where=_where(results), vectors=_vectors(results), best=best_peers(results),
         losses=losses(results),
-        goals=_table(["goal", "asked for", "warm", "cold", ""], goals(results)), versions=_list(versions),
-        tried=_tried(results), absent=_list(f"{name}: {why}" for name, why in results["absent"].items()),
+        goals=table(["goal", "asked for", "warm", "cold", "at the limit, cold", ""], goals(results)), versions=bullets(versions),
+        tried=_tried(results), absent=bullets(f"{name}: {why}" for name, why in results["absent"].items()),
         evicted=results["machine"]["evicted_bytes"] / 1e6, core=results["machine"]["core"], frames=results["frames"],
         warm_ticks=ticks["warm"], cold_ticks=ticks["cold"], limit=FLOAT32_LIMIT_MM, share=INT8_LIMIT_SHARE,
         displacement=results["displacement_mm"], baseline=BASELINE)
@@ -206,3 +195,8 @@ def terminal(results):
     lines = ["  ".join(str(cell).ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows]
     left_out = [f"left out: {name}: {why}" for name, why in results["absent"].items()]
     return "\n".join([_machine(results), "", *lines, *left_out])
+
+
+if __name__ == "__main__":    # python3 -m peers.page results.json: the page of figures that were kept
+    with open(sys.argv[1], encoding="utf-8") as kept:
+        print(markdown(json.load(kept)), end="")

@@ -1,8 +1,11 @@
-"""What the machine is, what it can do at most and how busy it was: printed beside every time."""
+"""What the machine is, what it can do at most and how busy it was: what every page prints beside its times."""
 import os
 import platform
 import subprocess
 import sys
+from pathlib import Path
+
+QUIET_CORES = 0.1    # what others may use before times mean nothing
 
 
 def cpu_name():
@@ -39,6 +42,16 @@ def busy():
     return (sum(ticks) - ticks[3] - ticks[4]) / hertz, sum(ticks) / hertz
 
 
+def caches():
+    """[[name, bytes]] of the data caches that core 0 reaches, smallest first."""
+    found = []
+    for index in sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*")):
+        if (index / "type").read_text().strip() != "Instruction":
+            kibibytes = int((index / "size").read_text().strip().rstrip("K"))
+            found.append([f"L{(index / 'level').read_text().strip()}", kibibytes << 10])
+    return found
+
+
 class Neighbours:
     """How much of the other cores and of this one others used, between construction and share()."""
 
@@ -66,3 +79,23 @@ def limits(library):
     fma = {str(bits): library.fma_rate(bits) for bits in (256, 512)}
     return {"read_gbps": library.read_rate(library.evicted_bytes()),
             "fma_gmacs": {bits: rate for bits, rate in fma.items() if rate}}
+
+
+def quiet(used_cores):
+    return used_cores <= QUIET_CORES
+
+
+def busy_text(used_cores, cores, seconds):
+    """How busy the machine was, as a page says it; in bold where that makes its times no result."""
+    if quiet(used_cores):
+        return f"Others used {used_cores:.2f} of {cores} cores meanwhile. The run took {seconds:.0f} s."
+    return (f"**The machine was not quiet: others used {used_cores:.1f} of its {cores} cores. These times prove "
+            "that the bench runs; they are no result: a tick that is interrupted counts with the interruption, "
+            "and only the least times come near those of an idle machine. Run it again on one.**")
+
+
+def built(results):
+    """The line that every page begins with: date, machine, compiler, instruction set, version."""
+    m = results["machine"]
+    return (f"{results['date']}, {m['cpu']}, core {m['core']} of {m['cores']}, {m['system']}; dcloth "
+            f"{results['version']}, built by {m['compiler']}, its kernels chose {m['isa']}; Python {m['python']}.")

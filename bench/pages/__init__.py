@@ -1,0 +1,1 @@
+"""What the pages of measured figures share: the machine, tables, pictures."""

@@ -1,0 +1,1 @@
+"""What the bundled garments cost on this machine, beside their errors and the goals."""

@@ -1,0 +1,1 @@
+"""Time and memory against vertices, feature width, layers, rank and characters."""
