@@ -82,7 +82,9 @@ bool Writable(const fs::path& path) { return ::access(path.c_str(), W_OK) == 0; 
 fs::path TemporaryName(const fs::path& target, int attempt) {
   constexpr size_t kLongName = 100;
   fs::path name = target.filename().native().size() > kLongName ? fs::path("dcloth") : target.filename();
-  name += "." + std::to_string(ProcessId()) + "." + std::to_string(attempt) + ".tmp";
+  std::string suffix(".");  // in pieces: GCC 12 warns of an overlap in sums
+  suffix.append(std::to_string(ProcessId())).append(".").append(std::to_string(attempt)).append(".tmp");
+  name += suffix;
   return target.parent_path() / name;
 }
 
