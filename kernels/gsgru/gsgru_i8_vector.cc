@@ -244,7 +244,8 @@ HWY_NOINLINE void RunLayer(D d, const GsgruI8Job& job) {
 
 void GsgruI8(const GsgruI8Job& job) {
   const hn::ScalableTag<float> d;
-  switch (HWY_TARGET == HWY_SSE4 ? 0 : job.layer.features) {  // old CPUs are not worth the code
+  // Old CPUs are not worth the code, and browsers download it.
+  switch (HWY_TARGET == HWY_SSE4 || HWY_TARGET == HWY_WASM ? 0 : job.layer.features) {
     case 16: return RunLayer<16>(d, job);
     case 32: return RunLayer<32>(d, job);
     default: return RunLayer<0>(hn::CappedTag<float, 8>(), job);  // every width is a multiple of 8
