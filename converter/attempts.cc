@@ -40,8 +40,10 @@ Attempts::Attempts(const Bundle& bundle, const FoldedBundle& folded, const Conve
 
 Candidate Attempts::Write(const PrecisionPlan& plan, uint32_t rank) const {
   FoldedBundle folded = folded_;
+  if (skin_) folded.skin = *skin_;
   WrittenModel written = WriteRanked(bundle_, ranks_, rank, plan, &folded);
-  return {plan, std::move(written.bytes), std::move(written.tensors), rank, written.rows, std::move(folded.reduced)};
+  return {plan,         std::move(written.bytes),    std::move(written.tensors), rank,
+          written.rows, std::move(folded.reduced), std::move(folded.skin)};
 }
 
 bool Attempts::Within(const MeshError& error) const {
@@ -55,6 +57,7 @@ bool Attempts::Try(const PrecisionPlan& plan, uint32_t rank, On on) {
   if (reference_) {
     Trial trial{plan.name(), candidate.bytes.size(), {}, candidate.rows, {}};
     if (rank == RankMaker::kFullRank) trial.rank = ranks_->full_rows();
+    trial.influences = candidate.skin.influences;
     if (!options_.calibration.empty()) {
       trial.calibration = trial.error = CompareModels(model, *reference_, options_.calibration);
       good = Within(trial.calibration);
@@ -117,10 +120,36 @@ bool Attempts::SettleFormats(AutoReport* report) {
     if (!ChooseAt(rank, report)) continue;
     const bool search = options_.rank.mode == RankMode::kSearch && rank != RankMaker::kFullRank;
     const bool good = search ? Search(chosen_) : Try(chosen_, rank, On::kAll);
+    if (good) PruneInfluences(report);
     report->measured_models = trials_->size();
     return good;
   }
   return false;
+}
+
+void Attempts::PruneInfluences(AutoReport* report) {
+  const On choice = options_.calibration.empty() ? On::kAll : On::kCalibration;
+  Candidate best = found_;
+  size_t kept = trials_->size() - 1;  // the trial of `best`, which ends up last
+  while (best.skin.influences > 1) {
+    skin_ = Prune(folded_.skin_weights, best.skin.influences - 1);
+    if (!Try(best.plan, best.rank, choice)) {
+      report->fewer_influences_mm = trials_->back().error.position_mm.max;
+      break;
+    }
+    // What was chosen must hold on motion that the choice did not see, as all else does.
+    if (choice == On::kCalibration && !options_.motion.empty() && !Try(best.plan, best.rank, On::kAll)) {
+      report->fewer_influences_mm = trials_->back().error.position_mm.max;
+      break;
+    }
+    best = found_;
+    kept = trials_->size() - 1;
+  }
+  report->influences = best.skin.influences;
+  found_ = std::move(best);
+  skin_.reset();
+  const auto from = trials_->begin() + static_cast<std::ptrdiff_t>(kept);
+  std::rotate(from, from + 1, trials_->end());
 }
 
 uint32_t Attempts::FixedRank() const {

@@ -21,6 +21,7 @@ struct Candidate {
   uint32_t rank = RankMaker::kFullRank;
   uint32_t rows = 0;                    // of a reduced basis, remainders among them
   std::optional<ReducedBasis> reduced;  // what FoldedBundle::reduced was
+  PrunedWeights skin;                   // and FoldedBundle::skin
 };
 
 class Attempts {
@@ -32,8 +33,8 @@ class Attempts {
   // Whether the asked-for rank, or the best one, keeps the bound in these formats; found() is then that model. Throws
   // Error.
   bool Settle(const PrecisionPlan& plan);
-  // The same in the cheapest formats that keep it; these are chosen at the exact rank, and a search for fewer rows then
-  // takes what they leave of the bound. Throws Error.
+  // The same in the cheapest formats that keep it; these are chosen at the exact rank, a search for fewer rows then
+  // takes what they leave of the bound, and fewer bones a vertex what that leaves. Throws Error.
   bool SettleFormats(AutoReport* report);
   Candidate& found() { return found_; }
 
@@ -46,6 +47,7 @@ class Attempts {
   bool Try(const PrecisionPlan& plan, uint32_t rank, On on);
   bool Search(const PrecisionPlan& plan);
   bool ChooseAt(uint32_t rank, AutoReport* report);
+  void PruneInfluences(AutoReport* report);
   bool Within(const MeshError& error) const;
   Candidate Write(const PrecisionPlan& plan, uint32_t rank) const;
   uint32_t FixedRank() const;
@@ -58,6 +60,7 @@ class Attempts {
   std::optional<OpenModel> reference_;  // fp32, not reduced; none where nothing is measured
   Candidate found_;
   PrecisionPlan chosen_;                // of ChooseAt
+  std::optional<PrunedWeights> skin_;   // in place of folded_'s
 };
 
 }  // namespace dcloth::converter

@@ -88,9 +88,6 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   const FoldedBundle folded = FoldBundle(bundle, options.influences, options.body_influences);
   ConvertResult result;
   ConvertReport& report = result.report;
-  report.influences =
-      MeasurePruning(folded.skin_weights, folded.skin, bundle.template_positions, BindPositions(bundle, bundle.bones),
-                     SkinningPoses(bundle, bundle.bones, Measured(options)));
   if (bundle.mesh) {
     std::vector<uint32_t> all(bundle.joint_names.size());
     for (uint32_t joint = 0; joint < all.size(); ++joint) all[joint] = joint;
@@ -120,6 +117,10 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   report.tensors = std::move(found.tensors);
   FoldedBundle stored = folded;
   stored.reduced = std::move(found.reduced);
+  stored.skin = std::move(found.skin);
+  report.influences =
+      MeasurePruning(stored.skin_weights, stored.skin, bundle.template_positions, BindPositions(bundle, bundle.bones),
+                     SkinningPoses(bundle, bundle.bones, Measured(options)));
   MeasureTensorCosts(bundle, stored, found.plan, Measured(options), &report.tensors, options.progress);
   result.bytes = std::move(found.bytes);
   return result;

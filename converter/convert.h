@@ -46,6 +46,7 @@ struct Trial {
   MeshError error;        // on the motion; on the calibration where there is no motion; no frames where not measured
   uint32_t rank = 0;      // rows of the basis, without padding where it is not reduced
   MeshError calibration;  // on the calibration; no frames without any
+  uint32_t influences = 0;  // bones of a cloth vertex
 };
 
 // What became of the displacement basis.
@@ -64,6 +65,8 @@ struct AutoReport {
   std::vector<FormatDecision> decisions;
   uint32_t rank = 0;           // rows of the basis when the formats were chosen; fewer may be stored, see RankReport
   double error_mm = 0;         // then, largest distance to the fp32 model
+  uint32_t influences = 0;     // bones of a cloth vertex, cut to what the bound still allows after all else
+  std::optional<double> fewer_influences_mm;  // what one fewer would make it; none where there is one alone
   size_t measured_models = 0;  // all in all
 };
 

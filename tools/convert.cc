@@ -104,7 +104,7 @@ void AddConvert(CLI::App& app, int& exit_code) {
   command
       ->add_option("--precision", options->precision,
                    "fp32, fp16, int8, or auto: per tensor the cheapest of them within --max-error-mm, chosen on "
-                   "--calibrate (else --motion)")
+                   "--calibrate (else --motion), then as few bones a vertex as that allows")
       ->check(CLI::IsMember({"fp32", "fp16", "int8", "auto"}))
       ->capture_default_str();
   CLI::Option* bound =

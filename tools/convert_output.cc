@@ -88,6 +88,9 @@ Json AutoJson(const converter::ConvertReport& report) {
                {"rank", chosen.rank},
                {"error_mm", chosen.error_mm},
                {"checked_mm", CheckedMm(report)},
+               {"influences", chosen.influences},
+               {"fewer_influences_mm",
+                chosen.fewer_influences_mm ? Json(*chosen.fewer_influences_mm) : Json(nullptr)},
                {"measured_models", chosen.measured_models},
                {"tensors", Json::array()}};
   for (const converter::FormatDecision& d : chosen.decisions) {
@@ -113,6 +116,12 @@ void PrintAuto(const converter::ConvertReport& report) {
     } else {
       std::printf(", the cheapest there is\n");
     }
+  }
+  std::printf("  %-*s  %u bones", width, "influences of a vertex", chosen.influences);
+  if (chosen.fewer_influences_mm) {
+    std::printf(", one fewer would make it %.4f mm\n", *chosen.fewer_influences_mm);
+  } else {
+    std::printf(", the fewest there are\n");
   }
   const Json checked = CheckedMm(report);
   if (!checked.is_null()) {
@@ -159,6 +168,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
     json["trials"].push_back({{"precision", t.precision},
                               {"model_bytes", t.model_bytes},
                               {"rank", t.rank},
+                              {"influences", t.influences},
                               {"error", ToJson(t.error)},
                               {"calibration", ToJson(t.calibration)}});
   }

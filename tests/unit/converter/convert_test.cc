@@ -192,10 +192,10 @@ TEST(ConvertTest, AutoTakesTheCheapestThatHolds) {
   ASSERT_GT(worst[2], worst[1]);
   ASSERT_GT(worst[1], 0);
   options.precision.reset();
-  options.max_error_mm = worst[2];  // met exactly: one model is measured, and again as the answer
+  options.max_error_mm = worst[2];  // met exactly: one model is measured, again as the answer, and with a bone fewer
   const ConvertReport int8 = Convert(bundle, options).report;
   EXPECT_EQ(int8.precision, "int8");
-  EXPECT_EQ(int8.trials.size(), 2u);
+  EXPECT_EQ(int8.trials.size(), 3u);
   options.max_error_mm = 0;
   const ConvertReport fp32 = Convert(bundle, options).report;
   EXPECT_EQ(fp32.precision, "fp32");
@@ -277,6 +277,50 @@ TEST(ConvertTest, AutoIsCheckedOnUnseenMotion) {
   options.precision.reset();
   options.max_error_mm = 1.05 * trial.calibration.position_mm.max;
   EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, options); }), "int8", "not calibrated on", "at most"));
+}
+
+// After formats, bones: as few as the bound allows, and what one fewer would cost.
+TEST(ConvertTest, AutoPrunesInfluencesWithinTheBound) {
+  BundleSpec spec;
+  const Bundle bundle = ParseBundle(spec);
+  const std::vector<Sequence> calibration = {ParseSequence(spec, 30)}, motion = {ParseSequence(spec, 12)};
+  ConvertOptions options;
+  options.rank.mode = RankMode::kFull;
+  options.calibration = calibration;
+  options.motion = motion;
+  options.precision.reset();
+  const auto converted = [&](double bound) {
+    options.max_error_mm = bound;
+    return Convert(bundle, options);
+  };
+  const uint32_t all = converted(0).report.automatic->influences;
+  ASSERT_GT(all, 2u);
+  std::vector<uint32_t> kept;
+  for (const double bound : {10.0, 100.0, 1e5}) {
+    const ConvertResult result = converted(bound);
+    const ConvertReport& report = result.report;
+    const AutoReport& chosen = *report.automatic;
+    kept.push_back(chosen.influences);
+    EXPECT_EQ(report.influences.influences, chosen.influences);
+    EXPECT_EQ(report.trials.back().influences, chosen.influences);
+    EXPECT_LE(report.trials.back().error.position_mm.max, bound);
+    EXPECT_LE(report.trials.back().calibration.position_mm.max, bound);
+    EXPECT_EQ(report.trials.back().error.frame_count, 12u);
+    EXPECT_EQ(report.trials.back().model_bytes, result.bytes.size());
+    EXPECT_EQ(chosen.fewer_influences_mm.has_value(), chosen.influences > 1);
+    if (!chosen.fewer_influences_mm) continue;
+    EXPECT_GT(*chosen.fewer_influences_mm, bound);
+    // By hand: the same formats with one bone fewer.
+    PrecisionPlan plan;
+    for (const FormatDecision& d : chosen.decisions) plan.formats[d.tensor] = d.format;
+    const FoldedBundle whole = FoldBundle(bundle, 8, 8), fewer = FoldBundle(bundle, chosen.influences - 1, 8);
+    const OpenModel reference(WriteModel(Assemble(bundle, whole, {})));
+    const OpenModel model(WriteModel(Assemble(bundle, fewer, plan)));
+    EXPECT_EQ(CompareModels(model, reference, calibration).position_mm.max, *chosen.fewer_influences_mm);
+  }
+  EXPECT_GE(kept[0], kept[1]);
+  EXPECT_GT(kept[1], kept[2]) << "the bounds are all too tight to show anything";
+  EXPECT_EQ(kept[2], 1u);
 }
 
 TEST(ConvertTest, BadOptionsAreRefused) {
