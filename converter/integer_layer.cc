@@ -22,7 +22,7 @@ VectorD LargestOutputs(const MeshLayerWeights& layer) {
 }  // namespace
 
 IntegerLayer StackIntegerLayer(const FoldedMeshLayer& layer, const Matrix& output, const MeshLayerWeights* before) {
-  constexpr double kLevels = 127, kHiddenLevels = static_cast<double>(kernels::kGsgruHiddenLevels);
+  constexpr double kLevels = 32767, kHiddenLevels = static_cast<double>(kernels::kGsgruHiddenLevels);
   const Eigen::Index width = output.rows(), inputs = before == nullptr ? 0 : 3 * width;
   IntegerLayer stored;
   MatrixD weights(width, inputs + 4 * width);

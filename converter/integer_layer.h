@@ -1,4 +1,4 @@
-// A graph layer's products for 8-bit arithmetic (kernels/gsgru/gsgru_i8.h).
+// A graph layer's products in integers (kernels/gsgru/gsgru_i8.h).
 #ifndef DCLOTH_CONVERTER_INTEGER_LAYER_H_
 #define DCLOTH_CONVERTER_INTEGER_LAYER_H_
 

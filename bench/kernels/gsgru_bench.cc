@@ -65,8 +65,8 @@ struct Layer {
     AlignedArray<float> levels = RandomFloats(integers.size(), -127, 127, 8);
     for (size_t i = 0; i < integers.size(); ++i) integers[i] = static_cast<int8_t>(std::lround(levels[i]));
     // Weights of the floats' size, for inputs within 1.
-    for (size_t i = 0; i < factors.size(); ++i) factors[i] = 1.0f / (127.0f * 127.0f * std::sqrt(static_cast<float>(F)));
-    steps = RandomFloats(F, 100, 127, 9);
+    for (size_t i = 0; i < factors.size(); ++i) factors[i] = 1.0f / (127.0f * kGsgruHiddenLevels * std::sqrt(static_cast<float>(F)));
+    steps = RandomFloats(F, 25000, 32000, 9);
   }
 
   AlignedArray<float> Weights(size_t count, uint32_t seed) const {
@@ -141,8 +141,8 @@ struct XnnpackProducts {
 // Fused and contracted sums differ in rounding; the tests bound the difference element by element.
 constexpr double kScalarDifference = 1e-6;
 
-// One of 127 levels of an input where the float before it lies between two: a weight of the largest size.
-constexpr double kScalarLevels = 3 / 127.0;
+// Levels of inputs where the floats before them lie between two.
+constexpr double kScalarLevels = 1e-4;
 
 double ErrorToScalar(const KernelTable& table, Layer& layer, bool integers) {
   AlignedArray<float> h(GsgruStateFloats(layer.n, layer.F)), reference(h.size());

@@ -11,7 +11,7 @@ constexpr size_t kMax = kGsgruMaxFeatures;
 
 int32_t Rounded(float value) {
   const int32_t q = RoundToInt(value);
-  return q < -128 ? -128 : q > 127 ? 127 : q;
+  return q < -32768 ? -32768 : q > 32767 ? 32767 : q;
 }
 
 // y[c] += scale of column first + c times sum_k x[k] W[k][first + c].

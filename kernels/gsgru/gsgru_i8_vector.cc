@@ -22,14 +22,44 @@
 #define DCLOTH_ONE_COPY HWY_NOINLINE
 #endif
 
-#if DCLOTH_VECTOR_TARGET
+#if DCLOTH_VECTOR_TARGET && HWY_ARCH_ARM && !defined(DCLOTH_SPLIT_MULTIPLY_ADD)
+// 16-bit integers are no faster than floats here: the weights as floats, and the layer is that of gsgru_vector.cc.
+HWY_BEFORE_NAMESPACE();
+namespace dcloth::kernels::HWY_NAMESPACE {
+
+void Gsgru(const GsgruJob& job);
+
+void GsgruI8(const GsgruI8Job& job) {
+  const size_t width = job.layer.features, stride = GsgruI8Columns(job.layer.input_width, width);
+  float* to = job.layer.scratch + GsgruScratchFloats(width);
+  const auto floats = [&](size_t first, size_t columns, const float* inverse_steps) {
+    float* const matrix = to;
+    for (size_t k = 0; k < width; ++k) {
+      const float inverse_step = inverse_steps != nullptr ? inverse_steps[k] : kGsgruHiddenLevels;
+      for (size_t c = first; c < first + columns; ++c) {
+        *to++ = static_cast<float>(job.weights[k * stride + c]) * (job.column_scales[c] * inverse_step);
+      }
+    }
+    return matrix;
+  };
+  GsgruJob layer = job.layer;
+  const size_t hidden = stride - 4 * width;
+  if (hidden != 0) layer.input_gates = floats(0, hidden, job.input_inverse_steps);
+  layer.hidden_gates = floats(hidden, 2 * width, nullptr);
+  layer.hidden_candidate = floats(hidden + 2 * width, width, nullptr);
+  layer.output = floats(hidden + 3 * width, width, nullptr);
+  Gsgru(layer);
+}
+
+}  // namespace dcloth::kernels::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#elif DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
 namespace dcloth::kernels::HWY_NAMESPACE {
 namespace {
 
 struct Matrix {
-  dot::Weight* weights;
-  int32_t* start;       // [columns]
+  int16_t* weights;
   const float* scales;  // [columns]
   size_t columns;       // a multiple of F
 };
@@ -38,9 +68,9 @@ struct Matrix {
 struct Parts {
   float* mean;   // later o
   float* gates;  // three tiles: z, r and the candidate before their activations
-  dot::Input* mean_inputs;
-  dot::Input* h_inputs;  // of h, later of h'
-  dot::Input* reset_inputs;
+  int16_t* mean_inputs;
+  int16_t* h_inputs;  // of h, later of h'
+  int16_t* reset_inputs;
   Matrix input, hidden, candidate, output;
 };
 
@@ -48,27 +78,24 @@ HWY_INLINE Parts Split(const GsgruI8Job& job) {
   const size_t width = job.layer.features, tile = kGsgruBlock * width, square = width * width;
   float* floats = job.layer.scratch;
   float* const integers = floats + GsgruScratchFloats(width);
-  auto* const inputs = reinterpret_cast<dot::Input*>(integers);
-  auto* const weights = reinterpret_cast<dot::Weight*>(integers + 3 * tile / 2);
-  auto* const sums = reinterpret_cast<int32_t*>(integers + (3 * tile + 7 * square) / 2);
+  auto* const inputs = reinterpret_cast<int16_t*>(integers);
+  auto* const weights = reinterpret_cast<int16_t*>(integers + 3 * tile / 2);
   const float* scales = job.column_scales + (job.layer.input_width == 3 ? 0 : 3 * width);
   return {floats,
           floats + tile,
           inputs,
           inputs + tile,
           inputs + 2 * tile,
-          {weights, sums, job.column_scales, 3 * width},
-          {weights + 3 * square, sums + 3 * width, scales, 2 * width},
-          {weights + 5 * square, sums + 5 * width, scales + 2 * width, width},
-          {weights + 6 * square, sums + 6 * width, scales + 3 * width, width}};
+          {weights, job.column_scales, 3 * width},
+          {weights + 3 * square, scales, 2 * width},
+          {weights + 5 * square, scales + 2 * width, width},
+          {weights + 6 * square, scales + 3 * width, width}};
 }
 
-template <class DI>
-HWY_NOINLINE void Prepare(DI di, const GsgruI8Job& job, const Matrix& matrix) {
+HWY_NOINLINE void Prepare(const GsgruI8Job& job, const Matrix& matrix) {
   const size_t width = job.layer.features, first = static_cast<size_t>(matrix.scales - job.column_scales);
   dot::PackWeights(job.weights + first, GsgruI8Columns(job.layer.input_width, width), width, matrix.columns,
                    matrix.weights);
-  dot::StartSums(di, matrix.weights, width, matrix.columns, matrix.start);
 }
 
 // to = from + sums * scales for a tile of a block: vectors of a matrix's columns from `column` on, which are features from
@@ -80,14 +107,13 @@ struct Sink {
 };
 
 template <size_t kVertices, size_t kVectors, class D>
-HWY_INLINE void ProductTile(D d, const dot::Input* x, size_t width, const Matrix& matrix, const Sink& sink, size_t v,
+HWY_INLINE void ProductTile(D d, const int16_t* x, size_t width, const Matrix& matrix, const Sink& sink, size_t v,
                             size_t column, size_t f) {
   const hn::RebindToSigned<D> di;
   const size_t lanes = hn::Lanes(d);
   hn::Vec<decltype(di)> sums[kVertices][kVectors];
-  for (size_t i = 0; i < kVectors; ++i) {
-    const auto start = hn::Load(di, matrix.start + column + i * lanes);
-    for (size_t u = 0; u < kVertices; ++u) sums[u][i] = start;
+  for (auto& row : sums) {
+    for (auto& sum : row) sum = hn::Zero(di);
   }
   dot::AddProduct(di, x + v * width, width, matrix.weights + column * dot::kRows, matrix.columns, sums);
   for (size_t i = 0; i < kVectors; ++i) {
@@ -103,7 +129,7 @@ HWY_INLINE void ProductTile(D d, const dot::Input* x, size_t width, const Matrix
 // A block's inputs [16, F] times a matrix, F of its columns to a tile. As many sums as the registers hold: 16 of 32, 8 of
 // 16; two vectors of columns where F has them, so that an input serves both.
 template <size_t kFeatures, class D>
-DCLOTH_ONE_COPY void Product(D d, const dot::Input* x, size_t features, const Matrix& matrix, Sink sink) {
+DCLOTH_ONE_COPY void Product(D d, const int16_t* x, size_t features, const Matrix& matrix, Sink sink) {
   const size_t width = kFeatures != 0 ? kFeatures : features;
   constexpr size_t kSums = HWY_TARGET == HWY_AVX3 ? 16 : 8;
   const size_t lanes = hn::Lanes(d), paired = width / (2 * lanes) * (2 * lanes);
@@ -168,7 +194,7 @@ HWY_INLINE Fraction<D> CoarseSigmoid(D d, hn::Vec<D> x) {
 
 // The inputs r h of a tile.
 template <class D>
-HWY_INLINE void Reset(D d, const float* HWY_RESTRICT r, const float* HWY_RESTRICT h, size_t tile, dot::Input* to) {
+HWY_INLINE void Reset(D d, const float* HWY_RESTRICT r, const float* HWY_RESTRICT h, size_t tile, int16_t* to) {
   for (size_t i = 0; i < tile; i += hn::Lanes(d)) {
     const Fraction<D> gate = CoarseSigmoid(d, hn::Load(d, r + i));
     const auto reset = hn::Div(hn::Mul(gate.p, hn::Load(d, h + i)), gate.q);
@@ -179,7 +205,7 @@ HWY_INLINE void Reset(D d, const float* HWY_RESTRICT r, const float* HWY_RESTRIC
 // h' in place and as inputs: z (g - h) = zp (gp - h gq) / (zq gq).
 template <class D>
 HWY_INLINE void Update(D d, const float* HWY_RESTRICT update, const float* HWY_RESTRICT candidate, size_t tile,
-                       float* HWY_RESTRICT h, dot::Input* to) {
+                       float* HWY_RESTRICT h, int16_t* to) {
   for (size_t i = 0; i < tile; i += hn::Lanes(d)) {
     const Fraction<D> z = CoarseSigmoid(d, hn::Load(d, update + i)), g = CoarseTanh(d, hn::Load(d, candidate + i));
     const auto old = hn::Load(d, h + i);
@@ -192,7 +218,7 @@ HWY_INLINE void Update(D d, const float* HWY_RESTRICT update, const float* HWY_R
 
 // Rows of inputs from rows of floats, each feature times its own factor.
 template <class D>
-HWY_INLINE void RoundMean(D d, const float* HWY_RESTRICT rows, const float* factors, size_t width, dot::Input* to) {
+HWY_INLINE void RoundMean(D d, const float* HWY_RESTRICT rows, const float* factors, size_t width, int16_t* to) {
   for (size_t f = 0; f < width; f += hn::Lanes(d)) {
     const auto factor = hn::Load(d, factors + f);
     for (size_t i = f; i < kGsgruBlock * width; i += width) {
@@ -202,7 +228,7 @@ HWY_INLINE void RoundMean(D d, const float* HWY_RESTRICT rows, const float* fact
 }
 
 template <class D>
-HWY_INLINE void RoundState(D d, const float* HWY_RESTRICT h, size_t tile, dot::Input* to) {
+HWY_INLINE void RoundState(D d, const float* HWY_RESTRICT h, size_t tile, int16_t* to) {
   for (size_t i = 0; i < tile; i += hn::Lanes(d)) {
     dot::StoreInputs(d, hn::Mul(hn::Load(d, h + i), hn::Set(d, kGsgruHiddenLevels)), to + i);
   }
@@ -211,14 +237,13 @@ HWY_INLINE void RoundState(D d, const float* HWY_RESTRICT h, size_t tile, dot::I
 // A width known to the compiler unrolls the products; 0 takes the job's.
 template <size_t kFeatures, class D>
 HWY_NOINLINE void RunLayer(D d, const GsgruI8Job& job) {
-  const hn::RebindToSigned<D> di;
   const GsgruJob& layer = job.layer;
   const size_t width = kFeatures != 0 ? kFeatures : layer.features, tile = kGsgruBlock * width;
   const Parts parts = Split(job);
   float* const r = parts.gates + tile;
   float* const candidate = parts.gates + 2 * tile;
-  if (layer.input_width != 3) Prepare(di, job, parts.input);
-  for (const Matrix* matrix : {&parts.hidden, &parts.candidate, &parts.output}) Prepare(di, job, *matrix);
+  if (layer.input_width != 3) Prepare(job, parts.input);
+  for (const Matrix* matrix : {&parts.hidden, &parts.candidate, &parts.output}) Prepare(job, *matrix);
   for (size_t first = 0; first < layer.vertices; first += kGsgruBlock) {
     const size_t count = HWY_MIN(kGsgruBlock, layer.vertices - first), next = first + count;
     PrefetchBlock(layer, next, HWY_MIN(kGsgruBlock, layer.vertices - next));

@@ -124,14 +124,14 @@ std::unique_ptr<format::MeshLayerT> MeshLayer(uint32_t input_width, uint32_t wid
 // norm before gives, 0.5 sqrt(15) + 0.3.
 void MakeIntegers(uint32_t width, bool first, TensorWriter* writer, format::MeshLayerT* table, Layer* layer) {
   std::vector<float> inverse_steps;
-  for (uint32_t f = 0; f < width; ++f) inverse_steps.push_back(static_cast<float>(writer->Uniform(50, 54)));
+  for (uint32_t f = 0; f < width; ++f) inverse_steps.push_back(static_cast<float>(writer->Uniform(12000, 14000)));
   std::vector<int8_t> integers(size_t{width} * (first ? 4 : 7) * width);
   std::vector<float> scales;
   const size_t stride = integers.size() / width;
   const auto add = [&](std::vector<double>* matrix, bool inputs) {
     const size_t columns = matrix->size() / width;
     for (size_t c = 0; c < columns; ++c) {
-      const auto step = [&](size_t k) { return 1.0 / (inputs ? static_cast<double>(inverse_steps[k]) : 127.0); };
+      const auto step = [&](size_t k) { return 1.0 / (inputs ? static_cast<double>(inverse_steps[k]) : 32767.0); };
       double largest = 0;
       for (size_t k = 0; k < width; ++k) largest = std::max(largest, std::abs((*matrix)[k * columns + c]) * step(k));
       const auto scale = static_cast<float>(largest / 127);

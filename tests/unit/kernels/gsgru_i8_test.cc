@@ -28,13 +28,9 @@ TEST(CoarseTanhTest, StaysWithinItsErrorAndBelowOne) {
   EXPECT_LE(sigmoid, kCoarseSigmoidMaxError);
 }
 
-// How far the inputs reach: within their levels, or beyond them, where they saturate.
-enum class Range { kWithin, kBeyond };
-
 class GsgruI8Test : public KernelTest {
  protected:
-  // Where a vertex's levels are certain, what the kernel gives must be the oracle's to float rounding.
-  void Check(size_t vertices, size_t features, size_t input_width, bool embed, Range range = Range::kWithin) {
+  void Check(size_t vertices, size_t features, size_t input_width, bool embed) {
     SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width " << input_width
                                     << " embed " << embed);
     Random random(static_cast<uint32_t>(vertices * 1000 + features * 10 + input_width));
@@ -46,17 +42,16 @@ class GsgruI8Test : public KernelTest {
       return std::make_unique<Floats>(random.Floats(count, low, high), Place::kAligned64);
     };
     Floats x(vertices * stride, Place::kAligned64);
-    const float reach = range == Range::kWithin ? 1.0f : 3.0f;
     for (size_t i = 0; i < x.size(); ++i) {
-      if (i % stride < w) x[i] = random.Uniform(-reach, reach);  // the padding stays NaN
+      if (i % stride < w) x[i] = random.Uniform(-1, 1);  // the padding stays NaN
     }
     const auto points = floats(3 * 3 * F, -0.5f, 0.5f), gate_bias = floats(3 * F, -1, 1), output_bias = floats(F, -1, 1),
                gain = floats(F, -1, 1), offset = floats(F, -1, 1), embedding = floats(F, -0.3f, 0.3f);
-    const float size = 1.0f / (127.0f * 127.0f * std::sqrt(static_cast<float>(F)));
-    const auto scales = floats(wide, size / 2, size), steps = floats(F, 100, 127);
+    const float size = 1.0f / (127.0f * kGsgruHiddenLevels * std::sqrt(static_cast<float>(F)));
+    const auto scales = floats(wide, size / 2, size), steps = floats(F, 25000, 32000);
     GuardedBuffer<int8_t> weights(F * wide, Place::kAligned64);
     for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random.Below(255)) - 127);
-    const std::vector<float> before = random.Floats(GsgruStateFloats(vertices, F), -reach, reach);
+    const std::vector<float> before = random.Floats(GsgruStateFloats(vertices, F), -1, 1);
     Floats state(before, Place::kAligned64), scratch(GsgruI8ScratchFloats(F), Place::kAligned64);
     Floats next_x(vertices * F, Place::kAligned64), s(vertices);
     const GsgruJob layer = {x.data(), row_starts.data(), columns.data(), w == 3 ? points->data() : nullptr,
@@ -68,29 +63,23 @@ class GsgruI8Test : public KernelTest {
     table().gsgru_i8(job);
 
     ASSERT_TRUE(state.SlackUntouched() && scratch.SlackUntouched() && next_x.SlackUntouched() && s.SlackUntouched());
+    double widest = 0;
     for (size_t i = 0; i < vertices; ++i) {
-      const GsgruI8Expected expected = ExpectGsgruI8(job, i, before.data() + i * F);
-      ++vertices_;
-      certain_ += !expected.ambiguous;
+      const GsgruExpected expected = ExpectGsgruI8(job, i, before.data() + i * F);
       for (size_t f = 0; f < F; ++f) {
-        const Bounded h = expected.layer.state[f], next = expected.layer.next_x[f];
+        const Bounded h = expected.state[f], next = expected.next_x[f];
         ASSERT_LE(std::fabs(state[i * F + f] - h.value), h.error) << "h' " << i << " " << f;
         if (!embed) {
           ASSERT_LE(std::fabs(next_x[i * F + f] - next.value), next.error) << i << " " << f;
         }
-        if (!expected.ambiguous && i != Graph::kHub) {
-          ASSERT_LE(h.error, 1e-4) << "too wide to test anything";
-        }
+        if (i != Graph::kHub) widest = std::max(widest, h.error);
       }
       if (embed) {
-        ASSERT_LE(std::fabs(s[i] - expected.layer.s.value), expected.layer.s.error) << "s " << i;
+        ASSERT_LE(std::fabs(s[i] - expected.s.value), expected.s.error) << "s " << i;
       }
     }
+    ASSERT_LE(widest, 5e-4) << "the bound has become too wide to test anything";
   }
-  // A level is uncertain where a value lies within its bound, 2e-5 of 1/127, of the middle between two.
-  void TearDown() override { EXPECT_GE(certain_, vertices_ / 2); }
-
-  size_t vertices_ = 0, certain_ = 0;
 };
 DCLOTH_TEST_EVERY_TABLE(GsgruI8Test);
 
@@ -109,8 +98,6 @@ TEST_P(GsgruI8Test, EveryFeatureWidth) {
     }
   }
 }
-
-TEST_P(GsgruI8Test, InputsBeyondTheirLevelsSaturate) { Check(61, 32, 32, false, Range::kBeyond); }
 
 TEST_P(GsgruI8Test, LargeGraph) { Check(1021, 32, 32, false); }
 

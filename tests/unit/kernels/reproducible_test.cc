@@ -244,8 +244,8 @@ TEST_F(ReproducibleTest, IntegerLayer) {
       row_starts.push_back(static_cast<uint32_t>(neighbours.size()));
     }
     Aligned x(random_.Floats(n * GsgruInputStride(input_width), -1, 1)), points(random_.Floats(9 * width, -1, 1));
-    Aligned bias(random_.Floats(3 * width, -1, 1)), row(random_.Floats(width, -1, 1)), steps(random_.Floats(width, 90, 127));
-    Aligned scales(random_.Floats(columns, 1e-5f, 2e-5f)), scratch(GsgruI8ScratchFloats(width));
+    Aligned bias(random_.Floats(3 * width, -1, 1)), row(random_.Floats(width, -1, 1)), steps(random_.Floats(width, 25000, 32000));
+    Aligned scales(random_.Floats(columns, 4e-8f, 8e-8f)), scratch(GsgruI8ScratchFloats(width));
     Aligned integers(width * columns / 4);
     auto* const weights = reinterpret_cast<int8_t*>(integers.data());
     for (size_t i = 0; i < width * columns; ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random_.Below(255)) - 127);
