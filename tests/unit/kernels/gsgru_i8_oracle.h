@@ -44,22 +44,6 @@ inline Bounded BoundedCoarseBlend(Bounded h, Bounded z, Bounded g) {
   return {blend.value, blend.error + Gamma(8) * (std::fabs(h.value) + std::fabs(g.value) + g.error)};
 }
 
-inline BoundedRow BoundedMean(const GsgruJob& job, size_t vertex) {
-  const size_t stride = GsgruInputStride(job.input_width);
-  const uint32_t begin = job.row_starts[vertex], end = job.row_starts[vertex + 1];
-  const double valence = end - begin;
-  BoundedRow mean(job.input_width);
-  for (size_t f = 0; f < job.input_width; ++f) {
-    double size = 0;
-    for (uint32_t e = begin; e < end; ++e) {
-      mean[f].value += job.x[job.columns[e] * stride + f] / valence;
-      size += std::fabs(job.x[job.columns[e] * stride + f]) / valence;
-    }
-    mean[f].error = Gamma(valence + 2) * size;
-  }
-  return mean;
-}
-
 // One vertex; `h` is its state before the call.
 inline GsgruExpected ExpectGsgruI8(const GsgruI8Job& job, size_t vertex, const float* h) {
   const GsgruJob& layer = job.layer;

@@ -87,6 +87,23 @@ inline BoundedRow BoundedNorm(const GsgruJob& job, const BoundedRow& o) {
   return next;
 }
 
+// The mean over a vertex's neighbours.
+inline BoundedRow BoundedMean(const GsgruJob& job, size_t vertex) {
+  const size_t stride = GsgruInputStride(job.input_width);
+  const uint32_t begin = job.row_starts[vertex], end = job.row_starts[vertex + 1];
+  const double valence = end - begin;
+  BoundedRow mean(job.input_width);
+  for (size_t f = 0; f < job.input_width; ++f) {
+    double size = 0;
+    for (uint32_t e = begin; e < end; ++e) {
+      mean[f].value += job.x[job.columns[e] * stride + f] / valence;
+      size += std::fabs(job.x[job.columns[e] * stride + f]) / valence;
+    }
+    mean[f].error = Gamma(valence + 2) * size;
+  }
+  return mean;
+}
+
 struct GsgruExpected {
   BoundedRow state;   // h', [F]
   BoundedRow next_x;  // [F]
@@ -96,18 +113,8 @@ struct GsgruExpected {
 // One vertex; `h` is its state before the call.
 inline GsgruExpected ExpectGsgru(const GsgruJob& job, size_t vertex, const float* h) {
   const size_t width = job.features;
-  const size_t stride = GsgruInputStride(job.input_width);
-  const uint32_t begin = job.row_starts[vertex], end = job.row_starts[vertex + 1];
-  const double valence = end - begin;
-  BoundedRow mean(job.input_width), old(width), gated(width);
-  for (size_t f = 0; f < job.input_width; ++f) {
-    double size = 0;
-    for (uint32_t e = begin; e < end; ++e) {
-      mean[f].value += job.x[job.columns[e] * stride + f] / valence;
-      size += std::fabs(job.x[job.columns[e] * stride + f]) / valence;
-    }
-    mean[f].error = Gamma(valence + 2) * size;
-  }
+  const BoundedRow mean = BoundedMean(job, vertex);
+  BoundedRow old(width), gated(width);
   for (size_t f = 0; f < width; ++f) old[f].value = h[f];
   const auto gate = [&](size_t column) {
     const Bounded input = BoundedProduct(mean, job.input_gates + column, 3 * width, {job.gate_bias[column], 0});
