@@ -21,34 +21,69 @@ namespace dcloth::kernels::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// tanh(x) = x / q: x becomes the numerator. Step by step for all of them, so that each finds the last one's result ready.
+template <bool kFuse, size_t kCount, class D, class V>
+HWY_INLINE void TanhQuotients(D d, float clamp, V (&x)[kCount], V (&q)[kCount]) {
+  const V lowest = hn::Set(d, -clamp), highest = hn::Set(d, clamp);
+  V x2[kCount], p[kCount];
+  for (size_t i = 0; i < kCount; ++i) {
+#if HWY_ARCH_ARM
+    // NEON's minimum and maximum, as Highway uses them, return the number where one operand is NaN.
+    x[i] = hn::IfThenElse(hn::Lt(x[i], lowest), lowest, x[i]);
+    x[i] = hn::IfThenElse(hn::Gt(x[i], highest), highest, x[i]);
+#else
+    // x second: the x86 minimum and maximum return their second operand where one is NaN.
+    x[i] = hn::Min(highest, hn::Max(lowest, x[i]));
+#endif
+  }
+  const auto step = [&](V (&sum)[kCount], float coefficient) {
+    for (size_t i = 0; i < kCount; ++i) sum[i] = MultiplyAdd<kFuse>(x2[i], sum[i], hn::Set(d, coefficient));
+  };
+  for (size_t i = 0; i < kCount; ++i) x2[i] = hn::Mul(x[i], x[i]);
+  for (size_t i = 0; i < kCount; ++i) p[i] = hn::Set(d, kTanhNumerator[6]);
+  for (size_t i = 0; i < kCount; ++i) q[i] = hn::Set(d, kTanhDenominator[3]);
+  step(p, kTanhNumerator[5]);
+  step(q, kTanhDenominator[2]);
+  step(p, kTanhNumerator[4]);
+  step(q, kTanhDenominator[1]);
+  step(p, kTanhNumerator[3]);
+  step(q, kTanhDenominator[0]);
+  step(p, kTanhNumerator[2]);
+  step(p, kTanhNumerator[1]);
+  step(p, kTanhNumerator[0]);
+  for (size_t i = 0; i < kCount; ++i) x[i] = hn::Mul(x[i], p[i]);
+}
+
 template <bool kFuse = kFused, class D, class V = hn::Vec<D>>
 HWY_INLINE V TanhOf(D d, V x) {
-  const float clamp = kFuse ? kTanhClampWithFma : kTanhClampWithoutFma;
-#if HWY_ARCH_ARM
-  // NEON's minimum and maximum, as Highway uses them, return the number where one operand is NaN.
-  x = hn::IfThenElse(hn::Lt(x, hn::Set(d, -clamp)), hn::Set(d, -clamp), x);
-  x = hn::IfThenElse(hn::Gt(x, hn::Set(d, clamp)), hn::Set(d, clamp), x);
-#else
-  // x second: the x86 minimum and maximum return their second operand where one is NaN.
-  x = hn::Min(hn::Set(d, clamp), hn::Max(hn::Set(d, -clamp), x));
-#endif
-  const V x2 = hn::Mul(x, x);
-  V p = MultiplyAdd<kFuse>(x2, hn::Set(d, kTanhNumerator[6]), hn::Set(d, kTanhNumerator[5]));
-  p = MultiplyAdd<kFuse>(x2, p, hn::Set(d, kTanhNumerator[4]));
-  p = MultiplyAdd<kFuse>(x2, p, hn::Set(d, kTanhNumerator[3]));
-  p = MultiplyAdd<kFuse>(x2, p, hn::Set(d, kTanhNumerator[2]));
-  p = MultiplyAdd<kFuse>(x2, p, hn::Set(d, kTanhNumerator[1]));
-  p = MultiplyAdd<kFuse>(x2, p, hn::Set(d, kTanhNumerator[0]));
-  V q = MultiplyAdd<kFuse>(x2, hn::Set(d, kTanhDenominator[3]), hn::Set(d, kTanhDenominator[2]));
-  q = MultiplyAdd<kFuse>(x2, q, hn::Set(d, kTanhDenominator[1]));
-  q = MultiplyAdd<kFuse>(x2, q, hn::Set(d, kTanhDenominator[0]));
-  return hn::Div(hn::Mul(x, p), q);
+  V numerator[1] = {x}, denominator[1];
+  TanhQuotients<kFuse>(d, kFuse ? kTanhClampWithFma : kTanhClampWithoutFma, numerator, denominator);
+  return hn::Div(numerator[0], denominator[0]);
 }
 
 template <bool kFuse = kFused, class D, class V = hn::Vec<D>>
 HWY_INLINE V SigmoidOf(D d, V x) {
   const V half = hn::Set(d, 0.5f);
   return MultiplyAdd<kFuse>(half, TanhOf<kFuse>(d, hn::Mul(half, x)), half);
+}
+
+// scale tanh(x) + offset of four vectors at a time, with one division instead of four. A number that is NaN makes its
+// lane NaN in all four.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void TanhOfFour(D d, float scale, float offset, V (&x)[4]) {
+  V q[4];
+  TanhQuotients<kFused>(d, kTanhClampShared, x, q);
+  const V q01 = hn::Mul(q[0], q[1]), q23 = hn::Mul(q[2], q[3]);
+  const V inverse = hn::Div(hn::Set(d, scale), hn::Mul(q01, q23));
+  const V inverse01 = hn::Mul(inverse, q23), inverse23 = hn::Mul(inverse, q01);
+  for (size_t i = 0; i < 4; ++i) x[i] = hn::Mul(x[i], q[i ^ 1]);
+  for (size_t i = 0; i < 4; ++i) x[i] = MultiplyAdd(x[i], i < 2 ? inverse01 : inverse23, hn::Set(d, offset));
+}
+
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void SigmoidOfFour(D d, V (&x)[4]) {
+  for (V& v : x) v = hn::Mul(v, hn::Set(d, 0.5f));
+  TanhOfFour(d, 0.5f, 0.5f, x);
 }
 
 }  // namespace dcloth::kernels::HWY_NAMESPACE

@@ -15,9 +15,13 @@ constexpr float kTanhDenominator[4] = {4.89352518554385e-03f, 2.26843463243900e-
                                        1.19825839466702e-06f};
 constexpr float kTanhClampWithFma = 7.99881172180175781f;
 constexpr float kTanhClampWithoutFma = 7.90531110763549805f;
+// Where four quotients share a division, seven roundings follow: up to here they leave the quotient at most 1.
+constexpr float kTanhClampShared = 7.4865f;
 // Largest absolute errors over all floats, with fused multiply-add or without.
 constexpr double kTanhMaxError = 4.2e-7;
 constexpr double kSigmoidMaxError = kTanhMaxError / 2 + 0x1p-25;
+constexpr double kTanhSharedMaxError = 7.1e-7;
+constexpr double kSigmoidSharedMaxError = kTanhSharedMaxError / 2 + 0x1p-25;
 
 }  // namespace dcloth::kernels
 

@@ -38,22 +38,27 @@ HWY_INLINE void MeanColumns(D d, const GsgruJob& job, size_t stride, size_t vert
   for (size_t i = 0; i < kVectors; ++i) hn::Store(hn::Mul(sum[i], inverse), d, mean + f + i * hn::Lanes(d));
 }
 
-// Rows of a block of kGsgruBlock vertices from `first` on, `stride` floats each; those beyond `count` become zero.
-template <class D>
-HWY_INLINE void Aggregate(D d, const GsgruJob& job, size_t first, size_t count, float* HWY_RESTRICT mean) {
+// Rows of a block of kGsgruBlock vertices from `first` on, kStride floats each, or the job's where that is 0; those beyond
+// `count` become zero.
+template <size_t kStride, class D>
+HWY_INLINE void AggregateRows(D d, const GsgruJob& job, size_t first, size_t count, float* HWY_RESTRICT mean) {
   const size_t lanes = hn::Lanes(d);
-  const size_t stride = GsgruInputStride(job.input_width);
+  const size_t stride = kStride == 0 ? GsgruInputStride(job.input_width) : kStride;
   for (size_t v = 0; v < count; ++v) {
-    if (job.input_width == 3) {
-      MeanColumns<1>(hn::CappedTag<float, 4>(), job, stride, first + v, 0, mean + v * stride);
-      continue;
-    }
     size_t f = 0;
     for (; f + 4 * lanes <= stride; f += 4 * lanes) MeanColumns<4>(d, job, stride, first + v, f, mean + v * stride);
     for (; f + 2 * lanes <= stride; f += 2 * lanes) MeanColumns<2>(d, job, stride, first + v, f, mean + v * stride);
     for (; f < stride; f += lanes) MeanColumns<1>(d, job, stride, first + v, f, mean + v * stride);
   }
   for (size_t i = count * stride; i < kGsgruBlock * stride; ++i) mean[i] = 0.0f;
+}
+
+// A stride known to the compiler spares a multiplication per neighbour: a tenth of a layer with F 8 in AVX-512.
+template <class D>
+HWY_INLINE void Aggregate(D d, const GsgruJob& job, size_t first, size_t count, float* HWY_RESTRICT mean) {
+  if (job.input_width == 3) return AggregateRows<4>(hn::CappedTag<float, 4>(), job, first, count, mean);
+  if (job.input_width == 8) return AggregateRows<8>(hn::CappedTag<float, 8>(), job, first, count, mean);
+  AggregateRows<0>(d, job, first, count, mean);
 }
 
 // Apart, so that layers of all wide widths and both kinds of products share it.

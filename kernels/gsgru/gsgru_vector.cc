@@ -170,7 +170,8 @@ void Gsgru(const GsgruJob& job) {
     default: break;
   }
 #if HWY_TARGET == HWY_AVX3
-  if (job.features % HWY_LANES(float) != 0) return over_vertices::RunLayer(job);
+  if (job.features == 8 && job.input_width == 8) return over_vertices::RunLayer<8>(job);
+  if (job.features % HWY_LANES(float) != 0) return over_vertices::RunLayer<0>(job);
 #endif
   RunLayer<0>(d, job);
 }

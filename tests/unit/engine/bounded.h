@@ -54,9 +54,9 @@ inline Bounded InverseSquareRoot(const Bounded& a) {
 }
 
 // Slopes 1 and 1/4; the kernels' stated error, which a sigmoid by tanh(x/2) halves.
-inline Bounded Tanh(const Bounded& a) { return Rounded(std::tanh(a.value), a.error + kernels::kTanhMaxError); }
+inline Bounded Tanh(const Bounded& a) { return Rounded(std::tanh(a.value), a.error + kernels::kTanhSharedMaxError); }
 inline Bounded Sigmoid(const Bounded& a) {
-  return Rounded(1 / (1 + std::exp(-a.value)), a.error / 4 + kernels::kTanhMaxError);
+  return Rounded(1 / (1 + std::exp(-a.value)), a.error / 4 + kernels::kTanhSharedMaxError);
 }
 
 inline Bounded Relu(const Bounded& a) { return {std::max(a.value, 0.0), a.error}; }

@@ -30,8 +30,8 @@ inline Bounded BoundedProduct(const BoundedRow& x, const float* weights, size_t 
   return {value, error + Gamma(static_cast<double>(x.size()) + 1) * size};
 }
 
-inline Bounded BoundedSigmoid(Bounded x) { return {ExactSigmoid(x.value), x.error / 4 + kSigmoidMaxError}; }
-inline Bounded BoundedTanh(Bounded x) { return {std::tanh(x.value), x.error + kTanhMaxError}; }
+inline Bounded BoundedSigmoid(Bounded x) { return {ExactSigmoid(x.value), x.error / 4 + kSigmoidSharedMaxError}; }
+inline Bounded BoundedTanh(Bounded x) { return {std::tanh(x.value), x.error + kTanhSharedMaxError}; }
 
 inline Bounded BoundedTimes(Bounded a, Bounded b) {
   const double error = std::fabs(a.value) * b.error + std::fabs(b.value) * a.error + a.error * b.error;

@@ -1,5 +1,7 @@
 #include "kernels/gsgru/gsgru.h"
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "tests/unit/kernels/gsgru_graph.h"
@@ -76,6 +78,35 @@ TEST_P(GsgruTest, EveryFeatureWidth) {
       Check(vertices, features, 3, false);
       Check(vertices, features, features, true);
     }
+  }
+}
+
+// Gates of exactly 0 and 1 or a little less, never beyond: over days a state would leave [-1, 1].
+TEST_P(GsgruTest, SaturatedGatesKeepTheStateWithinOne) {
+  constexpr size_t kVertices = 48;
+  for (size_t F : {8, 16, 24}) {
+    Random random(static_cast<uint32_t>(F));
+    const Graph graph(kVertices, random);
+    const GuardedBuffer<uint32_t> row_starts(graph.row_starts);
+    const GuardedBuffer<uint16_t> columns(graph.columns);
+    const auto floats = [&](size_t count, float size) {
+      return std::make_unique<Floats>(random.Floats(count, -size, size), Place::kAligned64);
+    };
+    const auto input_gates = floats(3 * F * F, 20), gate_bias = floats(3 * F, 8), hidden_gates = floats(2 * F * F, 20),
+               candidate = floats(F * F, 20), output = floats(F * F, 1), row = floats(F, 1), x = floats(kVertices * F, 1);
+    const auto state = floats(GsgruStateFloats(kVertices, F), 1), next_x = floats(kVertices * F, 1);
+    Floats scratch(GsgruScratchFloats(F), Place::kAligned64);
+    const GsgruJob job = {x->data(), row_starts.data(), columns.data(), input_gates->data(), gate_bias->data(),
+                          hidden_gates->data(), candidate->data(), output->data(), row->data(), row->data(),
+                          row->data(), nullptr, state->data(), next_x->data(), nullptr, scratch.data(), kVertices, F, F,
+                          0.25f, 0.125f};
+    float largest = 0;
+    for (int tick = 0; tick < 300; ++tick) {
+      table().gsgru(job);
+      for (size_t i = 0; i < kVertices * F; ++i) largest = std::max(largest, std::fabs((*state)[i]));
+    }
+    EXPECT_LE(largest, 1.0f) << table().name << " F " << F;
+    EXPECT_GE(largest, 0.999f) << "nothing was saturated";
   }
 }
 
