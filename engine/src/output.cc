@@ -40,6 +40,40 @@ float* At(float* values, size_t stride_bytes, size_t vertex) {
   return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(values) + stride_bytes * vertex);
 }
 
+struct Box {
+  float low[3] = {3.4e38f, 3.4e38f, 3.4e38f}, high[3] = {-3.4e38f, -3.4e38f, -3.4e38f};
+
+  // A position that is NaN leaves it as it is.
+  void Add(const float* position) {
+    for (int c = 0; c < 3; ++c) {
+      low[c] = position[c] < low[c] ? position[c] : low[c];
+      high[c] = position[c] > high[c] ? position[c] : high[c];
+    }
+  }
+};
+
+// Two boxes in turn, so that a vertex need not wait for the one before it.
+Box MovePositions(const float origin[3], uint32_t count, const Surface& surface) {
+  Box even, odd;
+  const auto move = [&](uint32_t i, Box* box) {
+    float* position = At(surface.positions, surface.position_stride_bytes, i);
+    const float moved[3] = {position[0] + origin[0], position[1] + origin[1], position[2] + origin[2]};
+    for (int c = 0; c < 3; ++c) position[c] = moved[c];
+    box->Add(moved);
+  };
+  uint32_t i = 0;
+  for (; i + 1 < count; i += 2) {
+    move(i, &even);
+    move(i + 1, &odd);
+  }
+  if (i < count) move(i, &even);
+  for (int c = 0; c < 3; ++c) {
+    even.low[c] = odd.low[c] < even.low[c] ? odd.low[c] : even.low[c];
+    even.high[c] = odd.high[c] > even.high[c] ? odd.high[c] : even.high[c];
+  }
+  return even;
+}
+
 // From scratch to the host's buffer.
 void Store(const Attribute& attribute, size_t vertex, const float* values) {
   uint8_t* to = static_cast<uint8_t*>(attribute.data) + size_t{attribute.stride_bytes} * vertex;
@@ -103,28 +137,24 @@ Surface SurfaceOf(const dcloth_output& output) {
 }
 
 void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, const dcloth_output& output) {
-  const bool convert = ScratchBytes(output) != 0;
-  float low[3] = {3.4e38f, 3.4e38f, 3.4e38f}, high[3] = {-3.4e38f, -3.4e38f, -3.4e38f};
-  for (uint32_t i = 0; i < output.vertex_count; ++i) {
-    float* position = At(surface.positions, surface.position_stride_bytes, i);
-    for (int c = 0; c < 3; ++c) {
-      position[c] += origin[c];
-      low[c] = position[c] < low[c] ? position[c] : low[c];
-      high[c] = position[c] > high[c] ? position[c] : high[c];
-    }
-    if (mirrored && surface.normals != nullptr) {
+  const Box box = MovePositions(origin, output.vertex_count, surface);
+  if (mirrored && surface.normals != nullptr) {
+    for (uint32_t i = 0; i < output.vertex_count; ++i) {
       float* normal = At(surface.normals, surface.normal_stride_bytes, i);
       for (int c = 0; c < 3; ++c) normal[c] = -normal[c];
     }
-    if (!convert) continue;
-    Store(Positions(output), i, position);
-    if (surface.normals != nullptr) Store(Normals(output), i, At(surface.normals, surface.normal_stride_bytes, i));
-    if (surface.tangents != nullptr) Store(Tangents(output), i, At(surface.tangents, surface.tangent_stride_bytes, i));
+  }
+  if (ScratchBytes(output) != 0) {
+    for (uint32_t i = 0; i < output.vertex_count; ++i) {
+      Store(Positions(output), i, At(surface.positions, surface.position_stride_bytes, i));
+      if (surface.normals != nullptr) Store(Normals(output), i, At(surface.normals, surface.normal_stride_bytes, i));
+      if (surface.tangents != nullptr) Store(Tangents(output), i, At(surface.tangents, surface.tangent_stride_bytes, i));
+    }
   }
   if (output.bounds == nullptr) return;
   for (int c = 0; c < 3; ++c) {
-    output.bounds[c] = low[c];
-    output.bounds[3 + c] = high[c];
+    output.bounds[c] = box.low[c];
+    output.bounds[3 + c] = box.high[c];
   }
 }
 

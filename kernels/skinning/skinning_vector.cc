@@ -7,6 +7,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/skinning/skinning_vector.cc"
 #include "hwy/foreach_target.h"
+#include "hwy/cache_control.h"
 #include "hwy/highway.h"
 #include "kernels/multiply_add-inl.h"
 
@@ -67,27 +68,62 @@ HWY_INLINE void SkinVertex(const SkinningJob& job, size_t i, V blend) {
   to[2] = hn::GetLane(hn::UpperHalf(d2, out));
 }
 
-template <size_t kInfluences>
-HWY_NOINLINE void SkinAll(const SkinningJob& job) {
-  if (job.vertices == 0) return;
+// Vertices [first, end).
+template <size_t kInfluences, class Loader>
+HWY_NOINLINE void SkinRun(const SkinningJob& job, size_t first, size_t end) {
   const V blend = hn::Set(d, job.blend);
+  for (size_t i = first; i < end; ++i) SkinVertex<kInfluences, Loader>(job, i, blend);
+}
+
+// Six arrays are more than prefetchers follow from page to page: of the skirt's size and with emptied caches 40 us instead
+// of 51, warm 35 instead of 33 (AVX-512, a Xeon). 32, 128 and 256 vertices ahead are no different.
+constexpr size_t kAhead = 64, kRun = 16;
+
+HWY_INLINE void PrefetchRun(const void* array, size_t stride_bytes, size_t first) {
+  const char* bytes = static_cast<const char*>(array) + first * stride_bytes;
+  const size_t step = HWY_MAX(size_t{64}, stride_bytes);
+  for (size_t i = 0; i < kRun * stride_bytes; i += step) hwy::Prefetch(bytes + i);
+}
+
+using Run = void (*)(const SkinningJob& job, size_t first, size_t end);
+
+HWY_NOINLINE void SkinAll(const SkinningJob& job, Run skin, Run skin_last) {
+  if (job.vertices == 0) return;
   const size_t last = job.vertices - 1;
-  for (size_t i = 0; i < last; ++i) SkinVertex<kInfluences, LoadFour>(job, i, blend);
-  SkinVertex<kInfluences, LoadThree>(job, last, blend);
+  for (size_t first = 0; first < last; first += kRun) {
+    const size_t ahead = first + kAhead;
+    if (ahead + kRun <= job.vertices) {
+      PrefetchRun(job.positions, 3 * sizeof(float), ahead);
+      if (job.delta0 != nullptr) {
+        PrefetchRun(job.delta0, 3 * sizeof(float), ahead);
+        PrefetchRun(job.delta1, 3 * sizeof(float), ahead);
+      }
+      PrefetchRun(job.bones, job.influences, ahead);
+      PrefetchRun(job.weights, job.influences * sizeof(float), ahead);
+      PrefetchRun(job.out, job.out_stride_bytes, ahead);
+    }
+    skin(job, first, HWY_MIN(first + kRun, last));
+  }
+  skin_last(job, last, job.vertices);
+}
+
+template <size_t kInfluences>
+HWY_INLINE void SkinWith(const SkinningJob& job) {
+  SkinAll(job, SkinRun<kInfluences, LoadFour>, SkinRun<kInfluences, LoadThree>);
 }
 
 }  // namespace
 
 void Skinning(const SkinningJob& job) {
   switch (job.influences) {
-    case 1: return SkinAll<1>(job);
-    case 2: return SkinAll<2>(job);
-    case 3: return SkinAll<3>(job);
-    case 4: return SkinAll<4>(job);
-    case 5: return SkinAll<5>(job);
-    case 6: return SkinAll<6>(job);
-    case 7: return SkinAll<7>(job);
-    case 8: return SkinAll<8>(job);
+    case 1: return SkinWith<1>(job);
+    case 2: return SkinWith<2>(job);
+    case 3: return SkinWith<3>(job);
+    case 4: return SkinWith<4>(job);
+    case 5: return SkinWith<5>(job);
+    case 6: return SkinWith<6>(job);
+    case 7: return SkinWith<7>(job);
+    case 8: return SkinWith<8>(job);
     default: return;
   }
 }
