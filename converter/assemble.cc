@@ -137,6 +137,13 @@ BodyParts AssembleBody(const Bundle& bundle, const FoldedBundle& folded) {
   parts.faces = PackIndices("body.faces", StoredType::kU16, {corners / 3, 3}, surface.faces);
   parts.row_starts = PackIndices("body.row_starts", StoredType::kU32, {b + 1}, surface.row_starts);
   parts.columns = PackIndices("body.columns", StoredType::kU16, {corners}, surface.columns);
+  if (!surface.touch_classes.empty()) {
+    const auto bytes = [](const std::string& name, const std::vector<uint8_t>& values) {
+      return PackIndices(name, StoredType::kU8, {static_cast<uint32_t>(values.size())}, {values.begin(), values.end()});
+    };
+    parts.touch_classes = bytes("body.touch_classes", surface.touch_classes);
+    parts.touched_by = bytes("body.touched_by", surface.touched_by);
+  }
   parts.clearance = kClearance;
   parts.reach = kReach;
   return parts;

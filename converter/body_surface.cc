@@ -1,6 +1,7 @@
 #include "converter/body_surface.h"
 
 #include <algorithm>
+#include <set>
 #include <string>
 
 #include "converter/error.h"
@@ -28,6 +29,41 @@ std::vector<bool> Colliding(const Bundle& bundle) {
   return collides;
 }
 
+struct Touch {
+  std::vector<uint8_t> classes;     // [n]; empty where the bundle has no masks
+  std::vector<uint8_t> touched_by;  // [bundle's body vertices]
+};
+
+Touch ReduceMasks(const Bundle& bundle) {
+  Touch touch;
+  if (bundle.touches.empty()) return touch;
+  const std::set<uint32_t> masks(bundle.touches.begin(), bundle.touches.end());
+  if (masks.size() > format::kMaxTouchClasses) {
+    throw Error({bundle.path, "template.touches", std::to_string(masks.size()) + " different masks",
+                 "at most " + std::to_string(format::kMaxTouchClasses),
+                 "let vertices that touch nearly the same parts have one mask"});
+  }
+  for (const uint32_t mask : bundle.touches) {
+    touch.classes.push_back(static_cast<uint8_t>(std::distance(masks.begin(), masks.find(mask))));
+  }
+  for (const uint32_t parts : bundle.body_parts) {
+    uint32_t bits = 0, bit = 1;
+    for (const uint32_t mask : masks) {
+      if ((mask & parts) != 0) bits |= bit;
+      bit <<= 1;
+    }
+    touch.touched_by.push_back(static_cast<uint8_t>(bits));
+  }
+  return touch;
+}
+
+// Classes that touch the whole of a face, all bits where there are none.
+uint8_t TouchedBy(const Touch& touch, const uint32_t* corners) {
+  if (touch.classes.empty()) return 0xFF;
+  const auto& bits = touch.touched_by;
+  return static_cast<uint8_t>(bits[corners[0]] & bits[corners[1]] & bits[corners[2]]);
+}
+
 bool IsNearTemplate(const Bundle& bundle, int32_t vertex) {
   const Eigen::RowVector3f p = bundle.body_positions.row(vertex);
   constexpr auto kSquared = static_cast<float>(kBodyReach * kBodyReach);
@@ -35,20 +71,22 @@ bool IsNearTemplate(const Bundle& bundle, int32_t vertex) {
 }
 
 // Corners in the bundle's vertices.
-std::vector<uint32_t> CollidingFaces(const Bundle& bundle) {
+std::vector<uint32_t> CollidingFaces(const Bundle& bundle, const Touch& touch) {
   const std::vector<bool> collides = Colliding(bundle);
   std::vector<int> near(collides.size(), -1);  // not known yet
   std::vector<uint32_t> corners;
   for (Eigen::Index f = 0; f < bundle.body_faces.rows(); ++f) {
-    bool all = true, any = false;
-    for (int c = 0; c < 3; ++c) all = all && collides[static_cast<size_t>(bundle.body_faces(f, c))];
+    const auto corner = [&](int c) { return static_cast<uint32_t>(bundle.body_faces(f, c)); };
+    const uint32_t face[3] = {corner(0), corner(1), corner(2)};
+    bool all = TouchedBy(touch, face) != 0, any = false;
+    for (int c = 0; c < 3; ++c) all = all && collides[face[c]];
     for (int c = 0; c < 3 && all && !any; ++c) {
-      int& known = near[static_cast<size_t>(bundle.body_faces(f, c))];
+      int& known = near[face[c]];
       if (known < 0) known = IsNearTemplate(bundle, bundle.body_faces(f, c)) ? 1 : 0;
       any = known == 1;
     }
     if (!all || !any) continue;
-    for (int c = 0; c < 3; ++c) corners.push_back(static_cast<uint32_t>(bundle.body_faces(f, c)));
+    corners.insert(corners.end(), face, face + 3);
   }
   return corners;
 }
@@ -92,6 +130,18 @@ void AddRings(BodySurface* surface) {
   }
 }
 
+// Only bits that a whole face around the vertex has, which is what the format allows.
+void AddTouch(const Touch& touch, BodySurface* surface) {
+  if (touch.classes.empty()) return;
+  surface->touch_classes = touch.classes;
+  surface->touched_by.assign(surface->vertices.size(), 0);
+  for (size_t f = 0; f < surface->faces.size(); f += 3) {
+    const uint32_t* face = &surface->faces[f];
+    const uint32_t corners[3] = {surface->vertices[face[0]], surface->vertices[face[1]], surface->vertices[face[2]]};
+    for (size_t c = 0; c < 3; ++c) surface->touched_by[face[c]] |= TouchedBy(touch, corners);
+  }
+}
+
 // Empty where the format holds the surface.
 std::string Excess(const BodySurface& surface) {
   const size_t b = surface.vertices.size(), f = surface.faces.size() / 3;
@@ -110,7 +160,8 @@ std::string Excess(const BodySurface& surface) {
 
 BodySurface MakeBodySurface(const Bundle& bundle, uint32_t influences) {
   BodySurface surface;
-  surface.faces = CollidingFaces(bundle);
+  const Touch touch = ReduceMasks(bundle);
+  surface.faces = CollidingFaces(bundle, touch);
   if (surface.faces.empty()) return {};
   surface.vertices = surface.faces;
   std::sort(surface.vertices.begin(), surface.vertices.end());
@@ -120,6 +171,7 @@ BodySurface MakeBodySurface(const Bundle& bundle, uint32_t influences) {
   for (size_t i = 0; i < surface.vertices.size(); ++i) place[surface.vertices[i]] = static_cast<uint32_t>(i);
   for (uint32_t& corner : surface.faces) corner = place[corner];
   AddRings(&surface);
+  AddTouch(touch, &surface);
   if (const std::string excess = Excess(surface); !excess.empty()) {
     if (bundle.body_collides.size() == 0) return {};
     throw Error({bundle.path, "body.collides", excess,

@@ -17,14 +17,18 @@ struct BodySurface {
   std::vector<uint32_t> row_starts;  // [b + 1]
   std::vector<uint32_t> columns;     // [3 f] faces around each vertex
   PrunedWeights skin;                // columns index bundle.joint_names
+  // Both empty where the bundle has no masks.
+  std::vector<uint8_t> touch_classes;  // [n] class of each garment vertex
+  std::vector<uint8_t> touched_by;     // [b] bit c: touched by class c
 
   bool empty() const { return vertices.empty(); }
 };
 
 // A face belongs to the surface when all its corners collide and one lies within kBodyReach of the template, at bind.
 // Which vertices collide is the bundle's body.collides; without it those that the cloth bones alone carry, so that no
-// joint is needed for them that the garment does not need anyway. Throws Error where body.collides marks more than the
-// format holds; without it such a body is left out.
+// joint is needed for them that the garment does not need anyway. With template.touches and body.parts each of the
+// garment's masks is a class, and faces that no class shares a bit with in all three corners are left out. Throws Error
+// where there are more classes, or body.collides marks more, than the format holds; without it such a body is left out.
 constexpr double kBodyReach = 0.5;  // metres
 BodySurface MakeBodySurface(const Bundle& bundle, uint32_t influences);
 

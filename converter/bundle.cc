@@ -143,6 +143,10 @@ void ReadBody(TensorReader* reader, Bundle* bundle) {
   const uint64_t b = Rows(bundle->body_positions);
   bundle->body_faces = reader->TakeFaces("body.faces", b);
   bundle->body_joint_weights = reader->TakeSkinWeights("body.joint_weights", b, bundle->joint_names.size(), "[b, J]");
+  if (reader->Has("body.parts") || reader->Has("template.touches")) {
+    bundle->body_parts = reader->TakeMasks("body.parts", b, "[b]");
+    bundle->touches = reader->TakeMasks("template.touches", bundle->vertex_count(), "[n]");
+  }
   if (!reader->Has("body.collides")) return;
   bundle->body_collides = reader->TakeVector("body.collides", b, "[b]");
   for (Eigen::Index i = 0; i < bundle->body_collides.size(); ++i) {

@@ -69,6 +69,9 @@ struct Bundle {
   Faces body_faces;
   Matrix body_joint_weights;  // [b, J]
   Vector body_collides;       // [b] 0 or 1; empty where the bundle does not say
+  // Bit masks: cloth touches skin where they share a bit. Both empty where the bundle does not say.
+  std::vector<uint32_t> touches;     // [n]
+  std::vector<uint32_t> body_parts;  // [b]
 
   Vector feature_mean, feature_deviation, feature_low, feature_high;  // [d]
   LinearWeights static_hidden;                                        // [h, d]

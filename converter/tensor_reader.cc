@@ -98,6 +98,19 @@ std::vector<Matrix> TensorReader::TakeStack(const std::string& name, uint64_t ro
   return stack;
 }
 
+std::vector<uint32_t> TensorReader::TakeMasks(const std::string& name, uint64_t size, const char* names) {
+  const SafeTensor& tensor = Take(name, {size}, names);
+  RequireType(tensor, SafeType::kI32);
+  std::vector<uint32_t> masks(size);
+  std::memcpy(masks.data(), tensor.bytes.data(), tensor.bytes.size());
+  for (size_t i = 0; i < masks.size(); ++i) {
+    if (masks[i] <= INT32_MAX) continue;
+    Refuse(name, std::to_string(static_cast<int32_t>(masks[i])) + " at vertex " + std::to_string(i),
+           "bit masks from 0 up");
+  }
+  return masks;
+}
+
 Faces TensorReader::TakeFaces(const std::string& name, uint64_t vertices) {
   const SafeTensor& tensor = Take(name, {kAny, 3}, "[c, 3]");
   RequireType(tensor, SafeType::kI32);

@@ -18,10 +18,11 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3;
+constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4;
 
 // The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
 uint16_t FormatMinor(const ModelParts& parts) {
+  if (parts.body && parts.body->touch_classes) return kFormatMinorOfTouch;
   const auto has_integers = [](const MeshLayerParts& layer) { return layer.weights.has_value(); };
   const bool integers = parts.mesh && std::any_of(parts.mesh->layers.begin(), parts.mesh->layers.end(), has_integers);
   return integers ? kFormatMinorOfIntegerLayers : kFormatMinor;
@@ -201,8 +202,10 @@ class Writer {
     const auto faces = Tensor(body.faces);
     const auto row_starts = Tensor(body.row_starts);
     const auto columns = Tensor(body.columns);
+    const auto touch_classes = Tensor(body.touch_classes);
+    const auto touched_by = Tensor(body.touched_by);
     return format::CreateBody(builder_, body.influences, positions, joints, weights, faces, row_starts, columns,
-                              body.clearance, body.reach);
+                              body.clearance, body.reach, touch_classes, touched_by);
   }
 
   const ModelParts& parts_;
@@ -248,6 +251,7 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
   if (parts.body) {
     const BodyParts& body = *parts.body;
     add(body.positions, body.joints, body.weights, body.faces, body.row_starts, body.columns);
+    add_present(body.touch_classes, body.touched_by);
   }
   return tensors;
 }

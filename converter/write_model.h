@@ -37,6 +37,7 @@ struct SkeletonStageParts {
 struct BodyParts {
   uint8_t influences = 0;
   PackedTensor positions, joints, weights, faces, row_starts, columns;
+  std::optional<PackedTensor> touch_classes, touched_by;
   float clearance = 0, reach = 0;
 };
 

@@ -23,6 +23,7 @@ constexpr uint32_t kMinBodyVertices = 3;
 constexpr uint32_t kMaxBodyVertices = 8192;
 constexpr uint32_t kMaxBodyFaces = 16384;
 constexpr uint32_t kMaxBodyRing = 32;       // faces around a vertex: bounds the work of a local search
+constexpr uint32_t kMaxTouchClasses = 8;    // of garment vertices: bits of a byte
 constexpr float kMinClearance = 1e-4f;      // metres
 constexpr float kMaxClearance = 0.1f;
 constexpr float kMaxReach = 10.0f;

@@ -37,6 +37,35 @@ bool VerifyRings(const Body& body, const Path& parent, Checker* check, BodyView*
          check->Indices({&parent, "columns"}, body.columns(), {corners}, view->face_count, &view->columns);
 }
 
+// A bit without a face would draw the search to a vertex that has nothing to offer.
+bool VerifyTouched(const Path& path, Checker* check, BodyView* view) {
+  for (uint32_t i = 0; i < view->vertex_count; ++i) {
+    uint32_t around = 0;
+    for (uint32_t c = view->row_starts[i]; c < view->row_starts[i + 1]; ++c) {
+      const uint16_t* face = view->faces + size_t{3} * view->columns[c];
+      around |= view->touched_by[face[0]] & view->touched_by[face[1]] & view->touched_by[face[2]];
+    }
+    const uint32_t bare = view->touched_by[i] & ~around;
+    if (bare == 0) continue;
+    return check->FailElement(path, view->touched_by, i, 1, "a class that touches no face around the vertex",
+                              "classes that one of these faces has in all three corners");
+  }
+  return true;
+}
+
+// Which cloth touches which part of the body.
+bool VerifyTouch(const Body& body, const Path& parent, uint32_t garment_vertices, Checker* check, BodyView* view) {
+  const Path classes = {&parent, "touch_classes"}, touched = {&parent, "touched_by"};
+  const Tensor *of_garment = body.touch_classes(), *of_body = body.touched_by();
+  if (of_garment == nullptr && of_body == nullptr) return true;
+  if (of_garment == nullptr) return check->Fail(classes, &body, "no classes beside body.touched_by", "both or none");
+  if (of_body == nullptr) return check->Fail(touched, &body, "no bits beside body.touch_classes", "both or none");
+  constexpr uint32_t kAnyBits = 256;
+  return check->Indices(classes, of_garment, {garment_vertices}, kMaxTouchClasses, &view->touch_classes) &&
+         check->Indices(touched, of_body, {view->vertex_count}, kAnyBits, &view->touched_by) &&
+         VerifyTouched(touched, check, view);
+}
+
 }  // namespace
 
 bool VerifyBody(const Body& body, Checker* check, ModelView* model) {
@@ -63,7 +92,8 @@ bool VerifyBody(const Body& body, Checker* check, ModelView* model) {
   return check->Floats(positions, body.positions(), {b, 3}, &view->positions) &&
          check->Indices({&path, "joints"}, body.joints(), influences, model->joint_count, &view->joints) &&
          check->WeightRows({&path, "weights"}, body.weights(), influences, &view->weights) &&
-         check->Indices(faces, body.faces(), {f, 3}, b, &view->faces) && VerifyRings(body, path, check, view);
+         check->Indices(faces, body.faces(), {f, 3}, b, &view->faces) && VerifyRings(body, path, check, view) &&
+         VerifyTouch(body, path, model->vertex_count, check, view);
 }
 
 }  // namespace dcloth::format

@@ -101,6 +101,8 @@ struct BodyView {
   uint32_t vertex_count;       // b
   uint32_t face_count;
   uint32_t influences;
+  const uint8_t* touch_classes;  // [n], class of each garment vertex; null where every one touches all of the body
+  const uint8_t* touched_by;     // [vertex_count], bit c: touched by class c; null with the one before
   float clearance;  // metres
   float reach;      // metres
 };

@@ -20,23 +20,65 @@ Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
 double Dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 Vec Cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 
+constexpr uint8_t kA = 1, kB = 2, kC = 4;
+
+struct OnTriangle {
+  Vec point;
+  uint8_t corners;  // that it lies between
+};
+
 // By the Voronoi region of the triangle that p lies in (Ericson, Real-Time Collision Detection, 5.1.5).
-Vec ClosestOnTriangle(Vec p, Vec a, Vec b, Vec c) {
+OnTriangle ClosestOnTriangle(Vec p, Vec a, Vec b, Vec c) {
   const Vec ab = b - a, ac = c - a;
   const double d1 = Dot(ab, p - a), d2 = Dot(ac, p - a);
-  if (d1 <= 0 && d2 <= 0) return a;
+  if (d1 <= 0 && d2 <= 0) return {a, kA};
   const double d3 = Dot(ab, p - b), d4 = Dot(ac, p - b);
-  if (d3 >= 0 && d4 <= d3) return b;
+  if (d3 >= 0 && d4 <= d3) return {b, kB};
   const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return a + (d1 / (d1 - d3)) * ab;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return {a + (d1 / (d1 - d3)) * ab, kA | kB};
   const double d5 = Dot(ab, p - c), d6 = Dot(ac, p - c);
-  if (d6 >= 0 && d5 <= d6) return c;
+  if (d6 >= 0 && d5 <= d6) return {c, kC};
   const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return a + (d2 / (d2 - d6)) * ac;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return {a + (d2 / (d2 - d6)) * ac, kA | kC};
   const double va = d3 * d6 - d5 * d4;
-  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return b + ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (c - b);
+  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
+    return {b + ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (c - b), kB | kC};
+  }
   const double sum = va + vb + vc;
-  return a + (vb / sum) * ab + (vc / sum) * ac;
+  return {a + (vb / sum) * ab + (vc / sum) * ac, kA | kB | kC};
+}
+
+bool Counts(const PosedBody& posed, const uint16_t* face) {
+  if (posed.touch_bit == 0) return true;
+  const uint8_t* touched = posed.body->touched_by;
+  return (touched[face[0]] & touched[face[1]] & touched[face[2]] & posed.touch_bit) != 0;
+}
+
+bool Has(const uint16_t* face, uint32_t vertex) {
+  return face[0] == vertex || face[1] == vertex || face[2] == vertex;
+}
+
+// Whether one face alone counts at the edge.
+bool IsRim(const PosedBody& posed, uint32_t vertex, uint32_t other) {
+  const format::BodyView& body = *posed.body;
+  size_t count = 0;
+  for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) {
+    const uint16_t* face = body.faces + size_t{3} * body.columns[i];
+    count += Has(face, other) && Counts(posed, face) ? 1 : 0;
+  }
+  return count < 2;
+}
+
+bool IsOnRim(const PosedBody& posed, uint32_t vertex) {
+  const format::BodyView& body = *posed.body;
+  for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) {
+    const uint16_t* face = body.faces + size_t{3} * body.columns[i];
+    if (!Counts(posed, face)) continue;
+    for (size_t c = 0; c < 3; ++c) {
+      if (face[c] != vertex && IsRim(posed, vertex, face[c])) return true;
+    }
+  }
+  return false;
 }
 
 class Walk {
@@ -68,7 +110,8 @@ class Walk {
     const bool touching = squared_ <= kTouching * extent_;
     const Vec direction = touching ? normal_ : (side / distance) * away_;
     const Vec point = closest_;
-    result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, true};
+    result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, corners_,
+              true};
     return result;
   }
 
@@ -83,8 +126,8 @@ class Walk {
     return nearer;
   }
 
-  Vec Corner(uint32_t face, size_t corner) const {
-    const float* p = posed_.positions + size_t{3} * posed_.body->faces[size_t{3} * face + corner];
+  Vec Corner(uint32_t vertex) const {
+    const float* p = posed_.positions + size_t{3} * vertex;
     return {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
   }
 
@@ -97,7 +140,9 @@ class Walk {
   }
 
   bool LookAt(uint32_t face) {
-    const Vec a = Corner(face, 0), b = Corner(face, 1), c = Corner(face, 2);
+    const uint16_t* const corners = posed_.body->faces + size_t{3} * face;
+    if (!Counts(posed_, corners)) return false;
+    const Vec a = Corner(corners[0]), b = Corner(corners[1]), c = Corner(corners[2]);
     if (found_ && LiesBeyond(a, b, c)) return false;
     const Vec area = Cross(b - a, c - a);
     const double square = Dot(area, area);
@@ -105,7 +150,8 @@ class Walk {
     // The face's plane alone is further than what was found.
     const double height = Dot(area, point_ - a);
     if (found_ && height * height > squared_ * square * (1 + kClearlyFurther)) return false;
-    const Vec closest = ClosestOnTriangle(point_, a, b, c), away = point_ - closest;
+    const OnTriangle closest = ClosestOnTriangle(point_, a, b, c);
+    const Vec away = point_ - closest.point;
     const double squared = Dot(away, away);
     if (found_ && squared > squared_ * (1 + kSame)) return false;
     const Vec normal = (posed_.outward / std::sqrt(square)) * area;
@@ -116,7 +162,8 @@ class Walk {
     found_ = true;
     squared_ = squared;
     square_on_ = square_on;
-    closest_ = closest;
+    closest_ = closest.point;
+    corners_ = closest.corners;
     away_ = away;
     normal_ = normal;
     extent_ = std::sqrt(square);
@@ -128,6 +175,7 @@ class Walk {
   Vec point_, closest_ = {}, away_ = {}, normal_ = {};
   double squared_ = 0, square_on_ = 0, extent_ = 0;
   uint32_t face_ = 0;
+  uint8_t corners_ = 0;
   bool found_ = false;
   size_t seen_count_ = 0;
   uint32_t seen_[kMostSeen];
@@ -146,6 +194,26 @@ ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second,
   const ClosestPoint found = other.Result();
   const bool nearer = found.found && (!closest.found || std::fabs(found.distance) < std::fabs(closest.distance));
   return nearer ? found : closest;
+}
+
+bool EndsAt(const PosedBody& posed, const ClosestPoint& closest) {
+  if (posed.touch_bit == 0 || closest.corners == (kA | kB | kC)) return false;
+  const uint16_t* face = posed.body->faces + size_t{3} * closest.face;
+  const uint32_t a = face[0], b = face[1], c = face[2];
+  switch (closest.corners) {
+    case kA:
+      return IsOnRim(posed, a);
+    case kB:
+      return IsOnRim(posed, b);
+    case kC:
+      return IsOnRim(posed, c);
+    case kA | kB:
+      return IsRim(posed, a, b);
+    case kA | kC:
+      return IsRim(posed, a, c);
+    default:
+      return IsRim(posed, b, c);
+  }
 }
 
 }  // namespace dcloth::engine

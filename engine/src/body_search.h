@@ -12,6 +12,7 @@ struct PosedBody {
   const format::BodyView* body;
   const float* positions;  // [b, 3]
   double outward;          // 1, or -1 where the space mirrors faces
+  uint8_t touch_bit;       // faces count whose corners all have it in body->touched_by; 0: all faces
 };
 
 struct ClosestPoint {
@@ -19,6 +20,7 @@ struct ClosestPoint {
   double direction[3];  // unit, outward: of the point from the surface, or of the face where they touch
   double distance;      // below 0 under the surface
   uint32_t face;
+  uint8_t corners;      // of the face that the point lies between, bit by bit: one, two along an edge, or all
   bool found;           // false where all faces looked at have no area
 };
 
@@ -26,6 +28,10 @@ struct ClosestPoint {
 // as that is nearer, at most eight times; the one from `second` is spared where the one from `first` has looked around
 // that vertex too. On an edge or corner that faces share, the one seen most squarely decides which side is outside.
 ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second, const double point[3]);
+
+// Whether the faces that count end at the closest point, an arm's at the shoulder say: nothing is under a surface
+// there. False where all faces count.
+bool EndsAt(const PosedBody& posed, const ClosestPoint& closest);
 
 }  // namespace dcloth::engine
 

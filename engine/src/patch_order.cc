@@ -75,9 +75,8 @@ void Order(const float* positions, uint16_t* begin, uint16_t* end) {
 
 }  // namespace
 
-void OrderByPlace(const float* positions, size_t count, uint16_t* order) {
-  for (size_t i = 0; i < count; ++i) order[i] = static_cast<uint16_t>(i);
-  Order(positions, order, order + count);
+void OrderByPlace(const float* positions, uint16_t* vertices, size_t count) {
+  Order(positions, vertices, vertices + count);
 }
 
 }  // namespace dcloth::engine

@@ -7,11 +7,11 @@
 
 namespace dcloth::engine {
 
-// Fills `order` with 0 to count - 1 so that each run of kernels::kNearestPatch vertices lies close together, and so
-// does each half, quarter, ... of a run down to 4. `positions` is [count, 3], any floats, NaN too; count is at most
-// 65536. Halves along the longest side; a half is found bit by bit, so that time is bounded whatever the positions: 60
-// count log2(count / 4) steps, in practice a millisecond for 8,000 vertices.
-void OrderByPlace(const float* positions, size_t count, uint16_t* order);
+// Orders `vertices`, which index `positions`, so that each run of kernels::kNearestPatch of them lies close together,
+// and so does each half, quarter, ... of a run down to 4. Positions are any floats, NaN too; count is at most 65536.
+// Halves along the longest side; a half is found bit by bit, so that time is bounded whatever the positions: 60 count
+// log2(count / 4) steps, in practice a millisecond for 8,000 vertices.
+void OrderByPlace(const float* positions, uint16_t* vertices, size_t count);
 
 }  // namespace dcloth::engine
 

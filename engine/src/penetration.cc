@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "engine/src/body_search.h"
-#include "engine/src/patch_order.h"
 
 namespace dcloth::engine {
 namespace {
@@ -19,7 +18,7 @@ constexpr double kPushedFar = 0.99;  // of the clearance: rounded to floats, a v
 constexpr float kFar = 1e18f;        // squared
 constexpr float kThird = 0.33334f;
 
-size_t Groups(const BodyView& body) { return (body.vertex_count + kNearestGroup - 1) / kNearestGroup; }
+size_t Groups(size_t sites) { return (sites + kNearestGroup - 1) / kNearestGroup; }
 
 void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
               const BoundPose& bound, const BodyMemory& memory) {
@@ -55,8 +54,8 @@ float Larger(float a, float b) { return a > b ? a : b; }
 
 // Planes over the faces around each vertex, and its slack: the squared distance of a point to the nearest corner of its
 // closest face is at most that to the surface and slack^2, as every point of a triangle is within longest edge /
-// sqrt(3) of a corner. Rejected: one slack for the whole body, its longest edge's, which makes most of the waist
-// suspect.
+// sqrt(3) of a corner. They serve every class, as both only grow with the faces around. Rejected: one slack for the
+// whole body, its longest edge's, which makes most of the waist suspect.
 void PlaceFaces(const BodyView& body, float clearance, const BodyMemory& memory) {
   const float *positions = memory.positions, *normals = memory.normals;
   for (size_t i = 0; i < body.vertex_count; ++i) {
@@ -98,12 +97,18 @@ void PlaceBounds(const float* site, float* bounds, size_t stride) {
   bounds[kernels::kSlack * stride] = slack;
 }
 
-void PlaceSites(const BodyView& body, const BodyMemory& memory) {
-  const size_t groups = Groups(body), stride = kernels::NearestBoundStride(groups), b = body.vertex_count;
+size_t BodyVertex(const TouchClass& touch, size_t site) {
+  return touch.touched == nullptr ? site : touch.touched[site];
+}
+
+// Of the body vertices that a class touches, at least one.
+void PlaceSites(const TouchClass& touch, const BodyMemory& memory) {
+  const size_t last = touch.touched_count - 1, groups = Groups(touch.touched_count);
+  const size_t stride = kernels::NearestBoundStride(groups);
   for (size_t g = 0; g < groups; ++g) {
     float* site = memory.sites + g * kNearestSiteFloats * kNearestGroup;
     for (size_t k = 0; k < kNearestGroup; ++k) {
-      const size_t i = g * kNearestGroup + k < b ? g * kNearestGroup + k : b - 1;
+      const size_t s = g * kNearestGroup + k, i = BodyVertex(touch, s < last ? s : last);
       for (size_t c = 0; c < 3; ++c) {
         site[c * kNearestGroup + k] = memory.positions[3 * i + c];
         site[(3 + c) * kNearestGroup + k] = memory.normals[3 * i + c];
@@ -119,12 +124,12 @@ void PlaceSites(const BodyView& body, const BodyMemory& memory) {
   }
 }
 
-void PushOut(const PosedBody& posed, uint16_t nearest, uint16_t suspect, double clearance, float* position) {
+void PushOut(const PosedBody& posed, size_t nearest, size_t suspect, double clearance, float* position) {
   double v[3] = {static_cast<double>(position[0]), static_cast<double>(position[1]), static_cast<double>(position[2])};
   bool moved = false;
   for (int push = 0; push < kMaxPushes; ++push) {
-    const ClosestPoint closest = SearchBody(posed, suspect, nearest, v);
-    if (!closest.found || closest.distance >= kPushedFar * clearance) break;
+    const ClosestPoint closest = SearchBody(posed, static_cast<uint32_t>(suspect), static_cast<uint32_t>(nearest), v);
+    if (!closest.found || closest.distance >= kPushedFar * clearance || EndsAt(posed, closest)) break;
     for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + clearance * closest.direction[c];
     moved = true;
   }
@@ -135,7 +140,7 @@ void PushOut(const PosedBody& posed, uint16_t nearest, uint16_t suspect, double 
 }  // namespace
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
-  const size_t b = model.body.vertex_count, groups = Groups(model.body);
+  const size_t b = model.body.vertex_count, groups = Groups(b);
   BodyMemory memory = {};
   if (b == 0) return memory;
   memory.matrices = arena->Take<float>(size_t{12} * model.joint_count);
@@ -145,12 +150,12 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.slacks = arena->Take<float>(b);
   memory.sites = arena->Take<float>(groups * kNearestSiteFloats * kNearestGroup);
   memory.bounds = arena->Take<float>(kernels::kNearestBounds * kernels::NearestBoundStride(groups));
-  memory.order = arena->Take<uint16_t>(model.vertex_count);
+  memory.touch = PlaceTouchLists(model, arena);
   return memory;
 }
 
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
-  if (memory.order != nullptr) OrderByPlace(model.template_positions, model.vertex_count, memory.order);
+  if (memory.touch.order != nullptr) FillTouchLists(model, memory.touch);
 }
 
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
@@ -161,27 +166,32 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   const double clearance = static_cast<double>(body.clearance) * units_per_metre;
   PoseBody(kernels, model, space, bound, memory);
   PlaceFaces(body, static_cast<float>(clearance), memory);
-  PlaceSites(body, memory);
   kernels::NearestJob job = {};
   uint16_t nearest[kernels::kNearestPatch], suspect[kernels::kNearestPatch];
   job.points = surface.positions;
   job.point_stride_bytes = surface.position_stride_bytes;
   job.sites = memory.sites;
   job.bounds = memory.bounds;
-  job.groups = Groups(body);
   job.reach = static_cast<float>(static_cast<double>(body.reach) * units_per_metre);
   job.nearest = nearest;
   job.suspect = suspect;
-  const PosedBody posed = {&body, memory.positions, space.mirrored ? -1.0 : 1.0};
-  for (size_t begin = 0; begin < model.vertex_count; begin += job.points_count) {
-    const size_t left = model.vertex_count - begin;
-    job.order = memory.order + begin;
-    job.points_count = left < kernels::kNearestPatch ? left : kernels::kNearestPatch;
-    kernels.nearest(job);
-    for (size_t i = 0; i < job.points_count; ++i) {
-      if (suspect[i] == kernels::kNoSite) continue;
-      auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
-      PushOut(posed, nearest[i], suspect[i], clearance, reinterpret_cast<float*>(bytes));
+  for (size_t c = 0; c < ClassCount(model); ++c) {
+    const TouchClass touch = ClassAt(model, memory.touch, c);
+    if (touch.vertex_count == 0 || touch.touched_count == 0) continue;
+    PlaceSites(touch, memory);
+    job.groups = Groups(touch.touched_count);
+    const PosedBody posed = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, touch.bit};
+    for (size_t begin = 0; begin < touch.vertex_count; begin += job.points_count) {
+      const size_t left = touch.vertex_count - begin;
+      job.order = touch.vertices + begin;
+      job.points_count = left < kernels::kNearestPatch ? left : kernels::kNearestPatch;
+      kernels.nearest(job);
+      for (size_t i = 0; i < job.points_count; ++i) {
+        if (suspect[i] == kernels::kNoSite) continue;
+        auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
+        PushOut(posed, BodyVertex(touch, nearest[i]), BodyVertex(touch, suspect[i]), clearance,
+                reinterpret_cast<float*>(bytes));
+      }
     }
   }
 }

@@ -5,11 +5,12 @@
 #include "engine/src/arena.h"
 #include "engine/src/output.h"
 #include "engine/src/pose.h"
+#include "engine/src/touch_lists.h"
 #include "kernels/kernels.h"
 
 namespace dcloth::engine {
 
-// Scratch of a frame but for `order`; all null where the model has no body.
+// Scratch of a frame but for `touch`; all null where the model has no body.
 struct BodyMemory {
   float* matrices;   // [joint_count, 12]
   float* positions;  // [b, 3] posed
@@ -18,16 +19,17 @@ struct BodyMemory {
   float* slacks;     // [b] squared, see PlaceFaces
   float* sites;      // see kernels::NearestJob
   float* bounds;
-  uint16_t* order;   // [n] the garment's vertices, neighbours together
+  TouchLists touch;
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
 
-// Once, before the first KeepOutside: fills in `order`.
+// Once, before the first KeepOutside: fills in `touch`.
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
-// Moves each vertex of `surface` that is less than the clearance outside the posed body's closest point until it is
-// just that. Run it after skinning, while positions are relative to the hips. Does nothing where the model has no body.
+// Moves each vertex of `surface` that is less than the clearance outside the closest point of what it touches of the
+// posed body until it is just that; one whose closest point is where that ends stays. Run it after skinning, while
+// positions are relative to the hips. Does nothing where the model has no body.
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
                  const BoundPose& bound, const BodyMemory& memory, const Surface& surface);
 

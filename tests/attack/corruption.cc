@@ -9,6 +9,7 @@ TestModel Sound(const Corruption& corruption) {
   spec.mesh = corruption.stages == DCLOTH_STAGES_MESH;
   spec.skeleton = corruption.stages != DCLOTH_STAGES_STATIC;
   spec.integer_layers = corruption.integer_layers;
+  spec.body = spec.touch = corruption.touch;
   return BuildModel(spec);
 }
 

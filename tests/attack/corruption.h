@@ -25,6 +25,7 @@ struct Corruption {
   format::DType precision = format::DType_I8;
   uint32_t stages = DCLOTH_STAGES_MESH;  // of the sound model
   bool integer_layers = false;           // in it
+  bool touch = false;                    // a body in parts in it
 };
 
 inline void PrintTo(const Corruption& corruption, std::ostream* out) { *out << corruption.name; }

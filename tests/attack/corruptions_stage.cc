@@ -226,11 +226,50 @@ std::vector<Corruption> IntegerLayers() {
   };
 }
 
+// Of the egg's 17 vertices and the garment's 60; the body's other fields are in format_body_test.cc.
+std::vector<Corruption> BodyParts() {
+  using B = format::BodyT;
+  using Spoil = std::function<void(M*, B*)>;
+  const auto spoil = [](const char* name, const char* field, const char* reason, const Spoil& how) {
+    Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->body.get()); }};
+    corruption.touch = true;
+    return corruption;
+  };
+  return {
+      spoil("touch_classes_alone", "body.touched_by: ", "found no bits beside body.touch_classes; allowed: both",
+            [](M*, B* b) { b->touched_by.reset(); }),
+      spoil("touched_by_alone", "body.touch_classes: ", "found no classes beside body.touched_by; allowed: both",
+            [](M*, B* b) { b->touch_classes.reset(); }),
+      spoil("touch_class_ninth", "body.touch_classes[59]: ", "found 8; allowed: indices below 8",
+            [](M* m, B* b) { *Data<uint8_t>(m, *b->touch_classes, 59) = 8; }),
+      spoil("touch_class_all_bits", "body.touch_classes[0]: ", "found 255; allowed: indices below 8",
+            [](M* m, B* b) { *Data<uint8_t>(m, *b->touch_classes) = 255; }),
+      spoil("touch_classes_short", "body.touch_classes.shape: ", "found [59]; allowed: [60]",
+            [](M*, B* b) { b->touch_classes->shape[0] = 59; }),
+      spoil("touch_classes_as_words", "body.touch_classes.dtype: ", "found u16; allowed: u8",
+            [](M*, B* b) { b->touch_classes->dtype = format::DType_U16; }),
+      spoil("touched_by_long", "body.touched_by.shape: ", "found [60]; allowed: [17]",
+            [](M*, B* b) { b->touched_by->shape[0] = 60; }),
+      spoil("touched_by_signed", "body.touched_by.dtype: ", "found i8; allowed: u8",
+            [](M*, B* b) { b->touched_by->dtype = format::DType_I8; }),
+      spoil("touched_by_past_the_weights", "body.touched_by.offset: ", "inside the ",
+            [](M* m, B* b) { b->touched_by->offset = m->weights.size(); }),
+      spoil("touched_by_over_classes", "body.touched_by.offset: ", "found an overlap with the tensor at",
+            [](M*, B* b) { b->touched_by->offset = b->touch_classes->offset; }),
+      spoil("touched_without_a_face", "body.touched_by[16]: ", "found a class that touches no face around the vertex",
+            [](M* m, B* b) { *Data<uint8_t>(m, *b->touched_by, 16) |= 0x80; }),
+      spoil("touched_on_one_edge", "body.touched_by[2]: ", "found a class that touches no face around the vertex",
+            [](M* m, B* b) {
+              for (const size_t corner : {2, 3}) *Data<uint8_t>(m, *b->touched_by, corner) |= 4;
+            }),
+  };
+}
+
 }  // namespace
 
 std::vector<Corruption> StageCorruptions() {
   std::vector<Corruption> all = IndicesAndWeights();
-  for (const auto& more : {GraphRows(), Layers(), IntegerLayers(), StagesThatDoNotFit()})
+  for (const auto& more : {GraphRows(), Layers(), IntegerLayers(), BodyParts(), StagesThatDoNotFit()})
     all.insert(all.end(), more.begin(), more.end());
   return all;
 }

@@ -169,6 +169,13 @@ std::vector<OddFile> OddFiles() {
        }},
       {"ones_everywhere",
        [](ModelSpec* s) { s->static_width = s->units = s->mesh_width = s->mesh_basis = s->layers = 1; }},
+      {"cloth_that_touches_nothing", [](ModelSpec* s) { s->body = s->touch = true; },
+       [](M* m) { Fill<uint8_t>(m, *m->body->touched_by, 17, 0); }},
+      {"cloth_of_eight_classes", [](ModelSpec* s) { s->body = s->touch = true; },
+       [](M* m) {
+         Fill<uint8_t>(m, *m->body->touched_by, 17, 0xFF);
+         for (uint8_t i = 0; i < 60; ++i) *Data<uint8_t>(m, *m->body->touch_classes, i) = i % 8;
+       }},
       {"static_with_empty_displacement", [](ModelSpec* s) { s->skeleton = s->mesh = false; },
        [](M* m) { m->displacement = std::make_unique<format::DisplacementT>(); }},
       {"root_motion_and_no_joint", [](ModelSpec* s) { s->skeleton = s->mesh = false; },

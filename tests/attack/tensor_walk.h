@@ -21,7 +21,7 @@ class TensorWalk {
     if (m->displacement) AddLinear(m->displacement->basis);
     if (m->body) {
       Add(m->body->positions, m->body->joints, m->body->weights, m->body->faces, m->body->row_starts,
-          m->body->columns);
+          m->body->columns, m->body->touch_classes, m->body->touched_by);
     }
   }
 

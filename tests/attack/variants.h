@@ -18,7 +18,7 @@ struct Variant {
 inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
 // Every precision with every set of stages, and two that differ in features, influences and layers, one with integer
-// layers, one with a reduced basis and one with a body: 14 models of 3 to 20 KB.
+// layers, one with a reduced basis, one with a body and one with parts of it: 15 models of 3 to 20 KB.
 inline std::vector<Variant> Variants() {
   ModelSpec small;
   small.rings = 3;
@@ -65,6 +65,8 @@ inline std::vector<Variant> Variants() {
   small.rank = 0;
   small.body = true;
   variants.push_back({"I8_body", small});
+  small.touch = true;
+  variants.push_back({"I8_touch", small});
   return variants;
 }
 

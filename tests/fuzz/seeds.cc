@@ -86,6 +86,10 @@ std::vector<Seed> BundleSeeds() {
   spec.half_weights = true;
   seeds.push_back(SeedOf("half", BuildBundle(spec)));
   for (Seed& seed : FactoredSeeds(SmallBundle())) seeds.push_back(std::move(seed));
+  RawFile parts = BuildBundle(SmallBundle());
+  parts.SetMasks("body.parts", {1, 3, 3, 2});
+  parts.SetMasks("template.touches", {0, 1, 1, 2, 2, 2, 3, 3, 3});
+  seeds.push_back(SeedOf("parts", parts));
   spec.mesh = false;
   seeds.push_back(SeedOf("skeleton", BuildBundle(spec)));
   spec.skeleton = spec.root_motion = false;

@@ -77,11 +77,15 @@ def write(path, net, fitted, character, training, garment=None, half=True):
                       "mesh.input_deviation": net.mesh.input_deviation.numpy()})
     tensors.update({name: np.asarray(value, np.float32) for name, value in plain.items()})
     if character.collider is not None:
-        excess = body_limits.excess(character.body_vertices, character.body_faces, character.collider, character.template)
+        excess = body_limits.excess(character.body_vertices, character.body_faces, character.collider,
+                                    character.template, character.touches, character.body_parts)
         if excess:    # the converter refuses such a body where it is asked for
             print(f"{path}: without body.collides: {excess}", file=sys.stderr)
         else:
             tensors["body.collides"] = np.asarray(character.collider, np.float32)
+    if character.touches is not None:
+        tensors["template.touches"] = character.touches.astype(np.int32)
+        tensors["body.parts"] = character.body_parts.astype(np.int32)
     tensors["template.faces"] = character.faces.astype(np.int32)
     tensors["body.faces"] = character.body_faces.astype(np.int32)
     names = rig.joint_names

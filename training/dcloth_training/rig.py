@@ -35,6 +35,9 @@ class Character:
     parents: list = None        # [J] joint above each one, -1 at the root; None: not known
     hips: str = "Hips"
     feature_joints: tuple = skeleton.LOWER_BODY
+    # Bit masks of parts of the body: cloth touches skin where they share a bit. None: all of the body.
+    touches: np.ndarray = field(repr=False, default=None)       # [n]
+    body_parts: np.ndarray = field(repr=False, default=None)    # [b]
 
 
 def mirrored_joints(names):
@@ -42,6 +45,19 @@ def mirrored_joints(names):
     def swapped(name):
         return name.replace("Left", "\0").replace("Right", "Left").replace("\0", "Right")
     return [names.index(swapped(name)) for name in names]
+
+
+def _masks(tensors):
+    """(cloth_touches [n], body_parts [b]), or None twice: data sets of before had neither."""
+    names = {"cloth_touches": "cloth_template", "body_parts": "body_vertices"}
+    if not names.keys() & tensors.keys():
+        return None, None
+    for name, of in names.items():
+        masks, count = tensors[name], len(tensors[of])
+        if masks.shape != (count,) or masks.dtype.kind not in "iu" or (masks < 0).any():
+            raise ValueError(f"{name}: {masks.dtype} {list(masks.shape)}, allowed is a bit mask from 0 up for each of "
+                             f"{count} vertices")
+    return tuple(tensors[name] for name in names)
 
 
 def read_character(path):
@@ -67,7 +83,8 @@ def read_character(path):
             tensors["body_collider"].astype(bool),
             json.loads(metadata["parents"]) if "parents" in metadata else None,
             metadata.get("hips", "Hips"),
-            tuple(json.loads(metadata["feature_joints"])) if "feature_joints" in metadata else skeleton.LOWER_BODY)
+            tuple(json.loads(metadata["feature_joints"])) if "feature_joints" in metadata else skeleton.LOWER_BODY,
+            *_masks(tensors))
     except (KeyError, ValueError) as error:
         raise safetensors_io.SafetensorsError(
             f"{path}: not a character: {error}; expected what simulate/run.py writes") from None

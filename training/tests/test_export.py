@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from conftest import train_tiny as run
-from dcloth_training import (bundle, evaluate, export, network, reference, safetensors_io,
+from dcloth_training import (bundle, evaluate, export, network, reference, rig, safetensors_io,
                              sequence)
 
 
@@ -113,6 +113,38 @@ def test_wrong_bundles_are_refused_by_name(files, tmp_path, change, message):
     safetensors_io.write(tmp_path / "bad", tensors, metadata)
     with pytest.raises(bundle.BundleError, match=message):
         bundle.read(tmp_path / "bad")
+
+
+def touching(tiny, path, change=lambda t: None):
+    """The tiny character, whose cloth touches parts of its body."""
+    tensors, metadata = safetensors_io.read(tiny / "character.safetensors")
+    tensors["cloth_touches"] = np.arange(len(tensors["cloth_template"]), dtype=np.int32) % 3
+    tensors["body_parts"] = 1 + np.arange(len(tensors["body_vertices"]), dtype=np.int32) % 2
+    change(tensors)
+    safetensors_io.write(path, tensors, metadata)
+    return rig.read_character(path)
+
+
+def test_what_cloth_touches_goes_from_the_data_into_the_bundle(tiny, trained, files, tmp_path):
+    character = touching(tiny, tmp_path / "character.safetensors")
+    net, fitted, _, provenance = trained[0]
+    bundle.write(tmp_path / "b", net, fitted, character, provenance)
+    tensors, _ = safetensors_io.read(tmp_path / "b")
+    for name, value in (("template.touches", character.touches), ("body.parts", character.body_parts)):
+        assert tensors[name].dtype == np.int32 and np.array_equal(tensors[name], value)
+    bundle.read(tmp_path / "b")
+    assert not {"template.touches", "body.parts"} & safetensors_io.read(files / "half")[0].keys()
+
+
+@pytest.mark.parametrize("name,change", [
+    ("cloth_touches", lambda t: t.pop("cloth_touches")),
+    ("body_parts", lambda t: t.pop("body_parts")),
+    ("cloth_touches", lambda t: t.update(cloth_touches=t["cloth_touches"][:-1])),
+    ("body_parts", lambda t: t.update(body_parts=t["body_parts"].astype(np.float32))),
+    ("body_parts", lambda t: t.update(body_parts=-t["body_parts"]))])
+def test_a_character_with_half_of_its_parts_is_refused(name, change, tiny, tmp_path):
+    with pytest.raises(safetensors_io.SafetensorsError, match=f"not a character.*{name}"):
+        touching(tiny, tmp_path / "character.safetensors", change)
 
 
 def test_weights_beyond_half_precision_are_refused(tiny, trained, tmp_path):

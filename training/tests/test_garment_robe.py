@@ -1,11 +1,16 @@
 """The robe: symmetric, one clean sheet, evenly meshed, clear of the body, pinned at the yoke."""
+import pathlib
+
 import numpy as np
 import pytest
 from scipy import sparse
 
+from dcloth_training import rig, safetensors_io
 from dcloth_training.motion import rotations, skeleton
 from dcloth_training.motion.skeleton import HIP_HEIGHT, INDEX
-from dcloth_training.simulate import checks, closed_arms, cloth_job, garment, garment_robe, mannequin
+from dcloth_training.simulate import checks, closed_arms, cloth_job, garment, garment_robe, mannequin, run
+
+MODELS = pathlib.Path(__file__).parents[2] / "models"
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +178,26 @@ def test_sleeves_touch_arms_and_the_body_tube_touches_trunk_and_legs(robe):
     both = touches == trunk | arm
     assert 300 < both.sum() < 500 and at[both, 0].min() > 0.10 and at[both, 0].max() < 0.30
     assert touches.min() > 0                                # no vertex is left without a body
+
+
+def test_the_character_and_the_bundle_say_what_cloth_touches(robe, tmp_path, monkeypatch):
+    for worn in (robe, garment.skirt()):
+        hung = cloth_job.Result(np.stack([worn.vertices] * 2), None, 0.0)
+        monkeypatch.setattr(cloth_job, "simulate", lambda *given: hung)
+        body, path = mannequin.mannequin(worn.not_colliding), str(tmp_path / f"{len(worn.vertices)}.safetensors")
+        run.make_character(path, body, worn)
+        character = rig.read_character(path)
+        if worn.touches is None:
+            assert character.touches is None and character.body_parts is None
+    parts = cloth_job.skin_parts(mannequin.mannequin(robe.not_colliding))
+    assert len(np.unique(robe.touches)) == 8                # as many as a model holds
+    character = rig.read_character(str(tmp_path / f"{len(robe.vertices)}.safetensors"))
+    bundled, _ = safetensors_io.read(MODELS / "robe" / "robe.safetensors", ("template.touches", "body.parts"))
+    for touches, of_body in ((character.touches, character.body_parts), bundled.values()):
+        assert np.array_equal(touches, robe.touches) and np.array_equal(of_body, parts)
+    weights, skin = mannequin.mannequin().weights, cloth_job.skin_parts(mannequin.mannequin())
+    arms = weights[:, INDEX["LeftForeArm"]] > 0.9           # which nothing collides with under a skirt
+    assert arms.any() and not skin[arms].any() and parts[arms].all()
 
 
 def test_closed_arms_are_closed_surfaces_on_the_skin():

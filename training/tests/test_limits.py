@@ -7,7 +7,7 @@ import pytest
 
 from conftest import NAMES, bind_pose, tube
 from test_import_truth import clip_of, project, write_cache
-from dcloth_training import bundle, import_truth, rig, safetensors_io, train
+from dcloth_training import body_limits, bundle, import_truth, rig, safetensors_io, train
 from dcloth_training.truth.errors import TruthError
 
 
@@ -19,6 +19,15 @@ def finely_meshed(tiny, path, rings, columns):
     tensors.update(body_vertices=body.astype(np.float32), body_faces=faces, body_collider=np.ones(len(body), np.uint8),
                    body_weights=(weights / weights.sum(1, keepdims=True)).astype(np.float32))
     safetensors_io.write(path, tensors, {**metadata, "joint_names": json.dumps(NAMES)})
+
+
+def test_skin_that_nothing_touches_does_not_count():
+    body, faces, _ = tube(0.12, 66, 127, 1.1, 0.2)
+    everywhere, parts = np.ones(len(body), np.uint8), np.where(body[:, 1] > 0.6, 2, 1)
+    touches = np.ones(4, np.int32)
+    assert body_limits.excess(body, faces, everywhere, body)
+    assert body_limits.excess(body, faces, everywhere, body, touches, parts) is None
+    assert body_limits.excess(body, faces, everywhere, body, touches | 2, parts)
 
 
 @pytest.mark.parametrize("rings, columns, found", [(64, 128, None), (65, 128, "8,320 vertices and 16,384 faces"),

@@ -211,8 +211,8 @@ enum {
 enum {
   /* Move vertices that lie under the character's skin, or less than the model's clearance (2 mm) above it, along the
    * normal of the closest point of the posed skin until they are outside by the clearance; all others stay. Each frame
-   * on its own, the network's state knows nothing of it. Only the skin that collided in training counts. Does nothing
-   * where the model holds none (dcloth_model_body_vertex_count). */
+   * on its own, the network's state knows nothing of it. Only skin counts that the vertex collided with in training.
+   * Does nothing where the model holds none (dcloth_model_body_vertex_count). */
   DCLOTH_OUTPUT_OUTSIDE_BODY = 1
 };
 

@@ -155,6 +155,74 @@ TEST(BodySurfaceTest, TheMarkIsZeroOrOne) {
   EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "body.collides", "11", "12"));
 }
 
+// Columns of the wall belong to part 1, 2 or, around the seam, both; cloth touches one of them, both or nothing.
+TEST(BodySurfaceTest, MasksBecomeClassesAndFacesThatNoneTouchesAreLeftOut) {
+  Bundle bundle = WithWall(60, 20);
+  bundle.body_collides = Vector::Ones(1200);
+  for (int i = 0; i < 1200; ++i) {
+    const int column = i % 60;
+    bundle.body_parts.push_back(column < 20 ? 4u : column < 28 ? 1u : column < 32 ? 3u : 2u);
+  }
+  for (uint32_t i = 0; i < bundle.vertex_count(); ++i) bundle.touches.push_back(std::array{2u, 0u, 9u, 3u}[i % 4]);
+  const BodySurface surface = MakeBodySurface(bundle, 4);
+  ASSERT_EQ(surface.touch_classes.size(), bundle.vertex_count());
+  const std::array<uint8_t, 4> classes = {1, 0, 3, 2};  // in the order of 0, 2, 3, 9
+  for (size_t i = 0; i < surface.touch_classes.size(); ++i) EXPECT_EQ(surface.touch_classes[i], classes[i % 4]);
+  std::vector<bool> touched(1200);
+  for (size_t i = 0; i < touched.size(); ++i) touched[i] = i % 60 >= 20;
+  EXPECT_EQ(FacesOf(surface), FacesWhere(bundle, touched));
+  ASSERT_EQ(surface.touched_by.size(), surface.vertices.size());
+  std::set<uint8_t> found;
+  for (size_t i = 0; i < surface.vertices.size(); ++i) {
+    const uint32_t column = surface.vertices[i] % 60;
+    const int expected = (column < 32 ? 1 << 3 : 0) | (column >= 28 ? 1 << 1 : 0) | 1 << 2;
+    EXPECT_EQ(surface.touched_by[i], expected) << "column " << column;
+    found.insert(surface.touched_by[i]);
+  }
+  EXPECT_EQ(found.size(), 3u);
+}
+
+// Two columns of a part make faces, one makes an edge, and a bit there would be none that the format allows.
+TEST(BodySurfaceTest, AVertexIsTouchedWhereAWholeFaceIs) {
+  Bundle bundle = WithWall(40, 20);
+  bundle.body_collides = Vector::Ones(800);
+  for (int i = 0; i < 800; ++i) bundle.body_parts.push_back(i % 40 == 20 ? 3u : 1u);
+  for (uint32_t i = 0; i < bundle.vertex_count(); ++i) bundle.touches.push_back(1 + i % 2);
+  const BodySurface surface = MakeBodySurface(bundle, 4);
+  ASSERT_FALSE(surface.empty());
+  for (const uint8_t bits : surface.touched_by) EXPECT_EQ(bits, 1);
+  std::fill(bundle.touches.begin(), bundle.touches.end(), 4u);
+  EXPECT_TRUE(MakeBodySurface(bundle, 4).empty()) << "cloth that touches no part that there is";
+}
+
+TEST(BodySurfaceTest, MoreClassesThanBitsAreRefused) {
+  Bundle bundle = WithWall(40, 20);
+  bundle.body_parts.assign(800, 0x1FF);
+  for (uint32_t i = 0; i < bundle.vertex_count(); ++i) bundle.touches.push_back(i % 8);
+  EXPECT_FALSE(MakeBodySurface(bundle, 4).empty());
+  bundle.touches[11] = 8;
+  EXPECT_TRUE(Mentions(ErrorText([&] { MakeBodySurface(bundle, 4); }), "template.touches", "9 different masks",
+                       "at most 8", "one mask"));
+}
+
+TEST(BodySurfaceTest, MasksAreReadBothOrNone) {
+  dcloth::testing::RawFile raw = BuildBundle({});
+  raw.SetMasks("body.parts", std::vector<int32_t>(12, 0x7FFFFFFF));
+  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches"));
+  raw.SetMasks("template.touches", std::vector<int32_t>(60, 5));
+  EXPECT_EQ(Parse(raw).touches, std::vector<uint32_t>(60, 5));
+  EXPECT_EQ(Parse(raw).body_parts, std::vector<uint32_t>(12, 0x7FFFFFFF));
+  raw.SetInt("template.touches", 59, -1);
+  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches", "-1 at vertex 59", "from 0 up"));
+  raw.SetMasks("template.touches", std::vector<int32_t>(59, 5));
+  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches", "[59]", "[60]"));
+  raw.Replace("template.touches", {60}, std::vector<float>(60, 1.0f));
+  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches", "F32", "I32"));
+  raw.SetMasks("template.touches", std::vector<int32_t>(60, 5));
+  raw.Erase("body.parts");
+  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "body.parts"));
+}
+
 // From the bundle to the engine, in every precision.
 TEST(BodySurfaceTest, TheEngineOpensIt) {
   Bundle bundle = Parse(BuildBundle({}));
@@ -170,6 +238,11 @@ TEST(BodySurfaceTest, TheEngineOpensIt) {
     const OpenModel model(WriteModel(Assemble(marked, folded, {precision, {}})));
     EXPECT_EQ(dcloth_model_body_vertex_count(model.model()), folded.surface.vertices.size());
     EXPECT_EQ(model.info().format_minor, 2u);
+    marked.touches.assign(60, 1);
+    marked.body_parts.assign(12, 1);
+    const OpenModel in_parts(WriteModel(Assemble(marked, FoldBundle(marked, 4, 4), {precision, {}})));
+    EXPECT_EQ(dcloth_model_body_vertex_count(in_parts.model()), folded.surface.vertices.size());
+    EXPECT_EQ(in_parts.info().format_minor, 4u);
   }
 }
 

@@ -58,6 +58,15 @@ Eigen::Matrix4f BindMatrix(uint32_t joint) {
   return bind.matrix();
 }
 
+void Put(RawTensor tensor, std::vector<RawTensor>* tensors) {
+  for (RawTensor& old : *tensors) {
+    if (old.name != tensor.name) continue;
+    old = std::move(tensor);
+    return;
+  }
+  tensors->push_back(std::move(tensor));
+}
+
 class Builder {
  public:
   Builder(const BundleSpec& spec) : spec_(spec), random_(spec.seed) {}  // NOLINT: local
@@ -269,14 +278,12 @@ void RawFile::SetInt(std::string_view name, size_t index, int32_t value) {
 }
 
 void RawFile::Replace(std::string_view name, Shape shape, const std::vector<float>& values) {
-  RawTensor tensor{std::string(name), SafeType::kF32, std::move(shape), FloatBytes(values)};
-  for (RawTensor& old : tensors) {
-    if (old.name == name) {
-      old = std::move(tensor);
-      return;
-    }
-  }
-  tensors.push_back(std::move(tensor));
+  Put(RawTensor{std::string(name), SafeType::kF32, std::move(shape), FloatBytes(values)}, &tensors);
+}
+
+void RawFile::SetMasks(std::string_view name, const std::vector<int32_t>& masks) {
+  const auto bytes = std::as_bytes(std::span(masks));
+  Put(RawTensor{std::string(name), SafeType::kI32, {masks.size()}, {bytes.begin(), bytes.end()}}, &tensors);
 }
 
 converter::AlignedBytes RawFile::Bytes() const {

@@ -52,6 +52,7 @@ struct RawFile {
   void SetInt(std::string_view name, size_t index, int32_t value);  // I32 only
   void Replace(std::string_view name, converter::Shape shape,
                const std::vector<float>& values);  // adds or replaces, F32
+  void SetMasks(std::string_view name, const std::vector<int32_t>& masks);  // adds or replaces, I32
 
   converter::AlignedBytes Bytes() const;
   void Write(const std::filesystem::path& path) const;

@@ -253,6 +253,12 @@ TestModel BuildModel(const ModelSpec& spec) {
     AddDisplacement(spec, &writer, &numbers, &tables);
   }
   if (spec.body) AddBody(&model, 3, 5);
+  if (spec.touch) {
+    std::vector<uint8_t> classes(n), touched_by(17, 1);  // rings of 5, the pole above, the one below
+    for (uint32_t i = 0; i < n; ++i) classes[i] = static_cast<uint8_t>(i % 3);
+    for (const size_t upper : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15}) touched_by[upper] = 1 | 2;
+    AddTouch(&model, classes, touched_by);
+  }
   return model;
 }
 

@@ -39,7 +39,8 @@ struct ModelSpec {
   bool root_motion = true;
   bool skeleton = true;
   bool mesh = true;
-  bool body = false;  // the egg of test_body.h, small
+  bool body = false;   // the egg of test_body.h, small
+  bool touch = false;  // with a body: three classes that touch all, its upper half and nothing of it
   uint32_t seed = 1;
 };
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <random>
 #include <vector>
 
@@ -32,7 +33,8 @@ std::vector<float> Grid(size_t rows, size_t columns) {
 
 std::vector<uint16_t> Ordered(const std::vector<float>& positions) {
   std::vector<uint16_t> order(positions.size() / 3);
-  OrderByPlace(positions.data(), order.size(), order.data());
+  std::iota(order.begin(), order.end(), uint16_t{0});
+  OrderByPlace(positions.data(), order.data(), order.size());
   std::vector<uint16_t> sorted = order;
   std::sort(sorted.begin(), sorted.end());
   for (size_t i = 0; i < sorted.size(); ++i) EXPECT_EQ(sorted[i], i);

@@ -85,19 +85,29 @@ Point PseudoNormal(const EggBody& body, const std::vector<Point>& posed, const s
   return sum;
 }
 
-}  // namespace
+// A vertex that the hips carry, and joint 0 the more, the lower it lies.
+void AddVertex(const Numbers& numbers, double x, double y, double z, EggBody* body) {
+  const double share = 0.5 - 0.5 * (y - 0.6) / 0.45;
+  for (const double value : {x, y, z}) body->positions.push_back(static_cast<float>(value));
+  body->joints.insert(body->joints.end(), {static_cast<uint8_t>(numbers.hips), 0});
+  body->weights.push_back(static_cast<float>(1 - share * share));
+  body->weights.push_back(1 - body->weights.back());
+}
 
-EggBody AddBody(TestModel* model, uint32_t rings, uint32_t segments, float clearance, float reach) {
-  EggBody body;
-  body.clearance = static_cast<double>(clearance);
-  body.reach = static_cast<double>(reach);
+// Rings of `segments` vertices from the top down, joined; `first` is their first vertex.
+void JoinRings(uint32_t first, uint32_t rings, uint32_t segments, EggBody* body) {
+  const auto index = [&](uint32_t r, uint32_t s) { return static_cast<uint16_t>(first + r * segments + s % segments); };
+  for (uint32_t s = 0; s < segments; ++s) {
+    for (uint32_t r = 0; r + 1 < rings; ++r) {
+      body->faces.insert(body->faces.end(), {index(r, s), index(r, s + 1), index(r + 1, s + 1)});
+      body->faces.insert(body->faces.end(), {index(r, s), index(r + 1, s + 1), index(r + 1, s)});
+    }
+  }
+}
+
+void AddEgg(const Numbers& numbers, uint32_t rings, uint32_t segments, EggBody* body) {
   const auto add = [&](double across, double up, double turn) {
-    const double height = 0.6 + 0.45 * up, share = 0.5 - 0.5 * up;
-    for (const double value : {0.3 * across * std::cos(turn), height, 0.26 * across * std::sin(turn)})
-      body.positions.push_back(static_cast<float>(value));
-    body.joints.insert(body.joints.end(), {static_cast<uint8_t>(model->numbers.hips), 0});
-    body.weights.push_back(static_cast<float>(1 - share * share));
-    body.weights.push_back(1 - body.weights.back());
+    AddVertex(numbers, 0.3 * across * std::cos(turn), 0.6 + 0.45 * up, 0.26 * across * std::sin(turn), body);
   };
   for (uint32_t r = 0; r < rings; ++r) {
     const double down = std::numbers::pi * (r + 1) / (rings + 1);
@@ -107,14 +117,14 @@ EggBody AddBody(TestModel* model, uint32_t rings, uint32_t segments, float clear
   add(0, -1, 0);
   const auto index = [&](uint32_t r, uint32_t s) { return static_cast<uint16_t>(r * segments + s % segments); };
   const auto top = static_cast<uint16_t>(rings * segments), bottom = static_cast<uint16_t>(top + 1);
+  JoinRings(0, rings, segments, body);
   for (uint32_t s = 0; s < segments; ++s) {
-    body.faces.insert(body.faces.end(), {top, index(0, s + 1), index(0, s)});
-    for (uint32_t r = 0; r + 1 < rings; ++r) {
-      body.faces.insert(body.faces.end(), {index(r, s), index(r, s + 1), index(r + 1, s + 1)});
-      body.faces.insert(body.faces.end(), {index(r, s), index(r + 1, s + 1), index(r + 1, s)});
-    }
-    body.faces.insert(body.faces.end(), {bottom, index(rings - 1, s), index(rings - 1, s + 1)});
+    body->faces.insert(body->faces.end(), {top, index(0, s + 1), index(0, s)});
+    body->faces.insert(body->faces.end(), {bottom, index(rings - 1, s), index(rings - 1, s + 1)});
   }
+}
+
+void Store(const EggBody& body, TestModel* model) {
   const auto b = static_cast<uint32_t>(body.positions.size() / 3), f = static_cast<uint32_t>(body.faces.size() / 3);
   std::vector<uint32_t> starts = {0};
   std::vector<uint16_t> columns;
@@ -133,10 +143,44 @@ EggBody AddBody(TestModel* model, uint32_t rings, uint32_t segments, float clear
   table->faces = writer.Add(format::DType_U16, {f, 3}, body.faces);
   table->row_starts = writer.Add(format::DType_U32, {b + 1}, starts);
   table->columns = writer.Add(format::DType_U16, {3 * f}, columns);
-  table->clearance = clearance;
-  table->reach = reach;
+  table->clearance = static_cast<float>(body.clearance);
+  table->reach = static_cast<float>(body.reach);
   model->tables->body = std::move(table);
+}
+
+}  // namespace
+
+EggBody AddBody(TestModel* model, uint32_t rings, uint32_t segments, float clearance, float reach) {
+  EggBody body;
+  body.clearance = static_cast<double>(clearance);
+  body.reach = static_cast<double>(reach);
+  AddEgg(model->numbers, rings, segments, &body);
+  Store(body, model);
   return body;
+}
+
+EggBody AddTrunkAndArm(TestModel* model, uint32_t rings, uint32_t segments, size_t* trunk_vertices) {
+  EggBody body;
+  body.clearance = static_cast<double>(0.002f);
+  body.reach = 1;
+  AddEgg(model->numbers, rings, segments, &body);
+  *trunk_vertices = body.positions.size() / 3;
+  for (uint32_t r = 0; r < rings; ++r) {
+    for (uint32_t s = 0; s < segments; ++s) {
+      const double turn = 2 * std::numbers::pi * s / segments, height = 0.85 - 0.5 * r / (rings - 1);
+      AddVertex(model->numbers, 0.08 + 0.16 * std::cos(turn), height, 0.16 * std::sin(turn), &body);
+    }
+  }
+  JoinRings(static_cast<uint32_t>(*trunk_vertices), rings, segments, &body);
+  Store(body, model);
+  return body;
+}
+
+void AddTouch(TestModel* model, const std::vector<uint8_t>& classes, const std::vector<uint8_t>& touched_by) {
+  TensorWriter writer(model->numbers.spec.precision, 1, &model->tables->weights);
+  format::BodyT& body = *model->tables->body;
+  body.touch_classes = writer.Add(format::DType_U8, {static_cast<uint32_t>(classes.size())}, classes);
+  body.touched_by = writer.Add(format::DType_U8, {static_cast<uint32_t>(touched_by.size())}, touched_by);
 }
 
 std::vector<Point> PoseBody(const EggBody& body, const Numbers& numbers, const std::vector<float>& pose) {

@@ -49,6 +49,14 @@ def body_parts(weights, faces):
     return masks
 
 
+def skin_parts(body):
+    """Bit masks [b] of the parts each vertex of the whole skin belongs to; 0 where nothing collides with it."""
+    keep, faces = mannequin.collider_mesh(body)
+    masks = np.zeros(len(body.vertices), np.uint32)
+    masks[keep] = body_parts(body.weights[keep], faces)
+    return masks
+
+
 def collider(body, garment):
     """What `garment` touches of `body` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks [b].
 

@@ -49,6 +49,8 @@ def make_character(path, body, worn):
     print(f"character: drape moves {1e3 * moving:.3f} mm a frame, lopsided by "
           f"{1e3 * lopsided.mean():.2f} mm (mean), made symmetric; {hung.seconds:.0f} s",
           flush=True)
+    touch = {} if worn.touches is None else {"cloth_touches": worn.touches.astype(np.int32),
+                                             "body_parts": cloth_job.skin_parts(body).astype(np.int32)}
     safetensors_io.write(path, {
         "joint_bind": skeleton.bind_matrices().astype(np.float32),
         "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces,
@@ -56,7 +58,7 @@ def make_character(path, body, worn):
         "body_collider": body.collider.astype(np.uint8),
         "cloth_template": (0.5 * (drape + reflected)).astype(np.float32),
         "cloth_rest": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
-        "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8),
+        "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8), **touch,
     }, {"joint_names": json.dumps(skeleton.NAMES), "parents": json.dumps(skeleton.PARENTS.tolist()),
         "joint_mirror": json.dumps(skeleton.MIRROR.tolist()), "feature_joints": json.dumps(worn.felt)})
 
