@@ -45,10 +45,11 @@ report() {
   awk -v platform="$platform" -v left_out="${left_out[$platform]}" -v only="$only" -v status="$status" '
     match($0, /\[  PASSED  \] [0-9]+/) { split(substr($0, RSTART, RLENGTH), part, " "); passed += part[4] }
     match($0, /\[  FAILED  \] [0-9]+ test/) { split(substr($0, RSTART, RLENGTH), part, " "); failed += part[4] }
-    / tests passed, [0-9]+ tests failed out of / { executables = $NF }
+    / tests passed, [0-9]+ tests failed out of / { entries = $NF; entries_failed = $4 }
     END {
       if (passed == 0) { print platform ": no case was run"; exit 1 }
-      printf "%s: %d cases passed, %d failed, in %d entries of ctest", platform, passed, failed, executables
+      printf "%s: %d cases passed, %d failed, in %d entries of ctest", platform, passed, failed, entries
+      if (entries_failed != 0) printf ", %d of which failed", entries_failed
       if (only != "") printf ", only those named %s", only
       printf "; left out: labels %s, tests in Python that are not named here\n", left_out
       exit status != 0
