@@ -1,4 +1,5 @@
 # Flags that every target of the project shares, in one place.
+include(CheckCXXCompilerFlag)
 
 # dcloth_runtime(TARGET): code a game links. C++17, no exceptions, no RTTI.
 # dcloth_offline(TARGET): converter, tools, tests. C++20, exceptions allowed.
@@ -41,6 +42,13 @@ function(dcloth_runtime target)
   set_target_properties(${target} PROPERTIES CXX_STANDARD 17 CXX_STANDARD_REQUIRED ON)
   target_compile_options(${target} PRIVATE
     $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU,Clang,AppleClang>>:-fno-exceptions;-fno-rtti>)
+  # Compilers for 64-bit Arm on Linux call their library for atomics, and it asks for the processor before main.
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")
+    check_cxx_compiler_flag(-mno-outline-atomics DCLOTH_HAS_INLINE_ATOMICS)
+    if(DCLOTH_HAS_INLINE_ATOMICS)
+      target_compile_options(${target} PRIVATE -mno-outline-atomics)
+    endif()
+  endif()
   if(DCLOTH_COVERAGE)
     target_compile_options(${target} PRIVATE --coverage -fprofile-update=atomic -O0)
     target_link_options(${target} PUBLIC --coverage)

@@ -155,14 +155,14 @@ size_t StateSize(const Cloth& cloth) {
   return SizeOf(head, spans);
 }
 
-bool SaveState(const Cloth& cloth, void* bytes, Diagnostic* diagnostic) {
+void SaveState(const Cloth& cloth, void* bytes, Diagnostic* diagnostic) {
   StateHead head = HeadOf(cloth);
   StateSpans spans;
   ListStateSpans(cloth, PositionOf(head), &spans);
   const size_t pose_bytes = StatePoseBytes(head), one_pose = head.joint_count * sizeof(Affine);
   if (!CheckStateHead(head, *cloth.model, diagnostic) ||
       !CheckStateSpans(nullptr, sizeof(StateHead) + pose_bytes, spans, diagnostic)) {
-    return false;
+    return;
   }
   auto* const begin = static_cast<uint8_t*>(bytes);
   uint8_t* to = begin + sizeof(StateHead);
@@ -182,15 +182,14 @@ bool SaveState(const Cloth& cloth, void* bytes, Diagnostic* diagnostic) {
   std::memcpy(begin, &head, sizeof(head));
   head.checksum = format::Checksum(begin + kStateSummedFrom, static_cast<size_t>(head.size) - kStateSummedFrom);
   std::memcpy(begin, &head, sizeof(head));
-  return true;
 }
 
-bool RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth, Diagnostic* diagnostic) {
+void RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth, Diagnostic* diagnostic) {
   const auto* begin = static_cast<const uint8_t*>(bytes);
   StateHead head;
-  if (!CheckAll(begin, size, other_model, *cloth, &head, diagnostic)) return false;
+  if (!CheckAll(begin, size, other_model, *cloth, &head, diagnostic)) return;
   ResetCloth(cloth);
-  if (head.tick_count == 0) return true;
+  if (head.tick_count == 0) return;
   std::memset(cloth->coefficients, 0, CoefficientFloats(*cloth->model) * sizeof(float));  // padding is read as zero
   TakeHead(head, cloth);
   TakeNumbers(begin, head, cloth);
@@ -200,7 +199,6 @@ bool RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth
   if (head.idle_floats != 0 && !own) cloth->idle_ticks = 0;
   ClampFeatures(*cloth);
   ResumeTick(cloth, static_cast<TickPart>(head.part), head.items_done);
-  return true;
 }
 
 }  // namespace dcloth::engine

@@ -43,14 +43,15 @@ size_t StatePoseBytes(const StateHead& head);
 
 size_t StateSize(const Cloth& cloth);
 
-// Writes StateSize bytes, or none and returns false where the cloth holds numbers that RestoreState refuses, which only
-// weights that are broken make.
-bool SaveState(const Cloth& cloth, void* bytes, format::Diagnostic* diagnostic);
+// The verdict is the diagnostic's status, as dcloth.h returns it.
+// Writes StateSize bytes, or none where the cloth holds numbers that RestoreState refuses, which only weights that are
+// broken make.
+void SaveState(const Cloth& cloth, void* bytes, format::Diagnostic* diagnostic);
 
-// The cloth goes on to the bit as the one that was saved. False, and the cloth unchanged, where the bytes are damaged,
+// The cloth goes on to the bit as the one that was saved. Refused, and the cloth unchanged, where the bytes are damaged,
 // of another version or model, or hold what no cloth can have. `other_model` also takes those of a model with the same
 // numbers and another identity, between ticks.
-bool RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth, format::Diagnostic* diagnostic);
+void RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth, format::Diagnostic* diagnostic);
 
 }  // namespace dcloth::engine
 

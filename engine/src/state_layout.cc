@@ -142,8 +142,9 @@ void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpan
   if (position.part == TickPart::kDone) return;
   ListSkeletonWork(cloth, position, spans);
   if (HasMesh(position.plan)) ListMeshWork(cloth, position, spans);
+  // Without a head no columns, and nothing is added.
   const size_t mixed = cloth.model->displacement.head.columns;
-  if (position.part == TickPart::kDisplacement && RunsSkeleton(position.plan) && mixed != 0)
+  if (position.part == TickPart::kDisplacement && RunsSkeleton(position.plan))
     AddRow("mixed_coefficients", cloth.coefficients + MixedCoefficientsAt(*cloth.model), mixed, spans);
 }
 

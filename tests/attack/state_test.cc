@@ -318,6 +318,51 @@ TEST_P(StateAttackTest, BytesBetweenGuardPages) {
   }
 }
 
+// A file whose last bytes are the features' upper limits: the weight vector, which the builder writes from behind, first.
+AlignedBytes EndingInLimits(TestModel* model) {
+  format::ModelT& tables = *model->tables;
+  const size_t bytes = sizeof(float) * model->numbers.d, from = tables.features->high->offset;
+  tables.features->high->offset = tables.weights.size();
+  for (size_t i = 0; i < bytes; ++i) tables.weights.push_back(tables.weights[from + i]);
+  flatbuffers::FlatBufferBuilder builder;
+  builder.ForceVectorAlignment(tables.weights.size(), 1, 64);
+  const auto weights = builder.CreateVector(tables.weights);
+  const auto model_table = format::CreateModel(
+      builder, tables.format_major, tables.format_minor, 0, 0, tables.tick_rate,
+      CreateGarment(builder, tables.garment.get()), CreateCharacter(builder, tables.character.get()),
+      CreateFeatures(builder, tables.features.get()), CreateStaticStage(builder, tables.static_stage.get()),
+      0, 0, 0, weights);
+  builder.Finish(model_table, format::ModelIdentifier());
+  return AlignedBytes(builder.GetBufferPointer(), builder.GetSize());
+}
+
+// 112 features, whole lines of 64 bytes, so that no padding stands between the last limit and the guard page.
+TEST(StateAttack, NoLimitIsReadPastTheFile) {
+  ModelSpec spec;
+  spec.joints = 24;
+  spec.skeleton = spec.mesh = false;
+  TestModel model = BuildModel(spec);
+  ASSERT_EQ(model.numbers.d, 112u);
+  const AlignedBytes file = EndingInLimits(&model);
+  const GuardedBuffer<uint8_t> guarded(std::vector<uint8_t>(file.data(), file.data() + file.size()), Place::kAligned64);
+  const uint8_t* const end = guarded.data() + guarded.size();
+  ASSERT_EQ(reinterpret_cast<uintptr_t>(end) % kernels::PageBytes(), 0u) << "the guard page does not follow at once";
+  float last = 0;
+  std::memcpy(&last, end - sizeof(last), sizeof(last));
+  ASSERT_EQ(static_cast<double>(last), model.numbers.high.back()) << "other bytes end the file";
+  const OpenedModel opened(file);
+  OwnedCloth saved(opened);
+  ASSERT_EQ(saved.Tick(PoseAt(model.numbers, 0), DCLOTH_STAGES_STATIC), DCLOTH_OK);
+  const StateBytes state = Save(&saved);
+  AlignedBytes view(dcloth_model_storage_size());
+  dcloth_model* at_the_edge = nullptr;
+  ASSERT_EQ(dcloth_model_open(guarded.data(), guarded.size(), view.data(), view.size(), &at_the_edge, nullptr), DCLOTH_OK);
+  AlignedBytes storage(dcloth_cloth_storage_size(at_the_edge));
+  dcloth_cloth* cloth = nullptr;
+  ASSERT_EQ(dcloth_cloth_create(at_the_edge, storage.data(), storage.size(), &cloth, nullptr), DCLOTH_OK);
+  EXPECT_EQ(dcloth_cloth_restore(cloth, state.data(), state.size(), 0, nullptr), DCLOTH_OK);
+}
+
 // Every variant's states against every other variant's cloth.
 TEST_P(StateAttackTest, OtherModelsAreRefused) {
   const std::vector<StateBytes> states = States();

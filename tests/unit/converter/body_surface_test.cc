@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <set>
 
 #include "converter/assemble.h"
@@ -130,6 +131,18 @@ TEST(BodySurfaceTest, RingsListEachFaceAtItsCornersAndGroupsLieTogether) {
       EXPECT_LT((bundle.body_positions.row(surface.vertices[i]) - first).norm(), 0.5f) << "16 vertices of a lattice of 0.05 m";
     }
   }
+}
+
+// One vertex more than a group: the cut leaves a whole group on its left and that vertex, the last along the longer side.
+TEST(BodySurfaceTest, OneVertexMoreThanAGroupIsCutBehindTheGroup) {
+  static_assert(kernels::kNearestGroup == 16);
+  Bundle bundle = WithWall(6, 3);
+  bundle.body_collides = Vector::Ones(18);
+  bundle.body_collides[0] = 0;
+  const BodySurface surface = MakeBodySurface(bundle, 4);
+  std::vector<uint32_t> expected(17);
+  std::iota(expected.begin(), expected.end(), 1u);
+  EXPECT_EQ(surface.vertices, expected);
 }
 
 TEST(BodySurfaceTest, ABodyBeyondTheFormatIsRefusedOnlyWhereItIsMarked) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 
 #include "tests/unit/converter/bundle_builder.h"
@@ -252,6 +253,24 @@ const Fault kFaults[] = {
 };
 INSTANTIATE_TEST_SUITE_P(Bundle, BundleFaultTest, ::testing::ValuesIn(kFaults),
                          [](const auto& test) { return std::string(test.param.name); });
+
+// A determinant of 1e-9 is the least: in three floats that add up to it to the last of a double's bits, and one bit below.
+TEST(BundleTest, TheLeastDeterminantOfABindMatrixIsTaken) {
+  const auto with_determinant = [](double determinant) {
+    const auto high = static_cast<float>(determinant);
+    const auto middle = static_cast<float>(determinant - static_cast<double>(high));
+    const double rest = determinant - static_cast<double>(high) - static_cast<double>(middle);
+    const auto low = static_cast<float>(rest);
+    EXPECT_EQ(static_cast<double>(low), rest);
+    RawFile raw = BuildBundle({});
+    const float rows[16] = {1, low, 0, 0, -1, high, middle, 0, 0, -1, 1, 0, 0, 0, 0, 1};
+    for (size_t i = 0; i < 16; ++i) raw.SetFloat("character.bind", i, rows[i]);
+    return raw;
+  };
+  EXPECT_EQ(Parse(with_determinant(1e-9)).bind[0](1, 0), -1);
+  EXPECT_EQ(Parse(with_determinant(-1e-9)).bind[0](1, 0), -1);
+  EXPECT_TRUE(Mentions(Refusal(with_determinant(std::nextafter(1e-9, 0))), "without inverse in joint 'joint_0'"));
+}
 
 TEST(BundleTest, EachMissingMetadatumIsNamed) {
   const RawFile whole = BuildBundle({});

@@ -89,6 +89,19 @@ TEST(ChooseFormatsTest, TheOneThatCostsIsRaised) {
   EXPECT_DOUBLE_EQ(plan.error_mm, std::sqrt(1 + 0.16 + 0.25));
 }
 
+// Halves of either would keep the bound; the one with the larger error hardly gains by them.
+TEST(ChooseFormatsTest, TheOneThatGainsIsRaisedNotTheOneThatCostsMost) {
+  const Made made{{{"stubborn", Precision::kInt8, 100}, {"willing", Precision::kInt8, 100}}, {}};
+  const FormatPlan plan = *ChooseFormats(made.options, 12.5, [&](const PrecisionPlan& measured) {
+    const std::vector<Precision> formats = made.Formats(measured);
+    const auto of = [&](size_t t, double int8, double fp16) {
+      return formats[t] == Precision::kInt8 ? int8 : formats[t] == Precision::kFp16 ? fp16 : 0;
+    };
+    return std::hypot(of(0, 10, 9), of(1, 8, 0.1));
+  });
+  EXPECT_EQ(made.Formats(plan.plan), (std::vector<Precision>{Precision::kInt8, Precision::kFp16}));
+}
+
 TEST(ChooseFormatsTest, AUniformAnswerIsCalledSo) {
   const Made made{{{"a", Precision::kInt8, 10}, {"b", Precision::kFp16, 10}}, {5, 5}};
   EXPECT_STREQ(made.Choose(0.5)->plan.name(), "fp16");

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/unit/converter/low_rank.h"
@@ -87,6 +88,28 @@ TEST(CorrectTest, TradesWeakDirectionsOnlyWhereThatLosesLess) {
   TradeForCorrections(&flat);
   EXPECT_TRUE(flat.corrected.empty());
   EXPECT_EQ(flat.basis.rows(), 12);
+}
+
+// Three strong directions beside five weak ones, of which the last loses most: next to the third strong one it would be
+// corrected, though dropped before. A remainder without its row is of no use.
+TEST(CorrectTest, CorrectsNoDirectionThatIsDropped) {
+  ReducedBasis reduced = Steep(1.0);
+  for (Eigen::Index j = 3; j < 8; ++j) reduced.basis.row(j) *= j < 7 ? 5e-4f : 8e-4f;
+  reduced.basis.conservativeResize(8, Eigen::NoChange);
+  const QuantizedMatrix stored = QuantizeTwoSided("b", reduced.basis);
+  std::vector<double> lost(8);
+  for (size_t i = 0; i < stored.values.size(); ++i) {
+    const size_t j = i / stored.columns, c = i % stored.columns;
+    const double exact = static_cast<double>(reduced.basis(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(c)));
+    lost[j] += (Value(stored, j, c) - exact) * (Value(stored, j, c) - exact);
+  }
+  const double weak = reduced.basis.bottomRows(5).cast<double>().squaredNorm();
+  ASSERT_GT(*std::min_element(lost.begin(), lost.begin() + 3), weak) << "each strong one is worth all the weak";
+  ASSERT_GT(lost[7], *std::max_element(lost.begin() + 3, lost.begin() + 7));
+  TradeForCorrections(&reduced);
+  EXPECT_EQ(reduced.basis.rows(), 6);
+  EXPECT_EQ(reduced.corrected.size(), 2u);
+  for (const uint32_t row : reduced.corrected) EXPECT_LT(row, 3u);
 }
 
 TEST(CorrectTest, AddsNoMoreThanTheBoundNeeds) {

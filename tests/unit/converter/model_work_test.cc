@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <initializer_list>
 #include <map>
 #include <string>
 
@@ -83,6 +84,36 @@ TEST(ModelWorkTest, OperationsFollowTheSizes) {
   EXPECT_GT(At(work, WorkPart::kMeshLayers).flops, products);
   // At F = 8 the activations weigh as much again: 24 of 25 operations and the rest.
   EXPECT_LT(At(work, WorkPart::kMeshLayers).flops, products + 3 * n * (f * 100 + 64));
+}
+
+TEST(ModelWorkTest, BytesFollowTheSizes) {
+  const BundleSpec spec = Spec();
+  const ConvertResult converted = Converted(spec, Precision::kFp32);
+  std::map<std::string, uint64_t> stored;
+  for (const TensorReport& t : converted.report.tensors) stored[t.name] = t.size_bytes;
+  const ModelWork work = CountWork(converted.bytes);
+  const uint64_t n = spec.vertices, f = spec.feature_width;
+  ASSERT_EQ(spec.layers, 3u);
+  // Points in rows of four; a layer reads its input and state and writes state and the next input, the last one number.
+  EXPECT_EQ(At(work, WorkPart::kBodyPoints).state_bytes, n * 4 * 4);
+  EXPECT_EQ(At(work, WorkPart::kMeshLayers).state_bytes, 4 * n * ((4 + 3 * f) + 4 * f + (3 * f + 1)));
+  EXPECT_EQ(At(work, WorkPart::kSkeletonGates).state_bytes, 4 * 8 * spec.skeleton_basis);
+  // Displacements of two ticks and positions; then positions, two sums of normals, two sets of normals.
+  EXPECT_EQ(At(work, WorkPart::kSkinning).state_bytes, 4 * n * 9);
+  EXPECT_EQ(At(work, WorkPart::kNormals).state_bytes, 4 * n * 15);
+  const auto tensors = [&](std::initializer_list<const char*> names) {
+    uint64_t bytes = 0;
+    for (const char* name : names) {
+      EXPECT_GT(stored[name], 0u) << name;
+      bytes += stored[name];
+    }
+    return bytes;
+  };
+  EXPECT_EQ(At(work, WorkPart::kBodyPoints).weight_bytes,
+            tensors({"mesh_stage.body_points", "mesh_stage.body_joints", "mesh_stage.body_weights"}));
+  EXPECT_EQ(At(work, WorkPart::kSkinning).weight_bytes,
+            tensors({"garment.template_positions", "static_stage.influence_bones", "static_stage.influence_weights"}));
+  EXPECT_EQ(At(work, WorkPart::kNormals).weight_bytes, tensors({"garment.faces"}));
 }
 
 TEST(ModelWorkTest, WorkGrowsWithWhatItIsFor) {

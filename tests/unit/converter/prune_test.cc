@@ -66,6 +66,17 @@ TEST(PruneTest, MeasuresAKnownError) {
   EXPECT_GE(report.bound_worst_mm, report.worst_mm);
 }
 
+// Nearer to each other than a metre, whose rotations move less.
+TEST(PruneTest, TheBoundShrinksWithDistances) {
+  MatrixD dense(1, 2);
+  dense << 0.75, 0.25;
+  Matrix points(1, 3);
+  points << 0, -0.125f, 0;
+  MatrixD pivots(2, 3);
+  pivots << 0, 0, 0, 0, -0.0625, 0;
+  EXPECT_EQ(MeasurePruning(dense, Prune(dense, 1), points, pivots, {}).bound_worst_mm, 250 * 0.25);
+}
+
 // The bound holds for any rotations while the pivots keep their distances.
 TEST(PruneTest, BoundHoldsForRandomPoses) {
   std::srand(7);

@@ -78,5 +78,23 @@ TEST(DisplacementMomentTest, KeepsBothLevels) {
   EXPECT_GE(least, -1e-6 * skeleton.norm());
 }
 
+// Without motion an int8 basis keeps a share of the rounding of the whole one, by remainders: one row in twenty has one
+// at most. Floats round little and need none.
+TEST(RankMakerTest, WithoutMotionRowsGetRemainders) {
+  BundleSpec spec;
+  spec.vertices = 120;
+  spec.skeleton_basis = 48;
+  spec.mesh_basis = 16;
+  Bundle bundle = ParseBundle(spec);
+  dcloth::testing::LowerRank(&bundle, 44);
+  const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+  RankMaker maker(bundle, folded, {});
+  ASSERT_EQ(maker.exact_rank(), 44u);
+  const ReducedBasis rounded = *maker.Make(44, Precision::kInt8);
+  EXPECT_EQ(rounded.basis.rows(), 44);
+  EXPECT_EQ(rounded.corrected.size(), 2u);
+  EXPECT_TRUE(maker.Make(44, Precision::kFp16)->corrected.empty());
+}
+
 }  // namespace
 }  // namespace dcloth::converter
