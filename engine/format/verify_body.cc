@@ -40,12 +40,11 @@ bool VerifyRings(const Body& body, const Path& parent, Checker* check, BodyView*
 // A bit without a face would draw the search to a vertex that has nothing to offer.
 bool VerifyTouched(const Path& path, Checker* check, BodyView* view) {
   for (uint32_t i = 0; i < view->vertex_count; ++i) {
-    uint32_t around = 0;
-    for (uint32_t c = view->row_starts[i]; c < view->row_starts[i + 1]; ++c) {
+    uint32_t bare = view->touched_by[i];
+    for (uint32_t c = view->row_starts[i]; c < view->row_starts[i + 1] && bare != 0; ++c) {
       const uint16_t* face = view->faces + size_t{3} * view->columns[c];
-      around |= view->touched_by[face[0]] & view->touched_by[face[1]] & view->touched_by[face[2]];
+      bare &= ~(uint32_t{view->touched_by[face[0]]} & view->touched_by[face[1]] & view->touched_by[face[2]]);
     }
-    const uint32_t bare = view->touched_by[i] & ~around;
     if (bare == 0) continue;
     return check->FailElement(path, view->touched_by, i, 1, "a class that touches no face around the vertex",
                               "classes that one of these faces has in all three corners");
