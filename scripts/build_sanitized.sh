@@ -1,11 +1,13 @@
 #!/usr/bin/env bash
 # `build_sanitized.sh FOLDER [TARGET...]`: builds tests and fuzzers, or the targets named, with clang under
 # AddressSanitizer and UndefinedBehaviorSanitizer. One tree for both: the libraries are compiled once, with the counters
-# that libFuzzer steers by.
+# that libFuzzer steers by. DCLOTH_SANITIZE=thread in the environment: under ThreadSanitizer instead, without fuzzers.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=$1
 shift
+sanitizers=${DCLOTH_SANITIZE:-address,undefined} fuzzers=ON
+[ "$sanitizers" != thread ] || fuzzers=OFF
 command -v clang++ >/dev/null || {
   echo "build_sanitized: found no clang++; run scripts/install_dependencies.sh build test" >&2
   exit 2
@@ -21,6 +23,6 @@ echo "building $folder" >&2
 {
   cmake -S . -B "$folder" -G Ninja -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ \
     -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DDCLOTH_BUILD_TOOLS=OFF -DDCLOTH_BUILD_TESTS=ON \
-    -DDCLOTH_BUILD_FUZZERS=ON -DDCLOTH_SANITIZE=address,undefined -DPython3_EXECUTABLE=/usr/bin/python3
+    -DDCLOTH_BUILD_FUZZERS=$fuzzers -DDCLOTH_SANITIZE="$sanitizers" -DPython3_EXECUTABLE=/usr/bin/python3
   cmake --build "$folder" --target "${@:-all}"
 } >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
