@@ -42,10 +42,14 @@ def test_promises_are_kept_whatever_the_threads(played):
     assert len(hashes) == 1
 
 
-# A percentile takes more frames than the others: a thousand of each control in a part.
-@pytest.mark.parametrize("fault, word, hours", [("leak", "the heap grew", 0.005), ("canary", "the canary drew", 0.005),
-                                                ("reach", "left its character", 0.005), ("slow", "percentile", 0.1)])
-def test_broken_promises_are_noticed(played, fault, word, hours):
-    done = soak(played, "--hours", str(hours), "--strict", "--fault", fault)
+@pytest.mark.parametrize("fault, word", [("leak", "the heap grew"), ("canary", "the canary drew"),
+                                         ("reach", "left its character"), ("slow", "percentile")])
+def test_broken_promises_are_noticed(played, fault, word):
+    done = soak(played, "--hours", "0.005", "--strict", "--fault", fault)
     assert done.returncode == 1
     assert word in done.stderr
+
+
+def test_a_busy_machine_breaks_no_promise(played):
+    done = soak(played, "--hours", "0.005", "--strict", "--fault", "busy")
+    assert done.returncode == 0, done.stderr
