@@ -75,12 +75,14 @@ def test_a_busy_neighbour(dcloth, files):
 
 
 def test_pipelined(dcloth, files):
-    whole = profile(dcloth, files.model, files.walk)
-    spread = profile(dcloth, files.model, files.walk, "--pipelined")
-    assert spread["pipelined"] and not whole["pipelined"]
+    whole, spread = [], []
+    for _ in range(3):  # Alternated, as above.
+        whole.append(profile(dcloth, files.model, files.walk))
+        spread.append(profile(dcloth, files.model, files.walk, "--pipelined"))
+    assert all(said["pipelined"] for said in spread) and not any(said["pipelined"] for said in whole)
     # At 60 Hz every other frame has a tick; spread, every frame has about half of one.
-    assert spread["tick_ms"]["p50"] < whole["tick_ms"]["p50"]
-    mesh_error(spread["truth"])
+    assert min(said["tick_ms"]["p50"] for said in spread) < min(said["tick_ms"]["p50"] for said in whole)
+    mesh_error(spread[0]["truth"])
 
 
 def test_trace(dcloth, files, tmp_path):
