@@ -7,6 +7,9 @@ import pytest
 import small_garment
 from checks import STEPS, mesh_error, percentiles, refused
 
+# Emptying a server's caches takes longer than anything that is measured then.
+COLD = ("--cold", "--frames", "60")
+
 
 def profile(dcloth, *arguments, code=0):
     result = dcloth("profile", *arguments, "--json")
@@ -60,7 +63,7 @@ def test_a_sequence_shorter_than_a_frame(dcloth, files, tmp_path):
 def test_cold(dcloth, files):
     cold, warm = [], []
     for _ in range(5):  # Alternated: a neighbour that slows one run down must not decide.
-        cold.append(profile(dcloth, files.model, files.bare, "--cold"))
+        cold.append(profile(dcloth, files.model, files.bare, *COLD))
         warm.append(profile(dcloth, files.model, files.bare))
     assert all(said["cold"] for said in cold) and not any(said["cold"] for said in warm)
     # Every line of model and instance comes from memory instead of cache; the median cannot be the same.
@@ -138,14 +141,14 @@ def test_kernels_of_a_spread_tick_are_not_told_apart(dcloth, files):
 
 
 def test_cold_kernels_are_held_against_memory(dcloth, files):
-    said = profile(dcloth, files.model, files.bare, "--cold")
+    said = profile(dcloth, files.model, files.bare, *COLD)
     basis, = [k for k in said["kernels"] if k["name"] == "basis"]
     assert basis["bound"] == "memory"
     assert abs(basis["limit_ms"] - 1e-6 * basis["bytes"] / said["machine"]["memory_gbs"]) < 1e-12
 
 
 def test_projection_is_counted_work_over_published_figures(dcloth, files):
-    said = profile(dcloth, files.model, files.bare, "--cold", "--project")
+    said = profile(dcloth, files.model, files.bare, *COLD, "--project")
     projection = said["projection"]
     assert "not a measurement" in projection["label"] and len(projection["assumptions"]) >= 6
     tick = [k for k in said["kernels"] if k["stage"] not in ("skinning", "normals")]
@@ -157,7 +160,7 @@ def test_projection_is_counted_work_over_published_figures(dcloth, files):
     assert {"Steam Deck", "Switch-class", "PS5-class", "phone, big core", "phone, little core"} == set(names)
     by_name = {d["name"]: d for d in projection["devices"]}
     assert by_name["Switch-class"]["tick_ms"] > by_name["Steam Deck"]["tick_ms"]
-    text = dcloth("profile", files.model, files.bare, "--cold", "--project").stdout
+    text = dcloth("profile", files.model, files.bare, *COLD, "--project").stdout
     assert "PROJECTION, not a measurement" in text and "assumed:" in text
     assert all(a in text for a in projection["assumptions"])
     assert profile(dcloth, files.model, files.bare)["projection"] is None
