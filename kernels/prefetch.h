@@ -3,6 +3,7 @@
 #define DCLOTH_KERNELS_PREFETCH_H_
 
 #include <cstddef>
+#include <cstdint>
 
 #if defined(_MSC_VER) && !defined(__clang__) && (defined(_M_X64) || defined(_M_IX86))
 #include <xmmintrin.h>
@@ -18,11 +19,16 @@
 
 namespace dcloth::kernels {
 
-// Into L2, line by line. Always inline: GCC takes a function that only prefetches for one without effect and drops calls.
-DCLOTH_PREFETCH_INLINE void PrefetchBytes(const void* begin, size_t size) {
+// Into L2, line by line. `begin` is an address, as a pointer may not lie outside of its array. Always inline: GCC takes a
+// function that only prefetches for one without effect and drops calls.
+DCLOTH_PREFETCH_INLINE void PrefetchBytes(uintptr_t begin, size_t size) {
   constexpr size_t kLine = 64;
-  const auto* bytes = static_cast<const char*>(begin);
-  for (size_t i = 0; i < size; i += kLine) DCLOTH_PREFETCH(bytes + i);
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC unroll 1  // a request a cycle is more than memory takes
+#endif
+  for (uintptr_t line = begin; line < begin + size; line += kLine) {
+    DCLOTH_PREFETCH(reinterpret_cast<const char*>(line));
+  }
 }
 
 }  // namespace dcloth::kernels

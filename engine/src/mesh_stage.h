@@ -39,8 +39,8 @@ struct ReadNext {
   const void* begin;
   size_t size;
 };
-// Blocks are counted through all layers: layer l starts at l MeshBlocks. The last layer asks for the weights of the product
-// after it, the others for `next`.
+// Blocks are counted through all layers: layer l starts at l MeshBlocks. The last layer asks for the weights of the
+// product after it, the others for `next`.
 void RunMeshLayers(const kernels::KernelTable& kernels, const format::ModelView& model, const MeshMemory& memory,
                    size_t begin_block, size_t block_count, const ReadNext& next = {});
 LinearProduct MeshHidden(const format::MeshStageView& stage, const MeshMemory& memory, int16_t* quantized);

@@ -75,7 +75,7 @@ HWY_NOINLINE void AggregateBlock(D d, const GsgruJob& job, size_t first, size_t 
 HWY_INLINE void PrefetchBlock(const GsgruJob& job, size_t first, size_t count) {
   if (job.block_ahead_bytes != 0) {
     const size_t block = (first - 1) / kGsgruBlock;
-    PrefetchBytes(static_cast<const char*>(job.ahead) + block * job.block_ahead_bytes, job.block_ahead_bytes);
+    PrefetchBytes(reinterpret_cast<uintptr_t>(job.ahead) + block * job.block_ahead_bytes, job.block_ahead_bytes);
   }
   const size_t width = job.features, stride = GsgruInputStride(job.input_width);
   if (width < 32) return;
