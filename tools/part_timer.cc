@@ -1,7 +1,9 @@
 #include "tools/part_timer.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <iterator>
+#include <numeric>
 #include <vector>
 
 namespace dcloth::tools {
@@ -22,6 +24,21 @@ std::vector<WorkPart> PartsOf(int step, uint32_t stages) {
     parts.push_back(part);
   }
   return parts;
+}
+
+// The engine runs the GRU's product and the graph layers in turns, both second of their step: [body points] then
+// [layers, product] for each turn, [gates], [the last layer], and what follows. Each becomes one lap.
+void JoinTurns(std::vector<uint64_t>* skeleton, std::vector<uint64_t>* mesh, size_t skeleton_pieces, size_t mesh_pieces) {
+  if (skeleton->size() < skeleton_pieces || mesh->size() <= mesh_pieces) return;
+  const size_t turns = skeleton->size() - skeleton_pieces + 1;
+  if (mesh->size() - mesh_pieces != turns) return;
+  const auto join = [](std::vector<uint64_t>* laps, size_t more) {
+    const auto second = laps->begin() + 1, end = second + static_cast<std::ptrdiff_t>(more);
+    *end += std::accumulate(second, end, uint64_t{0});
+    laps->erase(second, end);
+  };
+  join(skeleton, turns - 1);
+  join(mesh, turns);
 }
 
 }  // namespace
@@ -57,6 +74,8 @@ TimedParts PartTimer::Take() {
         if (added != 0) laps[s].push_back(added);
       }
     }
+    JoinTurns(&laps[DCLOTH_STEP_SKELETON], &laps[DCLOTH_STEP_MESH], PartsOf(DCLOTH_STEP_SKELETON, stages_).size(),
+              PartsOf(DCLOTH_STEP_MESH, stages_).size());
     for (size_t s = 0; s < laps.size(); ++s) {
       const std::vector<WorkPart> parts = PartsOf(static_cast<int>(s), stages_);
       if (parts.empty() || laps[s].empty()) continue;

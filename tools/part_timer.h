@@ -18,7 +18,7 @@ using PartTimes = std::array<uint64_t, converter::kWorkPartCount>;  // ns
 struct TimedParts {
   StepTimes steps{};
   PartTimes parts{};
-  bool whole = false;  // parts is filled: each piece ran once and whole; not where a tick is spread over frames
+  bool whole = false;  // parts is filled: each piece ran once and whole, or in turns with another; not where a tick is spread over frames
 };
 
 class PartTimer {
@@ -32,7 +32,7 @@ class PartTimer {
   TimedParts Take();  // since the last call
 
  private:
-  static constexpr size_t kMost = 64;  // calls of the clock that are told apart; a whole tick with drawing makes 18
+  static constexpr size_t kMost = 256;  // calls of the clock that are told apart; a whole tick in turns makes some 120
 
   static uint64_t Now(void* self);
 

@@ -29,7 +29,8 @@ Goals were set for the skirt; the robe is held against the same. Of kernels:
 Share of what this core reads (basis sum, vertex MLP, GRU: their bytes from memory when cold, a working set of the frame's size
 again and again when warm) or multiplies (graph layers: the multiply-adds of their matrices alone, at {peak:.0f} GMAC/s in its
 widest vectors; gates and norms, which the kernel tables below count too, are of the same order in narrow layers); **bold** where it
-falls short. Times of a group are sums of its kernels' medians.
+falls short. Times of a group are sums of its kernels' medians. Graph layers ask for weights of the vertex MLP and the GRU
+meanwhile, so those two may pass what memory gives.
 
 ## Losses
 

@@ -80,18 +80,24 @@ bool Checker::Floats(const Path& path, const Tensor* tensor, Shape shape, const 
   const void* data = nullptr;
   if (!Resolve(path, tensor, DType_F32, shape, shape.elements(), &data)) return false;
   const auto* floats = static_cast<const float*>(data);
-  const size_t bad = FindNotFinite(floats, shape.elements());
-  if (bad != shape.elements())
-    return FailElement(path, data, bad, sizeof(float), FloatFault(floats[bad]), "finite numbers");
+  if (!AllFinite(path, floats, shape.elements())) return false;
   *values = floats;
   return true;
 }
 
+bool Checker::AllFinite(const Path& path, const float* values, size_t count) {
+  const size_t bad = FindNotFinite(values, count);
+  return bad == count || FailElement(path, values, bad, sizeof(float), FloatFault(values[bad]), "finite numbers");
+}
+
 bool Checker::WeightRows(const Path& path, const Tensor* tensor, Shape shape, const float** values) {
-  if (!Floats(path, tensor, shape, values)) return false;
+  const void* data = nullptr;
+  if (!Resolve(path, tensor, DType_F32, shape, shape.elements(), &data)) return false;
+  *values = static_cast<const float*>(data);
   const size_t bad = FindBadWeightRow(*values, shape.rows, shape.columns);
-  if (bad == shape.rows) return true;
-  return FailElement(path, *values, bad, sizeof(float) * shape.columns, "a row that is no set of weights",
+  if (bad == shape.rows) return true;  // such rows are finite
+  return AllFinite(path, *values, shape.elements()) &&
+         FailElement(path, *values, bad, sizeof(float) * shape.columns, "a row that is no set of weights",
                      "weights from 0 up that sum to 1 within 1e-4");
 }
 

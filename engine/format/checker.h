@@ -66,6 +66,7 @@ class Checker {
 
   bool Resolve(const Path& path, const Tensor* tensor, DType dtype, Shape shape, uint64_t stored_elements,
                const void** values);
+  bool AllFinite(const Path& path, const float* values, size_t count);
   bool ShapeIs(const Path& path, const Tensor* tensor, Shape shape);
   bool Claim(const Path& path, const Tensor* tensor, uint64_t size);
   bool LinearScales(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t padded_columns,

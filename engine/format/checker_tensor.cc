@@ -66,10 +66,17 @@ bool Checker::Resolve(const Path& path, const Tensor* tensor, DType dtype, Shape
 
 bool Checker::Scales(const Path& path, const void* parent, const Tensor* tensor, uint32_t count, const float** values) {
   if (tensor == nullptr) return Fail(path, parent, "no scales", "scales, as the weights are i8");
-  if (!Floats(path, tensor, {count}, values)) return false;
-  const size_t bad = FindNotPositive(*values, count);
-  return bad == count || FailElement(path, *values, bad, sizeof(float), "a scale that is not positive",
-                                     "normal numbers above 0, in padding too");
+  const void* data = nullptr;
+  if (!Resolve(path, tensor, DType_F32, {count}, count, &data)) return false;
+  const auto* scales = static_cast<const float*>(data);
+  const size_t bad = FindNotPositive(scales, count);
+  if (bad != count) {  // sound scales are finite too: that pass is for its words alone
+    return AllFinite(path, scales, count) &&
+           FailElement(path, scales, bad, sizeof(float), "a scale that is not positive",
+                       "normal numbers above 0, in padding too");
+  }
+  *values = scales;
+  return true;
 }
 
 bool Checker::Integers(const Path& path, const Tensor* tensor, Shape shape, const int8_t** values) {

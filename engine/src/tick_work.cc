@@ -164,6 +164,44 @@ void RunPart(Cloth* cloth, TickPart part, size_t begin, size_t count) {
   }
 }
 
+// Parts that one portion runs in turns: the GRU's product waits for memory and the layers for arithmetic, and neither needs
+// the other. The layers but the last, which has its own to ask for, ask for the panels of the turn; so little at a time
+// that any L2 holds it.
+constexpr TickPart kFirstInTurns = TickPart::kSkeletonHidden, kLastInTurns = TickPart::kMeshLayers;
+constexpr size_t kTurnBytes = size_t{64} << 10;
+
+bool RunsInTurns(const ModelView& model, const TickPlan& plan, const TickWork& work) {
+  return work.part == kFirstInTurns && work.items_done == 0 && RunsMesh(plan) && model.mesh_stage.layer_count > 1;
+}
+
+void RunInTurns(Cloth* cloth, Stopwatch* watch) {
+  const kernels::KernelTable& kernels = ActiveKernels();
+  const ModelView& model = *cloth->model;
+  const MeshMemory& mesh = cloth->mesh;
+  const size_t blocks = MeshBlocks(model), woven = (model.mesh_stage.layer_count - 1) * blocks;
+  PoseBodyPoints(kernels, model, mesh, 0, blocks);
+  watch->Lap(DCLOTH_STEP_MESH);
+  const LinearProduct product = ProductOf(*cloth, TickPart::kSkeletonHidden);
+  const float input_scale = QuantizeInput(kernels, product);
+  const size_t panels = kernels::PanelCount(product.linear->columns), bytes = PanelBytes(*product.linear, product.row_count);
+  const size_t turn = bytes < kTurnBytes ? kTurnBytes / bytes : 1;
+  size_t blocks_done = 0;
+  for (size_t first = 0; first < panels; first += turn) {
+    const size_t count = turn < panels - first ? turn : panels - first;
+    const size_t end = woven * (first + count) / panels;
+    const ReadNext next = {static_cast<const uint8_t*>(product.linear->weights) + first * bytes, count * bytes};
+    RunMeshLayers(kernels, model, mesh, blocks_done, end - blocks_done, next);
+    blocks_done = end;
+    watch->Lap(DCLOTH_STEP_MESH);
+    ApplyPanels(kernels, product, input_scale, first, count);
+    watch->Lap(DCLOTH_STEP_SKELETON);
+  }
+  RunSkeletonGates(kernels, model.skeleton_stage, cloth->skeleton, cloth->coefficients);
+  watch->Lap(DCLOTH_STEP_SKELETON);
+  RunMeshLayers(kernels, model, mesh, woven, blocks);
+  watch->Lap(DCLOTH_STEP_MESH);
+}
+
 // DCLOTH_STEP_* that a part's time belongs to.
 int StepOf(TickPart part) {
   if (part == TickPart::kStatic) return DCLOTH_STEP_STATIC;
@@ -173,6 +211,15 @@ int StepOf(TickPart part) {
 
 TickPart After(TickPart part) { return static_cast<TickPart>(static_cast<uint32_t>(part) + 1); }
 
+uint64_t CostOfParts(const ModelView& model, const TickPlan& plan, TickPart first, TickPart last) {
+  uint64_t cost = 0;
+  for (TickPart part = first; part <= last; part = After(part)) {
+    const PartSize size = SizeOf(model, plan, part);
+    cost += size.items * size.item_cost;
+  }
+  return cost;
+}
+
 void Publish(Cloth* cloth) {
   cloth->newest = NextTick(*cloth);
   if (cloth->tick_count < kTickSlots) ++cloth->tick_count;
@@ -181,12 +228,7 @@ void Publish(Cloth* cloth) {
 }  // namespace
 
 uint64_t TickCost(const ModelView& model, const TickPlan& plan) {
-  uint64_t cost = 0;
-  for (TickPart part = TickPart::kStatic; part != TickPart::kDone; part = After(part)) {
-    const PartSize size = SizeOf(model, plan, part);
-    cost += size.items * size.item_cost;
-  }
-  return cost;
+  return CostOfParts(model, plan, TickPart::kStatic, TickPart::kDisplacement);
 }
 
 void BeginTick(Cloth* cloth, const BoundPose& bound, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
@@ -222,6 +264,15 @@ uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch) {
       continue;
     }
     if (spent >= budget) break;
+    if (RunsInTurns(*cloth->model, cloth->plan, work)) {
+      const uint64_t cost = CostOfParts(*cloth->model, cloth->plan, kFirstInTurns, kLastInTurns);
+      if (cost <= budget - spent) {
+        RunInTurns(cloth, watch);
+        work.part = After(kLastInTurns);
+        spent += cost;
+        continue;
+      }
+    }
     const uint64_t wanted = (budget - spent - 1) / size.item_cost + 1;
     const uint64_t count = wanted < left ? wanted : left;
     RunPart(cloth, work.part, work.items_done, static_cast<size_t>(count));

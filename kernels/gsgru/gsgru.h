@@ -53,6 +53,8 @@ struct GsgruJob {
   size_t features;                // F: a multiple of 8, 8 to 64
   float prelu_slope;
   float embed_bias;
+  const void* ahead = nullptr;    // memory read after the job: a layer waits for arithmetic, and each block asks for its
+  size_t block_ahead_bytes = 0;   // share of this into L2; any bytes, the values are not looked at. 0: none
 };
 
 }  // namespace dcloth::kernels

@@ -1,9 +1,8 @@
-// The scatter half of the normals, the same for the scalar reference and for vectors.
+// The scatter half of the normals, for the scalar reference and for vectors without masked loads.
 //
-// Not vectorised: a triangle's three positions and three sums are 12-byte pieces at random places, which vectors load and
-// store in as many instructions (36 against 42 a triangle). Rejected: sums of 16 bytes in memory of their own (49 us against
-// 59 for the skirt when warm, 64 against 70 when cold), as an instance would grow by 127 KB; one function for all
-// instruction sets (64 us against 59, for 2 KB less).
+// Not across triangles: their three positions and three sums are 12-byte pieces at random places. A triangle's own vectors
+// pay where masked loads of 12 bytes are there (normals_vector.cc). Rejected: sums of 16 bytes in memory of their own, as an
+// instance would grow by 127 KB for what those vectors gain too; offsets in place of pointers (60 us against 59).
 #ifndef DCLOTH_KERNELS_NORMALS_NORMALS_ACCUMULATE_H_
 #define DCLOTH_KERNELS_NORMALS_NORMALS_ACCUMULATE_H_
 

@@ -23,6 +23,7 @@ struct SkinningJob {
   size_t vertices;
   size_t influences;       // 1 to kMaxInfluences
   float blend;             // delta = delta0 + blend (delta1 - delta0)
+  const void* ahead = nullptr;  // [vertices, 12 bytes] used after the job, asked for into L2; or null
 };
 
 }  // namespace dcloth::kernels

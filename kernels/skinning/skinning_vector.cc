@@ -10,6 +10,7 @@
 #include "hwy/cache_control.h"
 #include "hwy/highway.h"
 #include "kernels/multiply_add-inl.h"
+#include "kernels/prefetch.h"
 
 #if DCLOTH_VECTOR_TARGET
 HWY_BEFORE_NAMESPACE();
@@ -102,6 +103,7 @@ HWY_NOINLINE void SkinAll(const SkinningJob& job, Run skin, Run skin_last) {
       PrefetchRun(job.weights, job.influences * sizeof(float), ahead);
       PrefetchRun(job.out, job.out_stride_bytes, ahead);
     }
+    if (job.ahead != nullptr) PrefetchBytes(reinterpret_cast<uintptr_t>(job.ahead) + 12 * first, 12 * kRun);
     skin(job, first, HWY_MIN(first + kRun, last));
   }
   skin_last(job, last, job.vertices);

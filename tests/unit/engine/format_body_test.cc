@@ -56,6 +56,13 @@ std::vector<Fault> Faults() {
       {"weight_nan", "body.weights[1]: ", "found NaN", [](M* m, B* b) { *Data<float>(m, *b->weights, 1) = kNaN; }},
       {"weights_sum", "body.weights[4]: ", "found a row that is no set of weights",
        [](M* m, B* b) { *Data<float>(m, *b->weights, 8) += 0.01f; }},
+      {"weight_nan_behind_a_sum", "body.weights[20]: ", "found NaN",  // numbers first, then rows
+       [](M* m, B* b) {
+         *Data<float>(m, *b->weights, 8) += 0.01f;
+         *Data<float>(m, *b->weights, 20) = kNaN;
+       }},
+      {"weight_infinite", "body.weights[5]: ", "found infinity",
+       [](M* m, B* b) { *Data<float>(m, *b->weights, 5) = kInfinity; }},
       {"faces_none", "body.faces.shape[0]: ", "found 0; allowed: 1 to 16384", [](M*, B* b) { b->faces->shape[0] = 0; }},
       {"faces_many", "body.faces.shape[0]: ", "found 16385; allowed: 1 to 16384",
        [](M*, B* b) { b->faces->shape[0] = 16385; }},

@@ -56,11 +56,29 @@ class OutputTest : public ::testing::Test {
     return frame;
   }
 
-  TestModel model_ = BuildModel({});
+  TestModel model_ = BuildModel({.segments = 11});  // 66 vertices: no whole groups of four
   OpenedModel opened_{model_};
   OwnedCloth cloth_{opened_};
   std::vector<float> texture_;
 };
+
+// Whatever way the last pass takes: four vertices at a time, or one by one into bounds or a buffer of both.
+TEST_F(OutputTest, PositionsDependOnNothingBesideThem) {
+  const Frame frame = Floats();
+  GuardedBuffer<float> tight(3 * n());
+  std::vector<float> normals(3 * n()), both(6 * n());
+  dcloth_output output = FloatOutput(n(), tight.data(), 12, normals.data());
+  ASSERT_EQ(Skin(output), DCLOTH_OK);
+  EXPECT_EQ(0, std::memcmp(tight.data(), frame.positions.data(), 12 * n()));
+  EXPECT_EQ(normals, frame.normals);
+  output = FloatOutput(n(), both.data(), 24, both.data() + 3);
+  output.normal_stride_bytes = 24;
+  ASSERT_EQ(Skin(output), DCLOTH_OK);
+  for (size_t i = 0; i < n(); ++i) {
+    EXPECT_EQ(0, std::memcmp(&both[6 * i], &frame.positions[3 * i], 12)) << i;
+    EXPECT_EQ(0, std::memcmp(&both[6 * i + 3], &frame.normals[3 * i], 12)) << i;
+  }
+}
 
 TEST_F(OutputTest, BoundsAreThoseOfThePositions) {
   const Frame frame = Floats();

@@ -41,7 +41,7 @@ class GsgruTest : public KernelTest {
                           hidden_gates->data(), candidate->data(), output->data(), output_bias->data(), gain->data(),
                           offset->data(), embed ? embedding->data() : nullptr, state.data(),
                           embed ? nullptr : next_x.data(), embed ? s.data() : nullptr, scratch.data(), vertices, w, F,
-                          0.25f, 0.125f};
+                          0.25f, 0.125f, x.data() + x.size(), 192};  // ahead: up to the guard page and beyond
     table().gsgru(job);
 
     ASSERT_TRUE(state.SlackUntouched() && scratch.SlackUntouched() && next_x.SlackUntouched() && s.SlackUntouched());

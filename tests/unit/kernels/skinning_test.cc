@@ -25,7 +25,8 @@ class SkinningTest : public KernelTest {
     const float blend = 0.375f;
     table().skinning({matrices.data(), positions.data(), with_delta ? delta0.data() : nullptr,
                       with_delta ? delta1.data() : nullptr, bones.data(), weights.data(), out.data(), 4 * stride_floats,
-                      vertices, influences, blend});
+                      vertices, influences, blend,
+                      /*ahead=*/positions.data() + positions.size()});  // the guard page and beyond
     ASSERT_TRUE(out.SlackUntouched());
     for (size_t i = 0; i < vertices; ++i) {
       double p[4], size[4];

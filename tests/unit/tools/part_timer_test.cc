@@ -96,6 +96,26 @@ TEST(PartTimerTest, ATickCutIntoPortionsIsNotToldApart) {
   EXPECT_FALSE(timer.Take().whole);
 }
 
+TEST(PartTimerTest, PiecesThatRunInTurnsAreToldApart) {
+  constexpr int kSkeleton = DCLOTH_STEP_SKELETON, kMesh = DCLOTH_STEP_MESH, kLast = DCLOTH_STEP_DISPLACEMENT;
+  for (const size_t turns : {1, 2, 48}) {
+    std::vector<int> steps = {DCLOTH_STEP_POSE, DCLOTH_STEP_STATIC, kSkeleton, kMesh};
+    for (size_t i = 0; i < turns; ++i) steps.insert(steps.end(), {kMesh, kSkeleton});
+    steps.insert(steps.end(), {kSkeleton, kMesh, kMesh, kMesh, kLast, kLast});
+    PartTimer timer(DCLOTH_STAGES_MESH);
+    RunSteps(&timer, steps);
+    const TimedParts timed = timer.Take();
+    ASSERT_TRUE(timed.whole) << turns;
+    EXPECT_GE(timed.parts[static_cast<size_t>(WorkPart::kSkeletonHidden)], 2000 * turns);
+    EXPECT_GE(timed.parts[static_cast<size_t>(WorkPart::kMeshLayers)], 2000 * (turns + 1));
+    EXPECT_EQ(SumOf(timed, kSkeleton), timed.steps[kSkeleton]);
+    EXPECT_EQ(SumOf(timed, kMesh), timed.steps[kMesh]);
+    steps.insert(steps.end() - 3, kMesh);  // layers that were cut besides
+    RunSteps(&timer, steps);
+    EXPECT_FALSE(timer.Take().whole);
+  }
+}
+
 TEST(PartTimerTest, FewerStagesHaveFewerPieces) {
   PartTimer skeleton(DCLOTH_STAGES_SKELETON);
   RunSteps(&skeleton, {DCLOTH_STEP_POSE, DCLOTH_STEP_STATIC, DCLOTH_STEP_SKELETON, DCLOTH_STEP_SKELETON,
