@@ -59,7 +59,7 @@ struct Site {
 };
 
 HWY_INLINE Site FirstSite(const NearestJob& job, size_t group) {
-  return {job.sites + group * kNearestSiteFloats * kNearestGroup};
+  return {job.sites + GroupPlace(job, group) * kNearestSiteFloats * kNearestGroup};
 }
 
 // The excess where a site is suspect. A blend costs less where masks are registers, a maximum elsewhere; an excess
@@ -129,7 +129,7 @@ struct Found {
 };
 
 HWY_INLINE void LookFor(const NearestJob& job, size_t group, const Block& block, size_t v, Found* found) {
-  V index = hn::Set(d, static_cast<float>(group * kNearestGroup));
+  V index = hn::Set(d, static_cast<float>(GroupPlace(job, group) * kNearestGroup));
   Site site = FirstSite(job, group);
   for (size_t k = 0; k < kNearestGroup; ++k, ++site.at) {
     const V x = block.x[v], y = block.y[v], z = block.z[v];

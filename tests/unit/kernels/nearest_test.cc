@@ -211,6 +211,48 @@ TEST_P(NearestTest, ARunWhoseMiddleIsFarFromTheSuspectOfOne) {
   }
 }
 
+// A job about some groups of many, in any order, finds what one about a copy of them does.
+TEST_P(NearestTest, SomeGroupsOfMany) {
+  Random random(11);
+  Sites all(40 * kNearestGroup, 0.1f, &random);
+  std::vector<uint16_t> places;
+  for (size_t g = all.groups; g > 2; g -= 3) places.push_back(static_cast<uint16_t>(g - 1));
+  Sites some(places.size() * kNearestGroup, 0.1f, &random);
+  constexpr size_t kFloats = kNearestSiteFloats * kNearestGroup;
+  const size_t stride = NearestBoundStride(some.groups), all_stride = NearestBoundStride(all.groups);
+  for (size_t g = 0; g < some.groups; ++g) {
+    std::copy_n(&all.packed[places[g] * kFloats], kFloats, &some.packed[g * kFloats]);
+    for (size_t row = 0; row < kNearestBounds; ++row)
+      some.bounds[row * stride + g] = all.bounds[row * all_stride + places[g]];
+  }
+  std::vector<float> at(3 * kNearestPatch);
+  for (float& x : at) x = random.Uniform(-1.0f, 1.0f);
+  std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch), expected(kNearestPatch),
+      expected_suspect(kNearestPatch);
+  std::iota(order.begin(), order.end(), uint16_t{0});
+  NearestJob job = {at.data(), 12, order.data(), order.size(), some.packed.data(), some.bounds.data(), some.groups, 9.0f,
+                    expected.data(), expected_suspect.data()};
+  table().nearest(job);
+  const GuardedBuffer<uint16_t> guarded(places);
+  job.sites = all.packed.data();
+  job.group_places = guarded.data();
+  job.nearest = nearest.data();
+  job.suspect = suspect.data();
+  table().nearest(job);
+  size_t found = 0;
+  for (size_t i = 0; i < kNearestPatch; ++i) {
+    for (std::vector<uint16_t>* sites : {&expected, &expected_suspect}) {
+      uint16_t& site = (*sites)[i];
+      if (site == kNoSite) continue;
+      site = static_cast<uint16_t>(places[site / kNearestGroup] * kNearestGroup + site % kNearestGroup);
+      ++found;
+    }
+  }
+  EXPECT_EQ(nearest, expected);
+  EXPECT_EQ(suspect, expected_suspect);
+  EXPECT_GT(found, kNearestPatch);
+}
+
 TEST_P(NearestTest, ReachAndSlackFromNothingToEverything) {
   for (float reach : {0.0f, 0.01f, 0.3f, 1e9f}) {
     for (float slack : {0.0f, 0.2f, 1e9f}) Check(53, 200, 4, reach, slack);
