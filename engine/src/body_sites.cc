@@ -28,32 +28,38 @@ void PlaceFaces(const BodyView& body, const float* positions, const float* norma
     sites.slacks[i] = 0;
   }
   for (size_t f = 0; f < body.face_count; ++f) {
+    // Corners are read before anything is written, which for all that the compiler knows may be one of them.
     const uint16_t* face = body.faces + 3 * f;
-    const float* const p[3] = {positions + size_t{3} * face[0], positions + size_t{3} * face[1],
-                               positions + size_t{3} * face[2]};
-    float longest = 0;
+    const size_t corners[3] = {face[0], face[1], face[2]};
+    float p[3][3], highest[3], longest = 0;
     for (size_t c = 0; c < 3; ++c) {
-      const float *n = normals + size_t{3} * face[c], *next = p[(c + 1) % 3], *last = p[(c + 2) % 3];
-      const float highest = Larger(Height(n, next), Height(n, last));
-      sites.offsets[face[c]] = Larger(highest, sites.offsets[face[c]]);
+      for (size_t axis = 0; axis < 3; ++axis) p[c][axis] = positions[3 * corners[c] + axis];
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      const float *n = normals + 3 * corners[c], *next = p[(c + 1) % 3], *last = p[(c + 2) % 3];
+      highest[c] = Larger(Height(n, next), Height(n, last));
       const float edge[3] = {next[0] - p[c][0], next[1] - p[c][1], next[2] - p[c][2]};
       longest = Larger(Height(edge, edge), longest);
     }
     const float slack = longest < kFar ? kThird * longest : kFar;
-    for (size_t c = 0; c < 3; ++c) sites.slacks[face[c]] = Larger(slack, sites.slacks[face[c]]);
+    for (size_t c = 0; c < 3; ++c) {
+      sites.offsets[corners[c]] = Larger(highest[c], sites.offsets[corners[c]]);
+      sites.slacks[corners[c]] = Larger(slack, sites.slacks[corners[c]]);
+    }
   }
   for (size_t i = 0; i < body.vertex_count; ++i) sites.offsets[i] += clearance;
 }
 
 // By halves: a chain of comparisons would wait for each.
-template <typename Better>
+template <size_t kCount, typename Better>
 float Best(const float* row, Better better) {
-  float best[kNearestGroup];
-  for (size_t k = 0; k < kNearestGroup; ++k) best[k] = row[k];
-  for (size_t half = kNearestGroup / 2; half != 0; half /= 2) {
-    for (size_t k = 0; k < half; ++k) best[k] = better(best[k], best[k + half]) ? best[k] : best[k + half];
+  if constexpr (kCount == 1) {
+    return row[0];
+  } else {
+    float best[kCount / 2];
+    for (size_t k = 0; k < kCount / 2; ++k) best[k] = better(row[k], row[k + kCount / 2]) ? row[k] : row[k + kCount / 2];
+    return Best<kCount / 2>(best, better);
   }
-  return best[0];
 }
 
 // The box of a group whose sites are in place, and its slack.
@@ -61,10 +67,10 @@ void PlaceBounds(const float* site, float* bounds, size_t stride) {
   const auto smaller = [](float a, float b) { return a < b; };
   const auto larger = [](float a, float b) { return a > b; };
   for (size_t c = 0; c < 3; ++c) {
-    bounds[(kernels::kLow + c) * stride] = Best(site + c * kNearestGroup, smaller);
-    bounds[(kernels::kHigh + c) * stride] = Best(site + c * kNearestGroup, larger);
+    bounds[(kernels::kLow + c) * stride] = Best<kNearestGroup>(site + c * kNearestGroup, smaller);
+    bounds[(kernels::kHigh + c) * stride] = Best<kNearestGroup>(site + c * kNearestGroup, larger);
   }
-  bounds[kernels::kSlack * stride] = Best(site + (kNearestSiteFloats - 1) * kNearestGroup, larger);
+  bounds[kernels::kSlack * stride] = Best<kNearestGroup>(site + (kNearestSiteFloats - 1) * kNearestGroup, larger);
 }
 
 void PlacePadding(float* bounds, size_t groups) {
