@@ -84,6 +84,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   job.points = surface.positions;
   job.point_stride_bytes = surface.position_stride_bytes;
   job.reach = static_cast<float>(static_cast<double>(body.reach) * units_per_metre);
+  job.clearance = static_cast<float>(clearance);
   job.nearest = nearest;
   job.suspect = suspect;
   for (size_t c = 0; c < ClassCount(model); ++c) {

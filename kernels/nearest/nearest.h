@@ -1,7 +1,7 @@
 // For each point of a patch a site near it whose plane the point is not above, and the nearest of all sites: where a
-// garment may lie under a body (NETWORK.md, "Penetration"). Exact but for rounding; boxes around groups of sites and
-// around the points only save work, as a distance to a box, rounded like one to a site within, is never above it; balls
-// around runs of points, which have room for rounding, do so too.
+// garment may lie under a body (NETWORK.md, "Penetration"). Exact but for rounding and for runs of points that are clear
+// of the surface as a whole; boxes around groups of sites and around the points only save work, as a distance to a box,
+// rounded like one to a site within, is never above it.
 #ifndef DCLOTH_KERNELS_NEAREST_NEAREST_H_
 #define DCLOTH_KERNELS_NEAREST_NEAREST_H_
 
@@ -26,6 +26,10 @@ constexpr size_t NearestBoundStride(size_t groups) { return (groups + 15) / 16 *
 // Site s is lane s % 16 of group s / 16 of `sites`, of which a job may be about some. A point v is not above its plane
 // where normal . v < offset; the site is suspect where moreover distance^2 - slack^2 is at most the squared distance of
 // the nearest site. Of equals the first counts.
+//
+// A run of four points from the start may go without suspects where a ball around it, wider by `clearance`, is free of
+// the surface that the sites stand for (distance^2 - slack^2 of every site from the ball's middle is above the square of
+// its radius) and the middle itself has no suspect: where no surface lies between, all are on the side of the middle.
 struct NearestJob {
   const float* points;        // point p's three floats lie at p point_stride_bytes
   size_t point_stride_bytes;  // at least 12, a multiple of 4
@@ -40,6 +44,7 @@ struct NearestJob {
   uint16_t* nearest;    // [points_count]; kNoSite where there is no suspect
   uint16_t* suspect;    // [points_count]; the suspect of least distance^2 - slack^2, or kNoSite; of a point that
                         // is no number, and of others of its patch, kNoSite or any site
+  float clearance = 0;          // 0 or more
   const uint16_t* group_places = nullptr;  // [groups], which group of `sites` each is; null: in turn
 };
 
