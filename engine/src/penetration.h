@@ -3,6 +3,7 @@
 #define DCLOTH_ENGINE_SRC_PENETRATION_H_
 
 #include "engine/src/arena.h"
+#include "engine/src/body_sites.h"
 #include "engine/src/output.h"
 #include "engine/src/pose.h"
 #include "engine/src/touch_lists.h"
@@ -15,10 +16,7 @@ struct BodyMemory {
   float* matrices;   // [joint_count, 12]
   float* positions;  // [b, 3] posed
   float* normals;    // [b, 3]
-  float* offsets;    // [b] of planes that lie over all faces around a vertex by the clearance
-  float* slacks;     // [b] squared, see PlaceFaces
-  float* sites;      // see kernels::NearestJob
-  float* bounds;
+  BodySites sites;
   TouchLists touch;
 };
 

@@ -105,13 +105,6 @@ HWY_INLINE float ListWithin(const Boxes& boxes, float squared, const Box& box, L
   return hn::GetLane(hn::MaxOfLanes(d, most_slack));
 }
 
-// Squared.
-HWY_INLINE float MostSlack(const Boxes& boxes) {
-  V most = hn::Zero(d);
-  for (size_t at = 0; at < boxes.count; at += hn::Lanes(d)) most = hn::Max(boxes.At(kSlack, at), most);
-  return hn::GetLane(hn::MaxOfLanes(d, most));
-}
-
 }  // namespace dcloth::kernels::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 #endif  // DCLOTH_VECTOR_TARGET

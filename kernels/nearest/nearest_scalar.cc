@@ -12,14 +12,15 @@ struct Search {
 };
 
 void LookInto(const NearestJob& job, size_t group, Search* search) {
-  const float* site = job.sites + group * kNearestSiteFloats * kNearestGroup;
+  const size_t place = GroupPlace(job, group);
+  const float* site = job.sites + place * kNearestSiteFloats * kNearestGroup;
   const float* v = search->point;
   for (size_t k = 0; k < kNearestGroup; ++k, ++site) {
     const float x = v[0] - site[0], y = v[1] - site[kNearestGroup], z = v[2] - site[2 * kNearestGroup];
     const float squared = x * x + y * y + z * z;
     const float* normal = site + 3 * kNearestGroup;
     const float height = normal[0] * v[0] + normal[kNearestGroup] * v[1] + normal[2 * kNearestGroup] * v[2];
-    const auto index = static_cast<uint16_t>(group * kNearestGroup + k);
+    const auto index = static_cast<uint16_t>(place * kNearestGroup + k);
     if (squared < search->nearest_squared) {
       search->nearest_squared = squared;
       search->nearest = index;
