@@ -95,6 +95,25 @@ class Walk {
     }
   }
 
+  // A corner of a face is at most that face's distance and the corner's slack away (body_sites.cc).
+  void Everywhere(const kernels::NearestJob& job, const TouchLists& lists) {
+    constexpr size_t kSites = kernels::kNearestGroup;
+    const size_t stride = kernels::NearestBoundStride(job.groups);
+    for (size_t g = 0; g < job.groups; ++g) {
+      const float* bounds = job.bounds + g;
+      if (!MayHoldNearer(Beyond(bounds, stride), bounds[kernels::kSlack * stride])) continue;
+      const size_t place = kernels::GroupPlace(job, g);
+      const float* site = job.sites + place * kernels::kNearestSiteFloats * kSites;
+      for (size_t k = 0; k < kSites; ++k, ++site) {
+        const Vec at = {static_cast<double>(site[0]), static_cast<double>(site[kSites]),
+                        static_cast<double>(site[2 * kSites])};
+        const Vec apart = point_ - at;
+        if (!MayHoldNearer(Dot(apart, apart), site[(kernels::kNearestSiteFloats - 1) * kSites])) continue;
+        LookAround(static_cast<uint32_t>(BodyVertexAt(*posed_.body, lists, place * kSites + k)));
+      }
+    }
+  }
+
   bool HasSeen(uint32_t vertex) const {
     for (size_t i = 0; i < seen_count_; ++i) {
       if (seen_[i] == vertex) return true;
@@ -116,6 +135,24 @@ class Walk {
   }
 
  private:
+  // Squared, all of them; slacks are rounded to floats.
+  bool MayHoldNearer(double distance, float slack) const {
+    return !found_ || distance <= squared_ + (1 + kClearlyFurther) * static_cast<double>(slack);
+  }
+
+  // How far the point is from a group's box, squared.
+  double Beyond(const float* bounds, size_t stride) const {
+    const double p[3] = {point_.x, point_.y, point_.z};
+    double squared = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      const double below = static_cast<double>(bounds[(kernels::kLow + c) * stride]) - p[c];
+      const double above = p[c] - static_cast<double>(bounds[(kernels::kHigh + c) * stride]);
+      const double gap = below > above ? below : above;
+      squared += gap > 0 ? gap * gap : 0;
+    }
+    return squared;
+  }
+
   // True where a face around `vertex` is nearer than all before. A vertex that was looked around has nothing new.
   bool LookAround(uint32_t vertex) {
     if (HasSeen(vertex)) return false;
@@ -194,6 +231,14 @@ ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second,
   const ClosestPoint found = other.Result();
   const bool nearer = found.found && (!closest.found || std::fabs(found.distance) < std::fabs(closest.distance));
   return nearer ? found : closest;
+}
+
+ClosestPoint SearchWholeBody(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists,
+                             uint32_t start, const double point[3]) {
+  Walk walk(posed, {point[0], point[1], point[2]});
+  walk.From(start);
+  walk.Everywhere(job, lists);
+  return walk.Result();
 }
 
 bool EndsAt(const PosedBody& posed, const ClosestPoint& closest) {

@@ -5,6 +5,8 @@
 #include <cstdint>
 
 #include "engine/format/view.h"
+#include "engine/src/touch_lists.h"
+#include "kernels/kernels.h"
 
 namespace dcloth::engine {
 
@@ -28,6 +30,11 @@ struct ClosestPoint {
 // as that is nearer, at most eight times; the one from `second` is spared where the one from `first` has looked around
 // that vertex too. On an edge or corner that faces share, the one seen most squarely decides which side is outside.
 ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second, const double point[3]);
+
+// The nearest of all faces around the sites of `job`: those of a walk from `start`, then around each vertex that may be a
+// corner of a nearer one. Some microseconds, for the few points whose neighbourhood a vertex near them does not tell.
+ClosestPoint SearchWholeBody(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists,
+                             uint32_t start, const double point[3]);
 
 // Whether the faces that count end at the closest point, an arm's at the shoulder say: nothing is under a surface
 // there. False where all faces count.
