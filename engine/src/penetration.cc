@@ -1,20 +1,13 @@
 #include "engine/src/penetration.h"
 
-#include <cmath>
 #include <cstdint>
 
-#include "engine/src/body_search.h"
+#include "engine/src/push_out.h"
 
 namespace dcloth::engine {
 namespace {
 
 using format::BodyView;
-
-// A push may lead under another part of the body: in a fold, between two legs.
-constexpr int kMaxPushes = 4;
-constexpr double kPushed = 0.99;  // of the clearance: rounded to floats, a vertex that was pushed stays put
-// Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing of.
-constexpr double kFarPush = 2;
 
 void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
               const BoundPose& bound, const BodyMemory& memory) {
@@ -40,35 +33,6 @@ void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& mode
   kernels.normals(normals);
   if (!space.mirrored) return;
   for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i) memory.normals[i] = -memory.normals[i];
-}
-
-double SquaredDistance(const double* a, const float* b) {
-  double squared = 0;
-  for (size_t c = 0; c < 3; ++c) {
-    const double apart = a[c] - static_cast<double>(b[c]);
-    squared += apart * apart;
-  }
-  return squared;
-}
-
-// Point `i` of the job, out of what its class touches.
-void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i, double clearance,
-             float* position) {
-  const auto nearest = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.nearest[i]));
-  const auto suspect = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.suspect[i]));
-  const double far = kFarPush * clearance;
-  double v[3] = {static_cast<double>(position[0]), static_cast<double>(position[1]), static_cast<double>(position[2])};
-  bool moved = false;
-  for (int push = 0; push < kMaxPushes; ++push) {
-    const ClosestPoint closest = moved && SquaredDistance(v, position) > far * far
-                                     ? SearchWholeBody(posed, job, lists, suspect, v)
-                                     : SearchBody(posed, suspect, nearest, v);
-    if (!closest.found || closest.distance >= kPushed * clearance || EndsAt(posed, closest)) break;
-    for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + clearance * closest.direction[c];
-    moved = true;
-  }
-  if (!moved) return;
-  for (size_t c = 0; c < 3; ++c) position[c] = static_cast<float>(v[c]);
 }
 
 }  // namespace
