@@ -1,5 +1,6 @@
 """The shipped models draw the same picture on every instruction set: within 0.01 mm of each other over 2,000 frames, and
-the same bits in the reproducible mode, whose hashes are pinned in hashes.json.
+the same bits in the reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside
+of the body.
 
 int8 models round activations to integers, so that the last bit of one moves others by a step. The arithmetic before those
 roundings is therefore the same everywhere, to the bit, up to the mesh stage (kernels/README.md).
@@ -29,7 +30,8 @@ import safetensors_file  # noqa: E402
 FRAMES = int(os.environ.get("DCLOTH_PICTURE_FRAMES", "2000"))
 PINNED = pathlib.Path(__file__).with_name("hashes.json")
 GARMENTS = sorted(path.parent.name for path in (ROOT / "models").glob("*/*.safetensors") if path.stem == path.parent.name)
-PRECISIONS = ["int8", "fp16", "fp32"]
+OUTSIDE = "int8, outside of the body"
+VARIANTS = ["int8", "fp16", "fp32", OUTSIDE]
 HOST_ISAS = ["reproducible", "sse4", "avx2", "avx3", "neon", "scalar"]
 OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"], "wasm": ["reproducible", "wasm"],
               "wasm-scalar": ["reproducible", "scalar"]}
@@ -61,7 +63,7 @@ def play(command, model, poses, isa, *more):
     return said[3], *(float(number) for number in said.groups()[3:])
 
 
-def programs(precision):
+def programs(variant):
     """Label, command, instruction sets to try; the host first, and of it what all others are compared to."""
     found = []
     if "DCLOTH_PICTURE" in os.environ:
@@ -70,24 +72,25 @@ def programs(precision):
         label, command = line.split("=", 1)
         found.append((label, shlex.split(command), OTHER_ISAS[label]))
     # Scalar frames take ten times as long; the shipped precision has to do.
-    return [(label, command, [isa for isa in isas if isa != "scalar" or precision == "int8"])
+    return [(label, command, [isa for isa in isas if isa != "scalar" or variant == "int8"])
             for label, command, isas in found]
 
 
-def pictures(garment, precision, folder, players):
+def pictures(garment, variant, folder, players):
     """What every instruction set of every platform drew, and the model's hash."""
     model, poses, reference = folder / "model.dcloth", folder / "poses.f32", folder / "positions.f32"
     bundle = ROOT / "models" / garment / f"{garment}.safetensors"
     dcloth = os.environ["DCLOTH_BIN"]
-    subprocess.run([dcloth, "convert", bundle, "-o", model, "--precision", precision], check=True,
+    subprocess.run([dcloth, "convert", bundle, "-o", model, "--precision", variant.split(",")[0]], check=True,
                    stdout=subprocess.DEVNULL)
+    how = ["--body"] if variant == OUTSIDE else []
     inspected = json.loads(subprocess.run([dcloth, "inspect", model, "--json"], check=True, capture_output=True).stdout)
     poses_of(garment, inspected["joints"]).tofile(poses)
     drawn = {}
     for label, command, isas in players:
         for isa in isas:
             first = not drawn
-            result = play(command, model, poses, isa, "--write" if first else "--against", reference)
+            result = play(command, model, poses, isa, "--write" if first else "--against", reference, *how)
             if result is not None:
                 drawn[label, isa] = result
     reference.unlink()
@@ -98,24 +101,24 @@ def test_there_are_garments():
     assert GARMENTS
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("garment", GARMENTS)
-def test_same_picture(garment, precision, tmp_path):
-    players = programs(precision)
-    drawn, model = pictures(garment, precision, tmp_path, players)
+def test_same_picture(garment, variant, tmp_path):
+    players = programs(variant)
+    drawn, model = pictures(garment, variant, tmp_path, players)
     for (label, isa), (picture, largest_mm, mean_mm, frame_ms) in drawn.items():
-        print(f"{garment} {precision} {label} {isa}: {picture}, {largest_mm:.6f} mm, mean {mean_mm:.6f} mm, "
+        print(f"{garment} {variant} {label} {isa}: {picture}, {largest_mm:.6f} mm, mean {mean_mm:.6f} mm, "
               f"{frame_ms:.3f} ms a frame")
     labels = {label for label, _ in drawn}
     assert len(drawn) >= 2 and labels == {label for label, *_ in players}, "nothing to compare"
-    assert precision != "int8" or "host" not in labels or ("host", "scalar") in drawn
+    assert variant != "int8" or "host" not in labels or ("host", "scalar") in drawn
     assert max(largest for _, largest, _, _ in drawn.values()) <= LIMIT_MM
     same = {picture for (_, isa), (picture, *_) in drawn.items() if isa == "reproducible"}
     assert len(same) == 1, f"the reproducible mode drew {drawn}"
     assert {label for label, isa in drawn if isa == "reproducible"} == labels
     if FRAMES != 2000:
         return
-    pinned = json.loads(PINNED.read_text())[garment][precision]
+    pinned = json.loads(PINNED.read_text())[garment][variant]
     assert model == pinned["model"], "the converter wrote other bytes than those that the hashes are of; see the top"
     assert same == {pinned["picture"]}, "the reproducible mode draws another picture than before; see the top"
 
@@ -124,13 +127,13 @@ def pin():
     import tempfile
     pins = {}
     for garment in GARMENTS:
-        for precision in PRECISIONS:
+        for variant in VARIANTS:
             with tempfile.TemporaryDirectory() as folder:
-                drawn, model = pictures(garment, precision, pathlib.Path(folder),
+                drawn, model = pictures(garment, variant, pathlib.Path(folder),
                                         [("host", [os.environ["DCLOTH_PICTURE"]], ["reproducible"])])
             for key, value in drawn.items():
-                print(garment, precision, *key, *value, flush=True)
-            pins.setdefault(garment, {})[precision] = {"model": model, "picture": drawn["host", "reproducible"][0]}
+                print(garment, variant, *key, *value, flush=True)
+            pins.setdefault(garment, {})[variant] = {"model": model, "picture": drawn["host", "reproducible"][0]}
     PINNED.write_text(json.dumps(pins, indent=1) + "\n")
 
 
