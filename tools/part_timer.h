@@ -18,7 +18,8 @@ using PartTimes = std::array<uint64_t, converter::kWorkPartCount>;  // ns
 struct TimedParts {
   StepTimes steps{};
   PartTimes parts{};
-  bool whole = false;  // parts is filled: each piece ran once and whole, or in turns with another; not where a tick is spread over frames
+  bool whole = false;  // parts is filled: each piece ran once and whole, or in turns with another; not where a tick is
+                       // spread over frames
 };
 
 class PartTimer {
