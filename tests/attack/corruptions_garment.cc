@@ -26,6 +26,13 @@ std::vector<Corruption> GarmentCorruptions() {
        [](M* m) { m->tick_rate = 1e-40f; }},
       {"vertices_zero", kSemantics, "garment.vertices: ", "found 0; allowed: 3 to 65535",
        [](M* m) { m->garment->vertices = 0; }},
+      // Without a vertex no other tensor of a static garment has a row.
+      {"vertices_zero_and_no_rows", kSemantics, "garment.vertices: ", "found 0; allowed: 3 to 65535",
+       [](M* m) {
+         m->garment->vertices = 0;
+         m->static_stage->influence_bones->shape[0] = m->static_stage->influence_weights->shape[0] = 0;
+       },
+       nullptr, format::DType_I8, DCLOTH_STAGES_STATIC},
       {"vertices_two", kSemantics, "garment.vertices: ", "found 2; allowed: 3 to 65535",
        [](M* m) { m->garment->vertices = 2; }},
       {"vertices_beyond_u16", kSemantics, "garment.vertices: ", "found 65536; allowed: 3 to 65535",
@@ -54,6 +61,10 @@ std::vector<Corruption> GarmentCorruptions() {
        [](M* m) { m->character->joint_names[2].assign(256, 'x'); }},
       {"joint_name_twice", kSemantics, "character.joint_names[4]: ", "found the name of an earlier joint",
        [](M* m) { m->character->joint_names[4] = "joint_1"; }},
+      {"joint_name_of_the_first", kSemantics, "character.joint_names[8]: ", "found the name of an earlier joint",
+       [](M* m) { m->character->joint_names[8] = "joint_0"; }},
+      {"joint_name_first_empty", kSemantics, "character.joint_names[0].length: ", "found 0; allowed: 1 to 255",
+       [](M* m) { m->character->joint_names[0] = ""; }},
       {"joint_name_with_zero", kSemantics, "character.joint_names[8]: ", "found a zero byte inside the text",
        [](M* m) { m->character->joint_names[8] = std::string("\0", 1); }},
       {"hips_beyond_joints", kSemantics, "character.hips: found 9", kJoint,
@@ -80,6 +91,8 @@ std::vector<Corruption> GarmentCorruptions() {
        [](M* m) { *Data<float>(m, *m->features->inverse_deviation) = -kInfinity; }},
       {"feature_bounds_crossed", kSemantics, "features.low[3]: ", "found a bound above features.high",
        [](M* m) { *Data<float>(m, *m->features->low, 3) = 10; }},
+      {"feature_bounds_crossed_first", kSemantics, "features.low[0]: ", "found a bound above features.high",
+       [](M* m) { *Data<float>(m, *m->features->low) = 10; }},
       {"feature_high_nan", kSemantics, "features.high[7]: ", "found NaN",
        [](M* m) { *Data<float>(m, *m->features->high, 7) = kNaN; }},
   };

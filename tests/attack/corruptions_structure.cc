@@ -65,6 +65,10 @@ std::vector<Corruption> BrokenOffsets() {
        [](Bytes* f) { Field(&ModelIn(f), Model::VT_FEATURES)[0] |= 1; }},
       {"producer_past_the_end", kFormat, "producer: ", kBroken, nullptr,
        [](Bytes* f) { Poke32(Field(&ModelIn(f), Model::VT_PRODUCER), 0x10000000u); }},
+      {"producer_longer_than_the_file", kFormat, "producer: ", kBroken, nullptr,
+       [](Bytes* f) { Poke32(Writable(ModelIn(f).producer()), 0x0FFFFFFFu); }},
+      {"precision_longer_than_the_file", kFormat, "precision: ", kBroken, nullptr,
+       [](Bytes* f) { Poke32(Writable(ModelIn(f).precision()), 0x0FFFFFFFu); }},
       {"name_without_terminator", kFormat, "garment: ", kBroken, nullptr,
        [](Bytes* f) {
          const fb::String* name = ModelIn(f).garment()->name();

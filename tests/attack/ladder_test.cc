@@ -2,12 +2,14 @@
 // field and reason.
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <iostream>
 #include <set>
 #include <string>
 
 #include "tests/attack/corruption.h"
 #include "tests/attack/open_and_run.h"
+#include "tests/attack/variants.h"
 
 namespace dcloth::testing {
 namespace {
@@ -46,6 +48,19 @@ TEST_P(LadderTest, RefusesNamingFieldAndReason) {
   EXPECT_NE(outcome.text.find(fault.reason), std::string::npos)
       << "'" << outcome.text << "' does not say '" << fault.reason << "'";
   EXPECT_LT(outcome.text.size(), sizeof(dcloth_error::text) - 1) << "cut off: " << outcome.text;
+  const size_t allowed = outcome.text.find("; allowed: ");
+  ASSERT_NE(allowed, std::string::npos);
+  EXPECT_NE(outcome.text.find("; ", allowed + 2), std::string::npos) << "says no way out: " << outcome.text;
+
+  unsigned row = 0;
+  if (std::sscanf(outcome.text.c_str(), "mesh_stage.row_starts[%u]", &row) == 1) {
+    const format::Model& file = *format::GetModel(spoilt.data());
+    const auto* starts = file.weights()->Data() + file.mesh_stage()->row_starts()->offset();
+    dcloth_error error = {};
+    error.struct_size = sizeof(error);
+    EXPECT_EQ(Open(spoilt.data(), spoilt.size(), &error), fault.status);
+    EXPECT_EQ(error.offset_bytes, static_cast<uint64_t>(starts - spoilt.data()) + 4 * row);
+  }
 
   // The same verdict when nobody listens, and for a host of an older header.
   EXPECT_EQ(Open(spoilt.data(), spoilt.size()), fault.status);
@@ -99,6 +114,23 @@ TEST(Ladder, ABrokenChildIsFound) {
   }
 }
 
+// A table that claims its field just behind the last byte.
+TEST(Ladder, AFieldBehindTheFileIsPlacedAtItsTable) {
+  AlignedBytes file = BuildModel(Variants().front().spec).Bytes();  // less than vtables reach
+  auto* root = reinterpret_cast<uint8_t*>(const_cast<format::Model*>(format::GetModel(file.data())));
+  int32_t back;
+  std::memcpy(&back, root, sizeof(back));
+  const auto to_the_end = static_cast<size_t>(file.data() + file.size() - root);
+  ASSERT_LT(to_the_end, 65536u);
+  const auto entry = static_cast<uint16_t>(to_the_end);
+  std::memcpy(root - back + format::Model::VT_GARMENT, &entry, sizeof(entry));
+  dcloth_error error = {};
+  error.struct_size = sizeof(error);
+  ASSERT_EQ(Open(file.data(), file.size(), &error), DCLOTH_ERROR_FORMAT);
+  EXPECT_EQ(std::string(error.text).find("garment: "), 0u) << error.text;
+  EXPECT_EQ(error.offset_bytes, static_cast<uint64_t>(root - file.data()));
+}
+
 // Sizes that no file has are refused before a byte is read: there are none behind this one line.
 TEST(Ladder, ImpossibleSizesAreRefused) {
   const AlignedBytes line(64);
@@ -115,6 +147,8 @@ TEST(Ladder, ImpossibleSizesAreRefused) {
   }
   dcloth_error error = {};
   error.struct_size = sizeof(error);
+  EXPECT_EQ(Open(line.data(), 64, &error), DCLOTH_ERROR_FORMAT);  // a size that files may have
+  EXPECT_EQ(std::string(error.text).find("found another file identifier"), 0u) << error.text;
   EXPECT_EQ(Open(nullptr, 4096, &error), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(std::string(error.text).find("found a null pointer; allowed: the bytes of a .dcloth file"), 0u);
 }

@@ -45,12 +45,19 @@ void LayOutBackwards(M* m) {
 void FillLinearWeights(M* m, uint8_t byte) {
   const TensorWalk walk(m);
   for (const format::LinearT* linear : walk.linears()) {
-    const size_t begin = linear->weights->offset;
-    size_t end = m->weights.size();
-    for (const format::TensorT* tensor : walk.tensors()) {
-      if (tensor->offset > begin) end = std::min(end, static_cast<size_t>(tensor->offset));
-    }
-    std::memset(m->weights.data() + begin, byte, end - begin);
+    std::memset(m->weights.data() + linear->weights->offset, byte,
+                walk.StoredBytes(*linear, m->weights.size()));
+  }
+}
+
+// What follows a tensor in its last line of 64 bytes.
+void FillPadding(M* m) {
+  const TensorWalk walk(m);
+  for (const format::TensorT* tensor : walk.tensors()) {
+    const bool any_bits = std::any_of(walk.linears().begin(), walk.linears().end(),
+                                      [&](const auto* linear) { return linear->weights.get() == tensor; });
+    const size_t bytes = StoredElements(*tensor) * ElementBytes(tensor->dtype);
+    if (!any_bits) std::memset(m->weights.data() + tensor->offset + bytes, 0xFF, (64 - bytes % 64) % 64);
   }
 }
 
@@ -94,6 +101,12 @@ std::vector<OddFile> OddFiles() {
        }},
       {"laid_out_backwards", none, LayOutBackwards},
       {"weights_that_no_tensor_owns", none, [](M* m) { m->weights.resize(m->weights.size() + 4096, 0xAA); }},
+      {"padding_full_of_ones", [](ModelSpec* s) { s->body = s->touch = true; }, FillPadding},
+      {"names_of_one_letter", none,
+       [](M* m) {
+         for (size_t j = 0; j < m->character->joint_names.size(); ++j)
+           m->character->joint_names[j] = static_cast<char>('a' + j);
+       }},
       {"weights_all_zero", none, [](M* m) { FillLinearWeights(m, 0); }},
       {"weights_all_least_int8", none, [](M* m) { FillLinearWeights(m, 0x80); }},
       {"weights_all_nan", [](ModelSpec* s) { s->precision = format::DType_F32; },

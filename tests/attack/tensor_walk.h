@@ -2,12 +2,33 @@
 #ifndef DCLOTH_TESTS_ATTACK_TENSOR_WALK_H_
 #define DCLOTH_TESTS_ATTACK_TENSOR_WALK_H_
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
 #include "tests/unit/engine/model_builder.h"
 
 namespace dcloth::testing {
+
+inline size_t ElementBytes(format::DType dtype) {
+  switch (dtype) {
+    case format::DType_F32:
+    case format::DType_U32:
+      return 4;
+    case format::DType_F16:
+    case format::DType_U16:
+      return 2;
+    default:
+      return 1;
+  }
+}
+
+// Of any tensor but a linear layer's weights, whose rows and columns are padded.
+inline size_t StoredElements(const format::TensorT& tensor) {
+  size_t count = 1;
+  for (const uint32_t side : tensor.shape) count *= side;
+  return count;
+}
 
 class TensorWalk {
  public:
@@ -18,7 +39,7 @@ class TensorWalk {
     AddLinear(m->static_stage->hidden, m->static_stage->increments);
     if (m->skeleton_stage) AddLinear(m->skeleton_stage->input, m->skeleton_stage->hidden);
     if (m->mesh_stage) AddMesh(m->mesh_stage.get());
-    if (m->displacement) AddLinear(m->displacement->basis);
+    if (m->displacement) AddLinear(m->displacement->basis, m->displacement->head);
     if (m->body) {
       Add(m->body->positions, m->body->joints, m->body->weights, m->body->faces, m->body->row_starts,
           m->body->columns, m->body->touch_classes, m->body->touched_by);
@@ -27,6 +48,15 @@ class TensorWalk {
 
   const std::vector<format::TensorT*>& tensors() const { return tensors_; }
   const std::vector<format::LinearT*>& linears() const { return linears_; }
+
+  // A linear layer's stored bytes, padding included: all up to the next tensor.
+  size_t StoredBytes(const format::LinearT& linear, size_t weights_size) const {
+    size_t end = weights_size;
+    for (const format::TensorT* other : tensors_) {
+      if (other->offset > linear.weights->offset) end = std::min(end, static_cast<size_t>(other->offset));
+    }
+    return end - static_cast<size_t>(linear.weights->offset);
+  }
 
  private:
   template <typename... Tensors>
@@ -48,7 +78,8 @@ class TensorWalk {
         mesh->input_inverse_deviation, mesh->row_starts, mesh->columns, mesh->embed);
     for (const auto& layer : mesh->layers) {
       Add(layer->input_gates, layer->gate_bias, layer->hidden_gates, layer->hidden_candidate, layer->output,
-          layer->output_bias, layer->norm_gain, layer->norm_offset);
+          layer->output_bias, layer->norm_gain, layer->norm_offset, layer->weights, layer->column_scales,
+          layer->input_inverse_steps);
     }
     AddLinear(mesh->hidden, mesh->coefficients);
   }

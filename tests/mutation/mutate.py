@@ -21,19 +21,20 @@ import shlex
 import subprocess
 import sys
 import tempfile
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 HERE = pathlib.Path(__file__).resolve().parent
-TIMEOUT_S = 300
+HANG = 10  # a test that takes so many times as long, and as many seconds more, hangs
 CHECKED = ("-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")  # a trap: needs no library of the sanitizer's
 
 # Source to the tests that own it.
 KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
            for family in ("activation", "gru", "gsgru", "nearest", "normals", "skinning")}
 KERNELS["matvec"] = [f"kernels_{kind}_test" for kind in ("matvec_f32", "matvec_f16", "matvec_i8", "quantize")]
-VERIFIER = ["attack_ladder_test", "attack_odd_files_test", "engine_format_test", "engine_format_body_test",
-            "engine_format_head_test", "engine_scan_test"]
-STATE = ["attack_state_test", "engine_state_test"]
+VERIFIER = ["attack_ladder_test", "attack_every_tensor_test", "attack_odd_files_test", "engine_diagnostic_test",
+            "engine_format_test", "engine_format_body_test", "engine_format_head_test", "engine_scan_test"]
+STATE = ["attack_state_test", "engine_state_test", "engine_hot_swap_test"]
 # Sources of the converter that have no test of their name; every other one has.
 WHOLE = ["converter_convert_test", "converter_convert_rank_test"]
 CONVERTER = {"assemble": WHOLE, "attempts": WHOLE, "model_maker": WHOLE, "bundle_metadata": ["converter_bundle_test"],
@@ -124,15 +125,15 @@ class Build:
         return folder / test
 
 
-def notices(executable):
+def notices(executable, limit_s=None):
     try:
-        done = subprocess.run([str(executable), "--gtest_brief=1"], capture_output=True, timeout=TIMEOUT_S)
+        done = subprocess.run([str(executable), "--gtest_brief=1"], capture_output=True, timeout=limit_s)
         return done.returncode != 0
     except subprocess.TimeoutExpired:
         return True  # a hang is noticed
 
 
-def try_mutant(build, mutant, tests):
+def try_mutant(build, mutant, limits):
     lines = (ROOT / mutant.file).read_text().split("\n")
     lines[mutant.number] = mutant.after
     with tempfile.TemporaryDirectory() as name:
@@ -141,21 +142,25 @@ def try_mutant(build, mutant, tests):
             mutated = build.compile(mutant.file, "\n".join(lines), folder, more)
             if mutated is None:
                 return "does not compile"
-            for test in tests:
-                if notices(build.link(test, mutated, folder)):
+            for test, limit_s in limits.items():
+                if notices(build.link(test, mutated, folder), limit_s):
                     return "killed with indices checked" if more else "killed"
     return "survived"
 
 
-def sound(build, file, tests):
-    """The unchanged source passes: else every mutant would be killed by nothing."""
+def limits_of(build, file, tests):
+    """{test: seconds it may take}. The unchanged source passes: else every mutant would be killed by nothing."""
+    limits = {}
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for more in ((), CHECKED):
             same = build.compile(file, (ROOT / file).read_text(), folder, more)
             assert same is not None, file
             for test in tests:
-                assert not notices(build.link(test, same, folder)), f"{test} fails without a mutant"
+                executable, start = build.link(test, same, folder), time.monotonic()
+                assert not notices(executable), f"{test} fails without a mutant"
+                limits[test] = HANG * (1 + time.monotonic() - start)
+    return limits
 
 
 def run(options):
@@ -173,13 +178,13 @@ def run(options):
             continue
         every = list(mutants_of(file))
         chosen = random.Random(options.seed).sample(every, min(options.sample, len(every)))
-        if any(key_of(mutant) not in known for mutant in chosen):
-            sound(build, file, tests)
+        fresh = any(key_of(mutant) not in known for mutant in chosen)
+        limits = limits_of(build, file, tests) if fresh else {}
         for mutant in chosen:
             key = key_of(mutant)
             if key not in known:
                 known[key] = {"key": key, "file": file, "line": mutant.number + 1, "before": mutant.before.strip(),
-                              "after": mutant.after.strip(), "verdict": try_mutant(build, mutant, tests)}
+                              "after": mutant.after.strip(), "verdict": try_mutant(build, mutant, limits)}
                 with results.open("a") as out:
                     out.write(json.dumps(known[key]) + "\n")
                 print(f"{file}:{mutant.number + 1}: {known[key]['verdict']}: {mutant.after.strip()}", flush=True)

@@ -1,4 +1,7 @@
 // Named faults of the body table, field by field, and files without one.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <functional>
 #include <limits>
 #include <string>
@@ -130,6 +133,12 @@ TEST_P(BodyFaultTest, IsRefusedByName) {
   EXPECT_NE(text.find("allowed"), std::string::npos) << text;
   EXPECT_LT(opened.error().offset_bytes, opened.bytes().size());
   EXPECT_EQ(opened.get(), nullptr) << "outputs stay untouched";
+  unsigned row = 0;
+  if (std::sscanf(text.c_str(), "body.row_starts[%u]", &row) == 1) {
+    const format::Model& file = *format::GetModel(opened.bytes().data());
+    const auto* starts = file.weights()->Data() + model.tables->body->row_starts->offset;
+    EXPECT_EQ(opened.error().offset_bytes, static_cast<uint64_t>(starts - opened.bytes().data()) + 4 * row) << text;
+  }
 
   // The same verdict when nobody listens.
   AlignedBytes storage(dcloth_model_storage_size());
@@ -161,6 +170,60 @@ TEST(BodyFormat, RingsOfOtherFacesAreHarmless) {
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
     ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, DCLOTH_STAGES_MESH, nullptr), DCLOTH_OK);
     ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
+  }
+}
+
+TEST(BodyFormat, LimitsThemselvesAreAllowed) {
+  TestModel model = BuildModel({});
+  AddBody(&model);
+  B* body = model.tables->body.get();
+  const auto opens = [&](float clearance, float reach) {
+    body->clearance = clearance;
+    body->reach = reach;
+    return OpenedModel(model).status() == DCLOTH_OK;
+  };
+  EXPECT_TRUE(opens(0.0001f, 10.0f));
+  EXPECT_TRUE(opens(0.0001f, 0.0001f));
+  EXPECT_TRUE(opens(0.1f, 0.1f));
+  EXPECT_FALSE(opens(std::nextafter(0.0001f, 0.0f), 1.0f));
+  EXPECT_FALSE(opens(std::nextafter(0.1f, 1.0f), 1.0f));
+  EXPECT_FALSE(opens(0.1f, std::nextafter(0.1f, 0.0f)));
+  EXPECT_FALSE(opens(0.1f, std::nextafter(10.0f, 11.0f)));
+}
+
+TEST(BodyFormat, ARingHasAtMostThirtyTwoFaces) {
+  for (const uint32_t length : {32u, 33u}) {
+    TestModel model = BuildModel({});
+    AddBody(&model);
+    auto* starts = Data<uint32_t>(model.tables.get(), *model.tables->body->row_starts);
+    for (uint32_t i = 10; i < 282; ++i) starts[i] = std::max(starts[i], starts[9] + length + (i - 10));  // rows behind shrink
+    const OpenedModel opened(model);
+    EXPECT_EQ(opened.status(), length == 32 ? DCLOTH_OK : DCLOTH_ERROR_SEMANTICS) << opened.error().text;
+  }
+}
+
+// A class of every face in turn: all three corners belong to it, or none.
+TEST(BodyFormat, AClassTouchesWholeFaces) {
+  for (size_t f = 0; f < 30; ++f) {
+    for (size_t left_out = 0; left_out <= 3; ++left_out) {
+      TestModel model = BuildModel({});
+      const EggBody egg = AddBody(&model, 3, 5);
+      const size_t b = egg.positions.size() / 3;
+      ASSERT_EQ(egg.faces.size(), 90u);
+      std::vector<uint8_t> touched(b, 0);
+      size_t first = b;
+      for (size_t corner = 0; corner < 3; ++corner) {
+        if (corner == left_out) continue;
+        touched[egg.faces[3 * f + corner]] = 1;
+        first = std::min<size_t>(first, egg.faces[3 * f + corner]);
+      }
+      AddTouch(&model, std::vector<uint8_t>(model.numbers.n, 0), touched);
+      const OpenedModel opened(model);
+      EXPECT_EQ(opened.status(), left_out == 3 ? DCLOTH_OK : DCLOTH_ERROR_SEMANTICS) << f << " " << left_out;
+      if (left_out == 3) continue;
+      EXPECT_EQ(std::string(opened.error().text).find("body.touched_by[" + std::to_string(first) + "]: "), 0u)
+          << opened.error().text;
+    }
   }
 }
 

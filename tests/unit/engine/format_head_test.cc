@@ -39,6 +39,15 @@ std::vector<Fault> HeadFaults() {
        [=](M* m) { widen(m->displacement->head.get(), 13); }, kRank},
       {"head_columns_none", kSemantics, "displacement.head.weights.shape[1]",
        [=](M* m) { widen(m->displacement->head.get(), 0); }, kRank},
+      // Nothing else needs a basis then.
+      {"head_columns_none_and_no_basis", kSemantics, "displacement.head.weights.shape[1]",
+       [=](M* m) {
+         widen(m->displacement->head.get(), 0);
+         m->mesh_stage.reset();
+         m->displacement->basis.reset();
+         m->displacement->skeleton_rows = 0;
+       },
+       kRank},
       {"head_columns_wide", kSemantics, "displacement.head.weights.shape[1]",
        [=](M* m) { widen(m->displacement->head.get(), 1u << 31); }, kRank},
       {"head_columns_not_the_meshs", kSemantics, "displacement.head.weights",
@@ -97,6 +106,18 @@ TEST_P(HeadFaultTest, IsRefusedByName) {
 
 INSTANTIATE_TEST_SUITE_P(NamedReduced, HeadFaultTest, ::testing::ValuesIn(HeadFaults()),
                          [](const auto& test) { return test.param.name; });
+
+TEST(HeadFormat, OneLayerSpeaksTheHeadsCoefficientsToo) {
+  ModelSpec spec;
+  spec.rank = 14;
+  spec.layers = 1;
+  TestModel model = BuildModel(spec);
+  ASSERT_EQ(OpenedModel(model).status(), DCLOTH_OK);
+  model.tables->mesh_stage->coefficients->weights->shape[1] = 16;
+  const OpenedModel opened(model);
+  EXPECT_EQ(opened.status(), kSemantics);
+  EXPECT_EQ(std::string(opened.error().text).find("displacement.head.weights: found 14 columns"), 0u) << opened.error().text;
+}
 
 }  // namespace
 }  // namespace dcloth::testing

@@ -1,0 +1,97 @@
+// What an error says: text that never leaves its memory, numbers as they are read, the first failure alone.
+#include "engine/format/diagnostic.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace dcloth::format {
+namespace {
+
+std::string Number(double value) {
+  char out[64];
+  Text(out, sizeof(out)).AddNumber(value);
+  return out;
+}
+
+TEST(DiagnosticText, FillsItsMemoryAndEndsIt) {
+  const std::string whole = "mesh_stage";
+  for (size_t size = 1; size <= whole.size() + 2; ++size) {
+    std::vector<char> out(size + 1, '#');
+    Text(out.data(), size).Add(whole.c_str());
+    EXPECT_EQ(std::string(out.data()), whole.substr(0, size - 1)) << size;
+    EXPECT_EQ(out[size], '#') << size;
+  }
+  char out[8];
+  Text text(out, sizeof(out));
+  text.Add("four").Add("").Add("five");  // goes on where it ended
+  EXPECT_STREQ(out, "fourfiv");
+}
+
+TEST(DiagnosticText, WritesWholeNumbers) {
+  for (const uint64_t value : {uint64_t{0}, uint64_t{7}, uint64_t{10}, uint64_t{99}, uint64_t{65536}, UINT64_MAX}) {
+    char out[32];
+    Text(out, sizeof(out)).Add(value);
+    EXPECT_EQ(out, std::to_string(value));
+  }
+}
+
+TEST(DiagnosticText, WritesPathsFromTheRoot) {
+  const Path stage = {nullptr, "mesh_stage"}, layer = {&stage, "layers", 0}, output = {&layer, "output"};
+  const Path element = {&output, nullptr, 41};
+  char out[64];
+  Text(out, sizeof(out)).Add(element);
+  EXPECT_STREQ(out, "mesh_stage.layers[0].output[41]");
+}
+
+// Six significant digits, powers of ten behind an e.
+TEST(DiagnosticText, WritesNumbersWithSixDigits) {
+  EXPECT_EQ(Number(0), "0.00000");
+  EXPECT_EQ(Number(-0.0), "0.00000");
+  EXPECT_EQ(Number(1), "1.00000");
+  EXPECT_EQ(Number(-1), "-1.00000");
+  EXPECT_EQ(Number(9.5), "9.50000");
+  EXPECT_EQ(Number(10), "1.00000e1");
+  EXPECT_EQ(Number(-1234.5), "-1.23450e3");
+  EXPECT_EQ(Number(0.5), "5.00000e-1");
+  EXPECT_EQ(Number(0.001), "1.00000e-3");
+  EXPECT_EQ(Number(1.23456), "1.23456");
+  EXPECT_EQ(Number(1.234567), "1.23457");
+  EXPECT_EQ(Number(1.7e308), "1.70000e308");
+  EXPECT_EQ(Number(std::numeric_limits<double>::infinity()), "infinity");
+  EXPECT_EQ(Number(-std::numeric_limits<double>::infinity()), "-infinity");
+  EXPECT_EQ(Number(NAN), "NaN");
+}
+
+TEST(Diagnostic, TellsTheFirstFailureAlone) {
+  dcloth_error error = {};
+  error.struct_size = sizeof(error);
+  Diagnostic diagnostic(&error);
+  EXPECT_EQ(diagnostic.status(), DCLOTH_OK);
+  const Path path = {nullptr, "tick_rate"};
+  EXPECT_FALSE(diagnostic.Fail(DCLOTH_ERROR_SEMANTICS, 40, &path, "0 Hz", "more", "convert it again"));
+  EXPECT_FALSE(diagnostic.FailCount(DCLOTH_ERROR_FORMAT, 80, nullptr, 3, " bytes", "64", ""));
+  EXPECT_EQ(diagnostic.status(), DCLOTH_ERROR_SEMANTICS);
+  EXPECT_EQ(error.status, DCLOTH_ERROR_SEMANTICS);
+  EXPECT_EQ(error.offset_bytes, 40u);
+  EXPECT_STREQ(error.text, "tick_rate: found 0 Hz; allowed: more; convert it again");
+}
+
+TEST(Diagnostic, NeedsNobodyToListen) {
+  Diagnostic deaf(nullptr);
+  EXPECT_FALSE(deaf.FailCount(DCLOTH_ERROR_FORMAT, 0, nullptr, 3, " bytes", "64", ""));
+  EXPECT_EQ(deaf.status(), DCLOTH_ERROR_FORMAT);
+  dcloth_error older;
+  std::memset(&older, 0x55, sizeof(older));
+  const dcloth_error before = [&] { older.struct_size = sizeof(older) - 1; return older; }();
+  Diagnostic small(&older);
+  EXPECT_FALSE(small.Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a", "b", ""));
+  EXPECT_EQ(std::memcmp(&older, &before, sizeof(older)), 0);
+}
+
+}  // namespace
+}  // namespace dcloth::format
