@@ -102,6 +102,14 @@ std::vector<OddFile> OddFiles() {
       {"laid_out_backwards", none, LayOutBackwards},
       {"weights_that_no_tensor_owns", none, [](M* m) { m->weights.resize(m->weights.size() + 4096, 0xAA); }},
       {"padding_full_of_ones", [](ModelSpec* s) { s->body = s->touch = true; }, FillPadding},
+      {"padding_of_crossed_bounds", none,
+       [](M* m) {
+         const format::TensorT &low = *m->features->low, &high = *m->features->high;
+         for (size_t i = StoredElements(low); i % 16 != 0; ++i) {
+           *Data<float>(m, low, i) = 1;
+           *Data<float>(m, high, i) = 0;
+         }
+       }},
       {"names_of_one_letter", none,
        [](M* m) {
          for (size_t j = 0; j < m->character->joint_names.size(); ++j)

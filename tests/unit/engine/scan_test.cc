@@ -8,6 +8,8 @@
 #include <numeric>
 #include <vector>
 
+#include "tests/unit/kernels/guarded_buffer.h"
+
 namespace dcloth::format {
 namespace {
 
@@ -121,6 +123,24 @@ TEST(ScanTest, FindsTheFirstStartThatDoesNotRise) {
       EXPECT_EQ(FindNotRising(starts.data(), count), place);
       starts[place + 1] = next;
     }
+  }
+}
+
+// A tensor may be the last of its file, and the file end with a page.
+TEST(ScanTest, ReadsNothingBehindTheLastElement) {
+  for (const size_t count : kCounts) {
+    const kernels::GuardedBuffer<float> ones(std::vector<float>(count, 1.0f));
+    EXPECT_EQ(FindNotFinite(ones.data(), count), count);
+    EXPECT_EQ(FindNotPositive(ones.data(), count), count);
+    EXPECT_EQ(FindBadWeightRow(ones.data(), count, 1), count);
+    const kernels::GuardedBuffer<uint16_t> words(std::vector<uint16_t>(count, 1));
+    EXPECT_EQ(FindNotBelow(words.data(), count, 2), count);
+    const kernels::GuardedBuffer<int8_t> bytes(std::vector<int8_t>(count, 1));
+    EXPECT_EQ(FindBelow(bytes.data(), count, 0), count);
+    std::vector<uint32_t> rising(count + 1);
+    std::iota(rising.begin(), rising.end(), 0u);
+    const kernels::GuardedBuffer<uint32_t> starts(rising);
+    EXPECT_EQ(FindNotRising(starts.data(), count), count);
   }
 }
 
