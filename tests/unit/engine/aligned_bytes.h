@@ -17,7 +17,7 @@ namespace dcloth {
 
 class AlignedBytes {
  public:
-  static constexpr uint8_t kPoison = 0xA5;
+  static constexpr uint8_t kPoison = 0xFF;  // of floats NaN: what reads before it writes shows
 
   explicit AlignedBytes(size_t size = 0) : size_(size) {
     data_ = static_cast<uint8_t*>(Allocate(size));

@@ -2,8 +2,11 @@
 // over carried over, the old memory given back.
 #include "tests/unit/engine/state_fixture.h"
 
+#include <algorithm>
 #include <memory>
 
+#include "engine/src/cloth.h"
+#include "engine/src/idle.h"
 #include "tests/unit/engine/update_fixture.h"
 
 namespace dcloth::testing {
@@ -117,6 +120,77 @@ TEST(HotSwap, OtherPrecisionsTakeOverWhatIsDrawn) {
     ASSERT_EQ(next->cloth->Update(pose, 0, kAll), DCLOTH_OK);
     EXPECT_EQ(next->cloth->positions(), current->cloth->positions()) << format::EnumNameDType(precision);
     current = std::move(next);
+  }
+}
+
+engine::Cloth* Inside(Garment* garment) { return reinterpret_cast<engine::Cloth*>(garment->cloth->get()); }
+
+// Features of the old model may lie outside of what the new one was trained on: they come into its range, or to the zero of
+// a reset.
+TEST(HotSwap, FeaturesComeIntoTheNewRange) {
+  Garment older({}, 1), newer({}, 2);
+  const format::ModelT& tables = *newer.model.tables;
+  const size_t count = newer.model.numbers.d;
+  constexpr float kRanges[][2] = {{-0.1f, 0.2f}, {0.1f, 0.2f}, {-0.2f, -0.1f}, {-2, 2}};
+  std::vector<uint8_t>& weights = newer.model.tables->weights;
+  for (size_t i = 0; i < count; ++i) {
+    std::memcpy(weights.data() + tables.features->low->offset + 4 * i, &kRanges[i % 4][0], 4);
+    std::memcpy(weights.data() + tables.features->high->offset + 4 * i, &kRanges[i % 4][1], 4);
+  }
+  newer.opened = std::make_unique<OpenedModel>(newer.model);
+  newer.cloth = std::make_unique<OwnedCloth>(*newer.opened);
+  for (int frame = 0; frame < 50; ++frame) ASSERT_EQ(older.Update(frame * 0.01, kFrame), DCLOTH_OK);
+  ASSERT_EQ(Restore(newer.cloth.get(), Save(older.cloth.get()), DCLOTH_RESTORE_OTHER_MODEL), DCLOTH_OK);
+  size_t moved = 0;
+  for (size_t i = 0; i < count; ++i) {
+    const float low = std::min(kRanges[i % 4][0], 0.0f), high = std::max(kRanges[i % 4][1], 0.0f);
+    const float was = Inside(&older)->features[i];
+    EXPECT_EQ(Inside(&newer)->features[i], std::clamp(was, low, high)) << i;
+    moved += was < low || was > high ? 1 : 0;
+  }
+  EXPECT_GT(moved, count / 4);
+}
+
+// Coefficients from which rest is judged are of one file: with another the half second begins anew. Rest itself stays.
+TEST(HotSwap, TheHalfSecondOfRestBeginsAnew) {
+  for (const bool frozen : {false, true}) {
+    for (const bool other : {false, true}) {
+      Garment older({}, 1), newer({}, other ? 2 : 1);
+      for (int frame = 0; frame < 50; ++frame)
+        ASSERT_EQ(older.Update(frame * 0.01, kFrame, DCLOTH_FRAME_FREEZE_IDLE), DCLOTH_OK);
+      engine::Cloth* from = Inside(&older);
+      from->idle_ticks = frozen ? engine::kIdleTicks : 5;
+      const size_t floats = engine::IdleStartFloats(*from->model);
+      for (size_t i = 0; i < floats; ++i) from->idle_start[i] = static_cast<float>(i);
+      ASSERT_EQ(Restore(newer.cloth.get(), Save(older.cloth.get()), DCLOTH_RESTORE_OTHER_MODEL), DCLOTH_OK);
+      const engine::Cloth* to = Inside(&newer);
+      EXPECT_EQ(to->idle_ticks, frozen || !other ? from->idle_ticks : 0u) << frozen << other;
+      EXPECT_EQ(engine::IsFrozen(*to), frozen);
+      if (frozen || other) continue;
+      EXPECT_TRUE(std::equal(from->idle_start, from->idle_start + floats, to->idle_start));
+    }
+  }
+}
+
+// A basis of another rank keeps other coefficients: those saved are stepped over, and all behind them arrives.
+TEST(HotSwap, RestOfAnotherRankIsSteppedOver) {
+  ModelSpec spec;
+  Garment full(spec, 1);
+  spec.rank = 14;
+  Garment reduced(spec, 2);
+  for (int frame = 0; frame < 50; ++frame) ASSERT_EQ(full.Update(frame * 0.01, kFrame), DCLOTH_OK);
+  engine::Cloth* from = Inside(&full);
+  from->idle_ticks = 5;
+  std::fill_n(from->idle_start, engine::IdleStartFloats(*from->model), 0.5f);
+  ASSERT_NE(engine::IdleStartFloats(*from->model), engine::IdleStartFloats(*Inside(&reduced)->model));
+  ASSERT_EQ(Restore(reduced.cloth.get(), Save(full.cloth.get()), DCLOTH_RESTORE_OTHER_MODEL), DCLOTH_OK);
+  const engine::Cloth* to = Inside(&reduced);
+  EXPECT_EQ(to->idle_ticks, 0u);
+  const size_t columns = size_t{3} * full.model.numbers.n;
+  for (uint32_t back = 0; back < from->tick_count; ++back) {
+    const float* old = from->displacement[(from->newest + engine::kTickSlots - back) % engine::kTickSlots];
+    const float* now = to->displacement[(to->newest + engine::kTickSlots - back) % engine::kTickSlots];
+    EXPECT_TRUE(std::equal(old, old + columns, now)) << back;
   }
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "engine/src/tick_work.h"
+#include "kernels/matvec/matvec.h"
 #include "tests/attack/variants.h"
 #include "tests/unit/engine/allocation_trap.h"
 #include "tests/unit/engine/update_fixture.h"
@@ -316,6 +317,45 @@ TEST(State, BrokenWeightsAreToldWhileSaving) {
   EXPECT_EQ(bytes, StateBytes(bytes.size(), 0xEE));
   ASSERT_EQ(dcloth_cloth_reset(cloth.get()), DCLOTH_OK);
   EXPECT_EQ(Save(&cloth).size(), sizeof(engine::StateHead));
+}
+
+// Padding too: a file may hold padding of a basis that weighs, and a cloth that paused in a tick coefficients to meet it.
+TEST(State, NothingOfAnEarlierLifeIsLeft) {
+  TestModel model = BuildModel(WideVariants().front().spec);
+  const ModelSpec& spec = model.numbers.spec;
+  format::ModelT* tables = model.tables.get();
+  const format::TensorT &bias = *tables->mesh_stage->coefficients->bias, &basis = *tables->displacement->basis->weights;
+  const auto floats = [&](const format::TensorT& tensor) {
+    return reinterpret_cast<float*>(tables->weights.data() + tensor.offset);
+  };
+  ASSERT_EQ(spec.mesh_basis % 2, 1u);
+  floats(bias)[spec.mesh_basis] = 1;
+  const size_t rows = basis.shape[0], panels = kernels::PanelCount(3 * model.numbers.n);
+  ASSERT_EQ(rows, spec.units + 1 + spec.mesh_basis + 1);
+  constexpr size_t kWidth = kernels::kPanelColumns;
+  std::fill_n(floats(basis), panels * rows * kWidth, 0.0f);
+  for (size_t panel = 1; panel <= panels; ++panel) std::fill_n(floats(basis) + (panel * rows - 1) * kWidth, kWidth, 1e38f);
+
+  const OpenedModel opened(model);
+  ASSERT_EQ(opened.status(), DCLOTH_OK) << opened.error().text;
+  const auto pause_in = [&](OwnedCloth* cloth, engine::TickPart part) {
+    ASSERT_EQ(cloth->Tick(PoseAt(model.numbers, 0), kAll), DCLOTH_OK);
+    ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.03), static_cast<float>(0.99 * kTick), kAll), DCLOTH_OK);
+    ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.03), static_cast<float>(0.01 * kTick), kAll, DCLOTH_FRAME_PIPELINED),
+              DCLOTH_OK);
+    for (int crumb = 0; HeadOf(Save(cloth)).part != static_cast<uint32_t>(part); ++crumb) {
+      ASSERT_LT(crumb, 1000);
+      ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.03), 1e-6f, kAll, DCLOTH_FRAME_PIPELINED), DCLOTH_OK);
+    }
+  };
+  OwnedCloth saved(opened), fresh(opened), used(opened);
+  pause_in(&saved, engine::TickPart::kDisplacement);
+  pause_in(&used, engine::TickPart::kCoefficients);
+  for (OwnedCloth* cloth : {&fresh, &used}) ASSERT_EQ(Restore(cloth, Save(&saved)), DCLOTH_OK);
+  for (OwnedCloth* cloth : {&saved, &fresh, &used})
+    ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.05), static_cast<float>(kTick), kAll), DCLOTH_OK);
+  EXPECT_EQ(fresh.positions(), saved.positions());
+  EXPECT_EQ(used.positions(), saved.positions());
 }
 
 TEST(State, BadArgumentsAreRefused) {
