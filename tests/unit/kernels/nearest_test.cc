@@ -300,6 +300,60 @@ TEST_P(NearestTest, SomeGroupsOfMany) {
   EXPECT_GT(found, kNearestPatch);
 }
 
+// On a lattice whose numbers are exact in float: of equals the first, a plane that is touched not below it, a reach that is
+// met not within it.
+TEST_P(NearestTest, TiesOnALatticeAreDecidedAsWritten) {
+  Random random(11);
+  const auto lattice = [&](uint32_t steps) { return (static_cast<float>(random.Below(steps)) - static_cast<float>(steps / 2)) / 8; };
+  size_t suspects = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    Sites sites(1 + random.Below(60), 0, &random);
+    for (size_t s = 0; s < sites.count; ++s) {
+      const size_t axis = random.Below(3);
+      for (size_t c = 0; c < 3; ++c) {
+        sites.position[3 * s + c] = lattice(5);
+        sites.normal[3 * s + c] = c != axis ? 0.0f : random.Below(2) == 0 ? 1.0f : -1.0f;
+      }
+      sites.offset[s] = lattice(5);
+      sites.slack_squared[s] = static_cast<float>(random.Below(3)) / 32;
+    }
+    sites.Pack();
+    const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
+    const GuardedBuffer<float> point(std::vector<float>{lattice(7), lattice(7), lattice(7)});
+    const GuardedBuffer<uint16_t> order(std::vector<uint16_t>{0});
+    GuardedBuffer<uint16_t> nearest(1), suspect(1);
+    const float reach = static_cast<float>(1 + random.Below(4)) / 8;
+    table().nearest({point.data(), 12, order.data(), 1, packed.data(), bounds.data(), sites.groups, reach, nearest.data(),
+                     suspect.data(), 0});
+
+    float least = reach * reach, least_excess = 1e30f;
+    uint16_t near = kNoSite, below = kNoSite;
+    for (size_t s = 0; s < sites.count; ++s) {
+      float squared = 0, height = 0;
+      for (size_t c = 0; c < 3; ++c) {
+        const float apart = point[c] - sites.position[3 * s + c];
+        squared += apart * apart;
+        height += sites.normal[3 * s + c] * point[c];
+      }
+      if (squared < least) {
+        least = squared;
+        near = static_cast<uint16_t>(s);
+      }
+      const float excess = squared - sites.slack_squared[s];
+      if (height < sites.offset[s] && excess < least_excess) {
+        least_excess = excess;
+        below = static_cast<uint16_t>(s);
+      }
+    }
+    const bool found = near != kNoSite && least_excess <= least;
+    ASSERT_EQ(nearest[0], found ? near : kNoSite) << table().name << " trial " << trial;
+    ASSERT_EQ(suspect[0], found ? below : kNoSite) << table().name << " trial " << trial;
+    suspects += found ? 1 : 0;
+  }
+  EXPECT_GT(suspects, 500u);
+  EXPECT_LT(suspects, 2500u);
+}
+
 TEST_P(NearestTest, ReachAndSlackFromNothingToEverything) {
   for (float reach : {0.0f, 0.01f, 0.3f, 1e9f}) {
     for (float slack : {0.0f, 0.2f, 1e9f}) Check(53, 200, 4, reach, slack);
