@@ -205,33 +205,37 @@ TEST_P(NearestTest, RunsOfPointsFromOnePlaceToApart) {
   }
 }
 
-// The surface may just touch the ball around four points: one of them is just below a plane that the middle is above.
+// The surface may just touch the ball around four points: the farthest from their middle, whichever it is, lies just below a
+// plane that the middle is above.
 TEST_P(NearestTest, ARunThatTheSurfaceComesNearToIsNotClear) {
   Random random(7);
-  for (const float radius : {1e-3f, 0.02f, 0.2f}) {
-    for (const float clearance : {0.0f, 0.5f * radius}) {
-      for (const float slack : {0.0f, 0.02f, 0.3f}) {
-        for (const size_t run : {0u, 5u, 15u}) {
-          const float in_reach = 0.999f, touching = in_reach * (radius + clearance);
-          const float ahead = std::sqrt(touching * touching + slack * slack);
-          Sites sites(2, slack, &random);
-          sites.position = {-2 * radius, 0, 0, ahead, 0, 0};
-          sites.normal = {1, 0, 0, -1, 0, 0};
-          sites.offset = {-1000, -in_reach * radius};
-          sites.slack_squared = {0, slack * slack};
-          sites.Pack();
-          std::vector<float> at(3 * kNearestPatch, 50.0f);
-          for (size_t i = 0; i < 4; ++i) {
-            float* v = &at[3 * (4 * run + i)];
-            v[0] = i == 2 ? radius : -radius;
-            v[1] = v[2] = 0;
+  for (const float half : {1e-3f, 0.02f, 0.2f}) {
+    for (const bool alone : {false, true}) {  // the others as far away, or nearer
+      const float side = alone ? half : 0, radius = std::sqrt(half * half + 2 * side * side);
+      const float others[3][3] = {{-half, -side, 0}, {-half, 0, -side}, {-half, 0, 0}};
+      for (const float clearance : {0.0f, 0.5f * half}) {
+        for (const float slack : {0.0f, 0.02f, 0.3f}) {
+          for (const size_t farthest : {2u, 20u, 25u, 63u}) {
+            const float in_reach = 0.999f, touching = in_reach * (radius + clearance);
+            const float ahead = std::sqrt(touching * touching + slack * slack);
+            Sites sites(2, slack, &random);
+            sites.position = {-2 * half, 0, 0, ahead, 0, 0};
+            sites.normal = {1, 0, 0, -1, 0, 0};
+            sites.offset = {-1000, -in_reach * half};
+            sites.slack_squared = {0, slack * slack};
+            sites.Pack();
+            std::vector<float> at(3 * kNearestPatch, 50.0f);
+            for (size_t i = farthest / 4 * 4, other = 0; i < farthest / 4 * 4 + 4; ++i) {
+              const float far[3] = {half, side, side};
+              std::copy_n(i == farthest ? far : others[other++], 3, &at[3 * i]);
+            }
+            std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
+            std::iota(order.begin(), order.end(), uint16_t{0});
+            table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(),
+                             sites.groups, 9.0f, nearest.data(), suspect.data(), clearance});
+            for (size_t i = 0; i < kNearestPatch; ++i)
+              ASSERT_EQ(suspect[i] != kNoSite, i == farthest) << half << " " << clearance << " " << slack << " " << i;
           }
-          std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
-          std::iota(order.begin(), order.end(), uint16_t{0});
-          table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(),
-                           sites.groups, 9.0f, nearest.data(), suspect.data(), clearance});
-          for (size_t i = 0; i < kNearestPatch; ++i)
-            ASSERT_EQ(suspect[i] != kNoSite, i == 4 * run + 2) << radius << " " << clearance << " " << slack << " " << i;
         }
       }
     }
