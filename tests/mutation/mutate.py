@@ -34,7 +34,7 @@ KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
 KERNELS["matvec"] = [f"kernels_{kind}_test" for kind in ("matvec_f32", "matvec_f16", "matvec_i8", "quantize")]
 VERIFIER = ["attack_ladder_test", "attack_every_tensor_test", "attack_odd_files_test", "engine_diagnostic_test",
             "engine_format_test", "engine_format_body_test", "engine_format_head_test", "engine_scan_test"]
-STATE = ["attack_state_test", "engine_state_test", "engine_hot_swap_test"]
+STATE = ["attack_state_test", "engine_state_test", "engine_state_check_test", "engine_hot_swap_test"]
 # Sources of the converter that have no test of their name; every other one has.
 WHOLE = ["converter_convert_test", "converter_convert_rank_test"]
 CONVERTER = {"assemble": WHOLE, "attempts": WHOLE, "model_maker": WHOLE, "bundle_metadata": ["converter_bundle_test"],
