@@ -64,19 +64,33 @@ def check_pkg_config(prefix, work, model):
     run(os.environ.get("CC", "cc"), *WARNINGS, HOST, "-o", program, *ask("--cflags", "--libs"), "-lm")
     libraries = [flag[2:] for flag in ask("--libs-only-L")]
     play(program, model, env={**os.environ, "LD_LIBRARY_PATH": ":".join(libraries)})
+    check_sketch(work, ask("--cflags"))
     check_page(work, ask("--cflags", "--libs"), model, {**os.environ, "LD_LIBRARY_PATH": ":".join(libraries)})
     if f"dcloth {version} " not in run(program, model, env={**os.environ, "LD_LIBRARY_PATH": ":".join(libraries)}):
         sys.exit(f"error: pkg-config says version {version}, the library another one")
 
 
+def program_of(page):
+    blocks = re.findall(r"^```c\n(.*?)^```$", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    if len(blocks) != 1:
+        sys.exit(f"error: {len(blocks)} programs in C on {page}, one is expected")
+    return blocks[0]
+
+
+def check_sketch(work, flags):
+    """The lines in C that README.md shows, with what they leave to the host as parameters."""
+    host = ("int host(const void* bytes, size_t size, void* view, void* memory, uint32_t joint_count, uint32_t vertex_count,"
+            "\n         const float* joint_matrices, float* positions, float* normals, float delta_seconds)")
+    source = work / "sketch.c"
+    source.write_text(f"#include <dcloth/dcloth.h>\n\nint fail(const char* text);\n\n{host};\n{host} {{\n"
+                      f"{program_of('README.md')}return 0;\n}}\n", encoding="utf-8")
+    run(os.environ.get("CC", "cc"), *WARNINGS, "-c", source, "-o", work / "sketch.o", *flags)
+
+
 def check_page(work, flags, model, environment):
     """The host that docs/integrate.md shows, as it stands there."""
-    blocks = re.findall(r"^```c\n(.*?)^```$", (ROOT / "docs/integrate.md").read_text(encoding="utf-8"),
-                        re.DOTALL | re.MULTILINE)
-    if len(blocks) != 1:
-        sys.exit(f"error: {len(blocks)} programs in C on docs/integrate.md, one is expected")
     source, program = work / "game.c", work / "page"
-    source.write_text(blocks[0], encoding="utf-8")
+    source.write_text(program_of("docs/integrate.md"), encoding="utf-8")
     run(os.environ.get("CC", "cc"), *WARNINGS, source, "-o", program, *flags)
     said = run(program, model, env=environment)
     if not re.fullmatch(r".+ on \w+: \d+ vertices, the first at( -?\d+\.\d{3}){3}\n", said):
