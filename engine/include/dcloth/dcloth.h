@@ -94,12 +94,12 @@ typedef struct dcloth_model_info {
   uint32_t format_minor;
   const char* name;          /* terminated, lives as long as the model bytes */
   const char* precision;     /* "fp32", "fp16", "int8" or what the converter was asked for */
-  const uint16_t* triangles; /* [triangle_count, 3], in the model bytes */
+  const uint16_t* triangles; /* [triangle_count, 3], in the model bytes; counter-clockwise seen from outside */
 } dcloth_model_info;
 
 /* The host's axes and unit. World and joints are the host's; the way into the model's space and back is
  * part of the matrices that are computed anyway, and costs no time per vertex. "World" may be any frame
- * that does not turn over, the character's own root too.
+ * that does not turn over, a vehicle or the character's own root too: what it does is then no motion for the cloth.
  *   glTF, Godot       left +X, up +Y, forward +Z, 1 (the default)
  *   Unity             left -X, up +Y, forward +Z, 1
  *   Unreal (actor)    left -Y, up +Z, forward +X, 0.01
@@ -131,7 +131,7 @@ typedef struct dcloth_space {
 typedef struct dcloth_pose {
   uint32_t struct_size;          /* set to sizeof(dcloth_pose) */
   uint32_t joint_count;          /* dcloth_model_info.joint_count, or the count of names bound */
-  const float* joint_matrices;   /* [joint_count, 16] joint to world, in the host's space */
+  const float* joint_matrices;   /* [joint_count, 16] joint to world, unscaled, in the host's space */
   uint32_t column_major;         /* 0: rows are contiguous; 1: columns are contiguous */
 } dcloth_pose;
 
@@ -200,8 +200,8 @@ typedef struct dcloth_cloth_info {
 } dcloth_cloth_info;
 
 /* Numbers in a vertex buffer. Half floats are IEEE 754 binary16; their steps are 0.5 mm at 0.5 to 1 m from
- * the origin and double with each doubling of the distance, so half positions want joint matrices relative
- * to the character. */
+ * the origin and double with each doubling of the distance, so half positions want an origin near the
+ * character that stands still; moving it is a DCLOTH_FRAME_JUMPED. */
 enum {
   DCLOTH_FORMAT_FLOAT32 = 0,
   DCLOTH_FORMAT_FLOAT16 = 1
@@ -216,11 +216,11 @@ enum {
   DCLOTH_OUTPUT_OUTSIDE_BODY = 1
 };
 
-/* Where vertices go. Attribute by attribute: the first vertex's place, the distance to the next one's (at
- * least the attribute's own bytes, a multiple of its number's), the numbers' format. Attributes may
- * interleave in one buffer; nothing between them is read or written. Null attributes are not wanted and
- * cost nothing. A half among the wanted formats needs scratch; it holds nothing between calls, and all
- * cloths of a thread can share it. */
+/* Where vertices go. Attribute by attribute: the first vertex's place, the distance to the next one's (at least the
+ * attribute's own bytes, a multiple of its number's), the numbers' format. Attributes may interleave in one buffer;
+ * nothing between them is read or written. Null attributes are not wanted and cost nothing. A half among the wanted
+ * formats needs scratch; it holds nothing between calls, and all cloths of a thread can share it. The buffers are then
+ * only written; where all are floats they are read, too: not for GPU memory that is slow to read. */
 typedef struct dcloth_output {
   uint32_t struct_size;          /* set to sizeof(dcloth_output) */
   uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count */
