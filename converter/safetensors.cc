@@ -73,6 +73,13 @@ std::string ShapeText(const Shape& shape) {
   return text + "]";
 }
 
+bool LooksLikeSafetensors(std::span<const std::byte> file) {
+  uint64_t header_bytes = 0;
+  if (file.size() <= sizeof(header_bytes)) return false;
+  std::memcpy(&header_bytes, file.data(), sizeof(header_bytes));
+  return header_bytes <= file.size() - sizeof(header_bytes) && file[sizeof(header_bytes)] == std::byte{'{'};
+}
+
 uint64_t SafeTensor::count() const { return bytes.size() / SafeTypeSize(type); }
 
 SafeFile SafeFile::Read(const std::filesystem::path& path) { return Parse(ReadFile(path), path); }
@@ -86,6 +93,10 @@ SafeFile SafeFile::Parse(AlignedBytes bytes, std::filesystem::path path) {
   uint64_t header_bytes = 0;
   std::memcpy(&header_bytes, file.bytes_.data(), 8);
   if (header_bytes > std::min<uint64_t>(size - 8, kMaxHeaderBytes)) {
+    if (std::memcmp(file.bytes_.data() + 4, "DCLO", 4) == 0) {  // such a length would be beyond every file
+      throw Error({file.path_, "", "a .dcloth model", "a safetensors file",
+                   "give the training bundle that the model was made from, or a sequence"});
+    }
     throw Error({file.path_, "", "a header of " + std::to_string(header_bytes) + " bytes",
                  "at most " + std::to_string(std::min<uint64_t>(size - 8, kMaxHeaderBytes)),
                  "the file is truncated or no safetensors file"});

@@ -26,6 +26,9 @@ size_t SafeTypeSize(SafeType type);       // bytes of one element
 using Shape = std::vector<uint64_t>;
 std::string ShapeText(const Shape& shape);  // "[3, 4]"
 
+// By the file's beginning: the length of a header that fits, and the header's brace.
+bool LooksLikeSafetensors(std::span<const std::byte> file);
+
 // A named array; `bytes` belongs to someone else and may lie on any address.
 struct SafeTensor {
   std::string name;

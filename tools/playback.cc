@@ -1,14 +1,24 @@
 #include "tools/playback.h"
 
 #include <cmath>
+#include <utility>
 
 #include "converter/error.h"
 #include "converter/file.h"
+#include "converter/safetensors.h"
 
 namespace dcloth::tools {
 
 converter::OpenModel OpenModelFile(const std::filesystem::path& path) {
-  return converter::OpenModel(converter::ReadFile(path), path);
+  converter::AlignedBytes bytes = converter::ReadFile(path);
+  if (converter::LooksLikeSafetensors(bytes)) {
+    throw converter::Error({.path = path,
+                            .tensor = {},
+                            .found = "a safetensors file",
+                            .expected = "a .dcloth model",
+                            .mend = "`dcloth convert BUNDLE -o MODEL` makes one of a training bundle"});
+  }
+  return converter::OpenModel(std::move(bytes), path);
 }
 
 const char* StagesName(uint32_t stages) {

@@ -176,3 +176,12 @@ def test_a_report_replaces_neither_bundle_nor_model(dcloth, files, tmp_path):
     refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", "--report", tmp_path / "m"), "--report")
     refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", "--report", files.bundle), "--report")
     assert files.bundle.read_bytes() == before and not (tmp_path / "m").exists()
+
+
+def test_a_bundle_for_a_model_and_a_model_for_a_bundle_are_told(dcloth, files, tmp_path):
+    for command in (["inspect", files.bundle], ["run", files.bundle, files.walk, "-o", tmp_path / "x.pc2"],
+                    ["profile", files.bundle, files.walk]):
+        refused(dcloth(*command), files.bundle, "a safetensors file", "a .dcloth model", "dcloth convert")
+    for command in (["convert", files.model, "-o", tmp_path / "m"], ["evaluate", files.model, files.walk],
+                    ["run", files.model, files.model, "-o", tmp_path / "x.pc2"]):
+        refused(dcloth(*command), files.model, "a .dcloth model", "a safetensors file", "bundle")
