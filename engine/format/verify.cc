@@ -25,7 +25,7 @@ bool CheckBytes(const void* bytes, size_t size, Diagnostic* diagnostic) {
   }
   if (size < kSmallestFile || size > kMaxModelBytes || size % kAlignment != 0) {
     return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, kNoOffset, nullptr, size, " bytes",
-                                 "a multiple of 64, from 64 to 2147483646", "is the file complete?");
+                                 "a multiple of 64, from 64 to 2147483646", "is it a .dcloth file, and whole?");
   }
   if (!fb::BufferHasIdentifier(bytes, ModelIdentifier())) {
     return diagnostic->Fail(DCLOTH_ERROR_FORMAT, kIdentifierOffset, nullptr, "another file identifier", "DCLO",
