@@ -192,7 +192,10 @@ TEST_F(StateCheckTest, EveryNumberOfTheSpans) {
       };
       StateSpans spans;
       spans.Add("mesh_state", memory.data(), kRows, kColumns, kStride, largest);
-      spans.Add("nothing", nullptr, 0, kColumns, kStride, largest);
+      spans.Add("no rows", nullptr, 0, kColumns, kStride, largest);
+      spans.Add("no columns", nullptr, kRows, 0, kStride, largest);
+      ASSERT_EQ(spans.count, 1u);
+      ASSERT_EQ(spans.Floats(), kRows * kColumns);
       const auto holds = [&] {
         error_ = EmptyError();
         format::Diagnostic diagnostic(&error_);

@@ -314,6 +314,8 @@ TEST(State, BrokenWeightsAreToldWhileSaving) {
   dcloth_error error = EmptyError();
   EXPECT_EQ(dcloth_cloth_save(cloth.get(), bytes.data(), bytes.size(), &error), DCLOTH_ERROR_SEMANTICS);
   EXPECT_EQ(std::string(error.text).find("skeleton_state[0]: found NaN; allowed: -1 to 1"), 0u) << error.text;
+  const size_t poses = 2 * sizeof(double) * 12 * model.numbers.spec.joints;
+  EXPECT_EQ(error.offset_bytes, sizeof(engine::StateHead) + poses + sizeof(float) * model.numbers.d);
   EXPECT_EQ(bytes, StateBytes(bytes.size(), 0xEE));
   ASSERT_EQ(dcloth_cloth_reset(cloth.get()), DCLOTH_OK);
   EXPECT_EQ(Save(&cloth).size(), sizeof(engine::StateHead));

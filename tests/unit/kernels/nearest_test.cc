@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <numeric>
 
@@ -84,7 +85,8 @@ class NearestTest : public KernelTest {
                                     << spread);
     Random random(static_cast<uint32_t>(points * 131 + site_count * 7 + stride_floats));
     const Sites sites(site_count, slack, &random);
-    const GuardedBuffer<float> packed(sites.packed), bounds(sites.bounds);
+    const Place place = points % 2 == 0 ? Place::kEnd : Place::kStart;
+    const GuardedBuffer<float> packed(sites.packed, place), bounds(sites.bounds, place);
     GuardedBuffer<float> at((points - 1) * stride_floats + 3);
     for (size_t i = 0; i < points; ++i) {
       for (size_t c = 0; c < 3; ++c) at[i * stride_floats + c] = random.Uniform(-1.3f, 1.3f);
@@ -237,6 +239,72 @@ TEST_P(NearestTest, ARunThatTheSurfaceComesNearToIsNotClear) {
               ASSERT_EQ(suspect[i] != kNoSite, i == farthest) << half << " " << clearance << " " << slack << " " << i;
           }
         }
+      }
+    }
+  }
+}
+
+// Two lumps of sites, the planes of one facing the points: what a patch finds.
+struct TwoLumps {
+  TwoLumps(const std::array<float, 3>& a, const std::array<float, 3>& b, Random* random) : sites(2 * kNearestGroup, 0, random) {
+    for (size_t s = 0; s < sites.count; ++s) {
+      const std::array<float, 3>& lump = s < kNearestGroup ? a : b;
+      std::copy_n(lump.begin(), 3, &sites.position[3 * s]);
+      sites.normal[3 * s] = 1;
+      sites.normal[3 * s + 1] = sites.normal[3 * s + 2] = 0;
+      sites.offset[s] = s < kNearestGroup ? -1000.0f : 1000.0f;
+    }
+    sites.Pack();
+  }
+  void Find(const KernelTable& table, const std::vector<float>& at) {
+    std::vector<uint16_t> order(kNearestPatch);
+    std::iota(order.begin(), order.end(), uint16_t{0});
+    table.nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(), sites.groups, 9.0f,
+                   nearest.data(), suspect.data(), 0});
+  }
+
+  Sites sites;
+  std::vector<uint16_t> nearest = std::vector<uint16_t>(kNearestPatch), suspect = std::vector<uint16_t>(kNearestPatch);
+};
+
+// The nearest site of a run's middle is on one side, that of the points on the other side a little further off.
+TEST_P(NearestTest, ASiteOnTheFarSideOfARunIsFound) {
+  Random random(7);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    for (const float side : {-1.0f, 1.0f}) {
+      std::array<float, 3> a = {}, b = {};
+      a[axis] = -0.8f * side;  // in the ball around the four
+      b[axis] = 0.81f * side;
+      TwoLumps lumps(a, b, &random);
+      std::vector<float> at;
+      for (size_t i = 0; i < kNearestPatch; ++i) {
+        const float corner[4][3] = {{0.5f, 0.5f, 0.5f}, {-0.5f, -0.5f, 0.5f}, {-0.5f, 0.5f, -0.5f}, {0.5f, -0.5f, -0.5f}};
+        at.insert(at.end(), corner[i % 4], corner[i % 4] + 3);
+      }
+      lumps.Find(table(), at);
+      for (size_t i = 0; i < kNearestPatch; ++i) {
+        const bool far = at[3 * i + axis] * side > 0;
+        ASSERT_EQ(lumps.suspect[i], far ? kNearestGroup : kNoSite) << axis << " " << side << " " << i;
+        ASSERT_EQ(lumps.nearest[i], far ? kNearestGroup : kNoSite) << axis << " " << side << " " << i;
+      }
+    }
+  }
+}
+
+// One point of a patch is where no other is, and so is what it lies below.
+TEST_P(NearestTest, APointFarFromItsPatchIsFound) {
+  Random random(7);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    for (const float side : {-1.0f, 1.0f}) {
+      std::array<float, 3> b = {0.1f, 0.2f, 0.3f};
+      b[axis] = 5 * side;
+      TwoLumps lumps({0.1f, 0.1f, 0.1f}, b, &random);
+      for (size_t far = 0; far < kNearestPatch; ++far) {
+        std::vector<float> at(3 * kNearestPatch, 0.0f);
+        at[3 * far + axis] = 5 * side;
+        lumps.Find(table(), at);
+        for (size_t i = 0; i < kNearestPatch; ++i)
+          ASSERT_EQ(lumps.suspect[i], i == far ? kNearestGroup : kNoSite) << axis << " " << side << " " << far << " " << i;
       }
     }
   }
