@@ -291,20 +291,26 @@ TEST_P(NearestTest, ASiteOnTheFarSideOfARunIsFound) {
   }
 }
 
-// One point of a patch is where no other is, and so is what it lies below.
+// One point of a patch is where no other is, and what it lies below is there, or so far behind it that the others' site is
+// nearly as near.
 TEST_P(NearestTest, APointFarFromItsPatchIsFound) {
   Random random(7);
   for (size_t axis = 0; axis < 3; ++axis) {
     for (const float side : {-1.0f, 1.0f}) {
-      std::array<float, 3> b = {0.1f, 0.2f, 0.3f};
-      b[axis] = 5 * side;
-      TwoLumps lumps({0.1f, 0.1f, 0.1f}, b, &random);
-      for (size_t far = 0; far < kNearestPatch; ++far) {
-        std::vector<float> at(3 * kNearestPatch, 0.0f);
-        at[3 * far + axis] = 5 * side;
-        lumps.Find(table(), at);
-        for (size_t i = 0; i < kNearestPatch; ++i)
-          ASSERT_EQ(lumps.suspect[i], i == far ? kNearestGroup : kNoSite) << axis << " " << side << " " << far << " " << i;
+      for (const float beyond : {5.0f, 9.7f}) {
+        std::array<float, 3> a = {}, b = {};
+        a[axis] = 0.2f * side;  // in the ball around its run
+        b[axis] = beyond * side;
+        TwoLumps lumps(a, b, &random);
+        for (size_t far = 0; far < kNearestPatch; ++far) {
+          std::vector<float> at(3 * kNearestPatch, 0.0f);
+          at[3 * far + axis] = 5 * side;
+          lumps.Find(table(), at);
+          for (size_t i = 0; i < kNearestPatch; ++i) {
+            ASSERT_EQ(lumps.suspect[i], i == far ? kNearestGroup : kNoSite)
+                << axis << " " << side << " " << beyond << " " << far << " " << i;
+          }
+        }
       }
     }
   }
