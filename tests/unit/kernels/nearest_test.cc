@@ -217,7 +217,8 @@ TEST_P(NearestTest, ARunThatTheSurfaceComesNearToIsNotClear) {
       const float others[3][3] = {{-half, -side, 0}, {-half, 0, -side}, {-half, 0, 0}};
       for (const float clearance : {0.0f, 0.5f * half}) {
         for (const float slack : {0.0f, 0.02f, 0.3f}) {
-          for (const size_t farthest : {2u, 20u, 25u, 63u}) {
+          for (const size_t farthest : {2u, 20u, 25u, 28u, 63u}) {
+            const float elsewhere = farthest % 8 == 4 ? 0.0f : 50.0f;  // the other runs, in the middle or away
             const float in_reach = 0.999f, touching = in_reach * (radius + clearance);
             const float ahead = std::sqrt(touching * touching + slack * slack);
             Sites sites(2, slack, &random);
@@ -226,7 +227,7 @@ TEST_P(NearestTest, ARunThatTheSurfaceComesNearToIsNotClear) {
             sites.offset = {-1000, -in_reach * half};
             sites.slack_squared = {0, slack * slack};
             sites.Pack();
-            std::vector<float> at(3 * kNearestPatch, 50.0f);
+            std::vector<float> at(3 * kNearestPatch, elsewhere);
             for (size_t i = farthest / 4 * 4, other = 0; i < farthest / 4 * 4 + 4; ++i) {
               const float far[3] = {half, side, side};
               std::copy_n(i == farthest ? far : others[other++], 3, &at[3 * i]);
