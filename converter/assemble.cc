@@ -124,8 +124,7 @@ BodyParts AssembleBody(const Bundle& bundle, const FoldedBundle& folded) {
   constexpr float kReach = 0.15f;       // no part of a grown body is thicker than twice that
   const BodySurface& surface = folded.surface;
   const auto b = static_cast<uint32_t>(surface.vertices.size()), influences = surface.skin.influences;
-  Matrix positions(b, 3);
-  for (uint32_t i = 0; i < b; ++i) positions.row(i) = bundle.body_positions.row(surface.vertices[i]);
+  const Matrix positions = bundle.body_positions(surface.vertices, Eigen::all);
   std::vector<uint32_t> joints;
   for (const uint32_t column : surface.skin.columns) joints.push_back(folded.joints.kept[column]);
   const auto corners = static_cast<uint32_t>(surface.faces.size());

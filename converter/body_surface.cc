@@ -1,6 +1,7 @@
 #include "converter/body_surface.h"
 
 #include <algorithm>
+#include <numeric>
 #include <set>
 #include <string>
 
@@ -122,8 +123,8 @@ void AddRings(BodySurface* surface) {
   const size_t b = surface->vertices.size();
   surface->row_starts.assign(b + 1, 0);
   for (const uint32_t corner : surface->faces) ++surface->row_starts[corner + 1];
-  for (size_t i = 0; i < b; ++i) surface->row_starts[i + 1] += surface->row_starts[i];
-  std::vector<uint32_t> next(surface->row_starts.begin(), surface->row_starts.end() - 1);
+  std::partial_sum(surface->row_starts.begin(), surface->row_starts.end(), surface->row_starts.begin());
+  std::vector<uint32_t> next = surface->row_starts;
   surface->columns.resize(surface->faces.size());
   for (size_t c = 0; c < surface->faces.size(); ++c) {
     surface->columns[next[surface->faces[c]]++] = static_cast<uint32_t>(c / 3);
@@ -179,13 +180,14 @@ BodySurface MakeBodySurface(const Bundle& bundle, uint32_t influences) {
                  "mark fewer vertices, or give the body a coarser mesh"});
   }
   MatrixD weights(static_cast<Eigen::Index>(surface.vertices.size()), bundle.body_joint_weights.cols());
-  const bool bones_alone = bundle.body_collides.size() == 0;
+  Eigen::RowVectorXd carries = Eigen::RowVectorXd::Ones(weights.cols());
+  if (bundle.body_collides.size() == 0) {
+    carries.setZero();
+    for (const uint32_t bone : bundle.bones) carries[bone] = 1;
+  }
   for (Eigen::Index i = 0; i < weights.rows(); ++i) {
-    weights.row(i) = bundle.body_joint_weights.row(surface.vertices[static_cast<size_t>(i)]).cast<double>();
-    for (Eigen::Index j = 0; bones_alone && j < weights.cols(); ++j) {
-      const auto joint = static_cast<uint32_t>(j);
-      if (std::find(bundle.bones.begin(), bundle.bones.end(), joint) == bundle.bones.end()) weights(i, j) = 0;
-    }
+    const uint32_t vertex = surface.vertices[static_cast<size_t>(i)];
+    weights.row(i) = bundle.body_joint_weights.row(vertex).cast<double>().cwiseProduct(carries);
     weights.row(i) /= weights.row(i).sum();
   }
   surface.skin = Prune(weights, influences);

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numeric>
+#include <random>
 #include <set>
 
 #include "converter/assemble.h"
@@ -145,6 +147,217 @@ TEST(BodySurfaceTest, OneVertexMoreThanAGroupIsCutBehindTheGroup) {
   EXPECT_EQ(surface.vertices, expected);
 }
 
+// Halved along the longest side, a whole number of groups on the left: the same cuts by whole sorts.
+std::vector<uint32_t> Ordered(const Matrix& positions, std::vector<uint32_t> vertices) {
+  const size_t groups = (vertices.size() + kernels::kNearestGroup - 1) / kernels::kNearestGroup;
+  std::sort(vertices.begin(), vertices.end());
+  if (groups < 2) return vertices;
+  int longest = 0;
+  float length = -1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto [low, high] = std::minmax_element(vertices.begin(), vertices.end(), [&](uint32_t a, uint32_t b) {
+      return positions(a, axis) < positions(b, axis);
+    });
+    if (positions(*high, axis) - positions(*low, axis) <= length) continue;
+    length = positions(*high, axis) - positions(*low, axis);
+    longest = axis;
+  }
+  std::stable_sort(vertices.begin(), vertices.end(),
+                   [&](uint32_t a, uint32_t b) { return positions(a, longest) < positions(b, longest); });
+  const auto middle = vertices.begin() + static_cast<std::ptrdiff_t>(groups / 2 * kernels::kNearestGroup);
+  std::vector<uint32_t> left = Ordered(positions, {vertices.begin(), middle});
+  const std::vector<uint32_t> right = Ordered(positions, {middle, vertices.end()});
+  left.insert(left.end(), right.begin(), right.end());
+  return left;
+}
+
+// Points on a coarse lattice, so that many are equally far along, and faces of any three; a joint that is no bone
+// carries nothing, less than a thousandth or more of each. Marks, where there are any, leave some out.
+Bundle WithCloud(uint32_t count, bool marked, std::mt19937* random) {
+  Bundle bundle = WithWall(2, 2);
+  const auto any = [&](uint32_t below) { return static_cast<int>((*random)() % below); };
+  const Eigen::Index b = count, joints = bundle.body_joint_weights.cols();
+  bundle.body_positions.resize(b, 3);
+  bundle.body_joint_weights = Matrix::Zero(b, joints);
+  bundle.body_faces.resize(2 * b, 3);
+  if (marked) bundle.body_collides = Vector::Ones(b);
+  for (Eigen::Index i = 0; i < b; ++i) {
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      bundle.body_positions(i, axis) = 0.06f * static_cast<float>(any(5 + 3 * (count % 3 == axis)) - 4);
+    }
+    const float other = std::array{0.0f, 0.0005f, 0.0015f, 0.5f}[i % 5 == 4 ? any(4) : any(2)];
+    bundle.body_joint_weights(i, 0) = other;
+    for (const float part : {0.5f, 0.25f, 0.25f}) {
+      bundle.body_joint_weights(i, bundle.bones[static_cast<size_t>(any(4))]) += part * (1 - other);
+    }
+    if (marked && any(7) == 0) bundle.body_collides[i] = 0;
+  }
+  for (Eigen::Index f = 0; f < 2 * b; ++f) {
+    const int first = any(count);
+    for (int c = 0; c < 3; ++c) bundle.body_faces(f, c) = (first + c * (1 + any(count / 3))) % static_cast<int>(count);
+  }
+  return bundle;
+}
+
+TEST(BodySurfaceTest, CloudsOfAnySizeAgreeWithAPlainReference) {
+  std::mt19937 random(1);
+  size_t several = 0, left_out = 0;
+  for (uint32_t count = 9; count < 260; count += 1 + count / 24) {
+    for (const bool marked : {false, true}) {
+      const Bundle bundle = WithCloud(count, marked, &random);
+      const auto carried = [&](Eigen::Index i) { return marked || bundle.body_joint_weights(i, 0) < 0.001f; };
+      std::vector<Corners> faces;
+      std::set<uint32_t> used;
+      for (Eigen::Index f = 0; f < bundle.body_faces.rows(); ++f) {
+        Corners face;
+        bool all = true, near = false;
+        for (int c = 0; c < 3; ++c) {
+          const int32_t corner = bundle.body_faces(f, c);
+          face[static_cast<size_t>(c)] = static_cast<uint32_t>(corner);
+          all = all && (marked ? bundle.body_collides[corner] == 1 : carried(corner));
+          for (Eigen::Index i = 0; i < bundle.template_positions.rows(); ++i) {
+            near = near || (bundle.body_positions.row(corner) - bundle.template_positions.row(i)).norm() < 0.5f;
+          }
+        }
+        if (!all || !near) continue;
+        faces.push_back(face);
+        used.insert(face.begin(), face.end());
+      }
+      const BodySurface surface = MakeBodySurface(bundle, 8);
+      ASSERT_EQ(surface.vertices, Ordered(bundle.body_positions, {used.begin(), used.end()})) << count;
+      ASSERT_EQ(surface.faces.size(), 3 * faces.size());
+      std::vector<std::vector<uint32_t>> rings(surface.vertices.size());
+      for (size_t f = 0; f < faces.size(); ++f) {
+        for (size_t c = 0; c < 3; ++c) {
+          ASSERT_EQ(surface.vertices[surface.faces[3 * f + c]], faces[f][c]);
+          rings[surface.faces[3 * f + c]].push_back(static_cast<uint32_t>(f));
+        }
+      }
+      std::vector<uint32_t> columns, starts = {0};
+      for (const std::vector<uint32_t>& ring : rings) {
+        columns.insert(columns.end(), ring.begin(), ring.end());
+        starts.push_back(static_cast<uint32_t>(columns.size()));
+      }
+      EXPECT_EQ(surface.columns, columns);
+      EXPECT_EQ(surface.row_starts, starts);
+      several += surface.vertices.size() > 48 ? 1 : 0;
+      left_out += faces.size() < 2 * count ? 1 : 0;
+      if (surface.empty()) continue;
+
+      ASSERT_EQ(surface.skin.vertex_count(), surface.vertices.size());
+      for (size_t i = 0; i < surface.vertices.size(); ++i) {
+        std::vector<double> expected(6), found(6);
+        double sum = 0;
+        for (size_t j = 0; j < 6; ++j) {
+          const bool bone = std::find(bundle.bones.begin(), bundle.bones.end(), j) != bundle.bones.end();
+          if (!marked && !bone) continue;
+          const float weight = bundle.body_joint_weights(surface.vertices[i], static_cast<Eigen::Index>(j));
+          expected[j] = static_cast<double>(weight);
+          sum += expected[j];
+        }
+        for (size_t k = i * surface.skin.influences; k < (i + 1) * surface.skin.influences; ++k) {
+          found.at(surface.skin.columns[k]) += static_cast<double>(surface.skin.weights[k]);
+        }
+        for (size_t j = 0; j < 6; ++j) ASSERT_NEAR(found[j], expected[j] / sum, 8 * 0x1p-24) << "joint " << j;
+      }
+    }
+  }
+  EXPECT_GT(several, 20u);
+  EXPECT_GT(left_out, 40u);
+}
+
+// What is just enough, in the unit of what is compared.
+TEST(BodySurfaceTest, BonesAloneCarryFromAThousandthShortOn) {
+  Bundle bundle = WithWall(2, 2);
+  const auto collides = [&](double carried) {
+    bundle.body_joint_weights.setZero();
+    bundle.body_joint_weights.col(0).setConstant(static_cast<float>(1 - carried));
+    // As three floats whose sum, exact at each step, is the number itself.
+    double rest = carried;
+    for (size_t i = 0; i < 3; ++i) {
+      const auto part = static_cast<float>(rest);
+      bundle.body_joint_weights.col(bundle.bones[i]).setConstant(part);
+      rest -= static_cast<double>(part);
+    }
+    EXPECT_EQ(rest, 0);
+    return !MakeBodySurface(bundle, 4).empty();
+  };
+  EXPECT_TRUE(collides(0.999));
+  EXPECT_FALSE(collides(std::nextafter(0.999, 0)));
+}
+
+TEST(BodySurfaceTest, FacesLieCloserThanTheReach) {
+  Bundle bundle = WithWall(2, 2);
+  bundle.body_collides = Vector::Ones(4);
+  bundle.template_positions.rowwise() = Eigen::RowVector3f(0.05f, 0.05f, 0.25f);
+  EXPECT_EQ(MakeBodySurface(bundle, 4).faces.size(), 6u);
+  bundle.body_positions = Matrix::Zero(4, 3);
+  bundle.template_positions.rowwise() = Eigen::RowVector3f(0, 0.5f, 0);
+  EXPECT_TRUE(MakeBodySurface(bundle, 4).empty());
+  bundle.body_positions(2, 1) = 1e-3f;  // the last corner of the second face
+  EXPECT_EQ(MakeBodySurface(bundle, 4).faces.size(), 3u);
+}
+
+// As many vertices, faces and faces around a vertex as the format holds are allowed; one more is left out where bones
+// alone choose, and told where the bundle marks it.
+TEST(BodySurfaceTest, TheFormatsLimitsAreAllowed) {
+  constexpr int kColumns = 128, kRows = 64;
+  Bundle full = WithWall(2 * kColumns, kRows);  // the right half hangs on no bone
+  full.body_positions *= 0.01f;
+  const auto with = [&](std::vector<Corners> more) {
+    Bundle bundle = full;
+    const Eigen::Index old = bundle.body_faces.rows();
+    bundle.body_faces.conservativeResize(old + static_cast<Eigen::Index>(more.size()), 3);
+    for (size_t f = 0; f < more.size(); ++f) {
+      for (size_t c = 0; c < 3; ++c) {
+        const auto row = old + static_cast<Eigen::Index>(f), column = static_cast<Eigen::Index>(c);
+        bundle.body_faces(row, column) = static_cast<int32_t>(more[f][c]);
+      }
+    }
+    return bundle;
+  };
+  const auto marks = [](Bundle bundle) {
+    bundle.body_collides = bundle.body_joint_weights.col(bundle.bones[0]);
+    return bundle;
+  };
+  const auto refusal = [&](const Bundle& bundle) {
+    EXPECT_TRUE(MakeBodySurface(bundle, 4).empty());
+    return ErrorText([&] { MakeBodySurface(marks(bundle), 4); });
+  };
+  const auto holds = [&](const Bundle& bundle, size_t vertices, size_t faces) {
+    for (const Bundle& each : {bundle, marks(bundle)}) {
+      const BodySurface surface = MakeBodySurface(each, 4);
+      EXPECT_EQ(surface.vertices.size(), vertices);
+      EXPECT_EQ(surface.faces.size(), 3 * faces);
+    }
+  };
+  constexpr size_t kFaces = 2 * (kColumns - 1) * (kRows - 1);
+  holds(full, 8192, kFaces);
+  std::vector<Corners> again;  // faces of the wall's lower rows once more, until there are 16384
+  for (uint32_t i = 0; again.size() < 16384 - kFaces; ++i) {
+    if (i % (2 * kColumns) < kColumns - 1) again.push_back({i, i + 1, i + 2 * kColumns + 1});
+  }
+  holds(with(again), 8192, 16384);
+  again.push_back({kColumns - 1, kColumns - 2, 2 * kColumns});
+  EXPECT_TRUE(Mentions(refusal(with(again)), "found 8192 colliding vertices and 16385 faces",
+                       "at most 8192 vertices, 16384"));
+  Bundle wider = with({{0, 1, kColumns}});
+  wider.body_joint_weights.row(kColumns) = wider.body_joint_weights.row(0);
+  EXPECT_TRUE(Mentions(refusal(wider), "found 8193 colliding vertices and " + std::to_string(kFaces + 1) + " faces"));
+  for (const uint32_t vertex : {0u, 2u * kColumns * kRows - kColumns - 1}) {  // first and last one, in two faces each
+    const uint32_t step = vertex == 0 ? 1 : uint32_t{0} - 1;
+    std::vector<Corners> ring;
+    while (ring.size() < 30) {
+      const uint32_t other = vertex + step * static_cast<uint32_t>(ring.size() + 1);
+      ring.push_back({vertex, other, other + step});
+    }
+    holds(with(ring), 8192, kFaces + 30);
+    ring.push_back({vertex, vertex + 40 * step, vertex + 41 * step});
+    EXPECT_TRUE(Mentions(refusal(with(ring)), "found 33 faces around vertex " + std::to_string(vertex) + ",",
+                         "32 faces around a vertex"));
+  }
+}
+
 TEST(BodySurfaceTest, ABodyBeyondTheFormatIsRefusedOnlyWhereItIsMarked) {
   Bundle bundle = WithWall(130, 70);
   bundle.template_positions = bundle.body_positions;
@@ -156,16 +369,6 @@ TEST(BodySurfaceTest, ABodyBeyondTheFormatIsRefusedOnlyWhereItIsMarked) {
   bundle.body_collides = Vector::Ones(9100);
   EXPECT_TRUE(Mentions(ErrorText([&] { MakeBodySurface(bundle, 4); }), "body.collides", "9100 colliding vertices",
                        "at most 8192 vertices", "coarser mesh"));
-}
-
-TEST(BodySurfaceTest, TheMarkIsZeroOrOne) {
-  dcloth::testing::RawFile raw = BuildBundle({});
-  raw.Replace("body.collides", {12}, std::vector<float>(12, 1.0f));
-  EXPECT_EQ(Parse(raw).body_collides, Vector::Ones(12));
-  raw.SetFloat("body.collides", 7, 0.5f);
-  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "body.collides", "0.5", "at vertex 7", "0 elsewhere"));
-  raw.Replace("body.collides", {11}, std::vector<float>(11, 1.0f));
-  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "body.collides", "11", "12"));
 }
 
 // Columns of the wall belong to part 1, 2 or, around the seam, both; cloth touches one of them, both or nothing.
@@ -216,24 +419,6 @@ TEST(BodySurfaceTest, MoreClassesThanBitsAreRefused) {
   bundle.touches[11] = 8;
   EXPECT_TRUE(Mentions(ErrorText([&] { MakeBodySurface(bundle, 4); }), "template.touches", "9 different masks",
                        "at most 8", "one mask"));
-}
-
-TEST(BodySurfaceTest, MasksAreReadBothOrNone) {
-  dcloth::testing::RawFile raw = BuildBundle({});
-  raw.SetMasks("body.parts", std::vector<int32_t>(12, 0x7FFFFFFF));
-  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches"));
-  raw.SetMasks("template.touches", std::vector<int32_t>(60, 5));
-  EXPECT_EQ(Parse(raw).touches, std::vector<uint32_t>(60, 5));
-  EXPECT_EQ(Parse(raw).body_parts, std::vector<uint32_t>(12, 0x7FFFFFFF));
-  raw.SetInt("template.touches", 59, -1);
-  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches", "-1 at vertex 59", "from 0 up"));
-  raw.SetMasks("template.touches", std::vector<int32_t>(59, 5));
-  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches", "[59]", "[60]"));
-  raw.Replace("template.touches", {60}, std::vector<float>(60, 1.0f));
-  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "template.touches", "F32", "I32"));
-  raw.SetMasks("template.touches", std::vector<int32_t>(60, 5));
-  raw.Erase("body.parts");
-  EXPECT_TRUE(Mentions(ErrorText([&] { Parse(raw); }), "body.parts"));
 }
 
 // From the bundle to the engine, in every precision.
