@@ -96,7 +96,7 @@ SkeletonWeights ReadSkeleton(TensorReader* reader, uint64_t n, uint64_t d) {
   skeleton.hidden.bias = reader->TakeVector(gru + "bias_hh", kAny, "[3 k_S]");
   const auto rows = static_cast<uint64_t>(skeleton.hidden.bias.size());
   const uint64_t k = rows / 3;
-  if (k == 0 || rows % 3 != 0) reader->Refuse(gru + "bias_hh", std::to_string(rows) + " values", "3 k_S, r z n");
+  if (rows % 3 != 0) reader->Refuse(gru + "bias_hh", std::to_string(rows) + " values", "3 k_S, r z n");
   skeleton.hidden.weight = reader->TakeMatrix(gru + "weight_hh", 3 * k, k, "[3 k_S, k_S]");
   skeleton.input.weight = reader->TakeMatrix(gru + "weight_ih", 3 * k, d, "[3 k_S, d]");
   skeleton.input.bias = reader->TakeVector(gru + "bias_ih", 3 * k, "[3 k_S]");

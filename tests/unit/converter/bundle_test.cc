@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <functional>
+#include <string>
+#include <utility>
 
 #include "tests/unit/converter/bundle_builder.h"
 #include "tests/unit/converter/error_text.h"
@@ -16,6 +20,7 @@ using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
 using dcloth::testing::RawFile;
+using dcloth::testing::RawTensor;
 
 Bundle Parse(const RawFile& raw) { return BundleFrom(SafeFile::Parse(raw.Bytes(), "b.safetensors")); }
 std::string Refusal(const RawFile& raw) {
@@ -238,6 +243,9 @@ const Fault kFaults[] = {
     Meta("TickRateText", "tick_rate", "30fps", "'30fps'"),
     Meta("TickRateNan", "tick_rate", "nan", "'nan'"),
     Meta("TickRateHuge", "tick_rate", "1e9", "'1e9'"),
+    Meta("TickRateAboveTheLimit", "tick_rate", "1000.001", "'1000.001', expected a number above 0, at most 1000"),
+    Meta("TickRateNegative", "tick_rate", "-30", "'-30'"),
+    Meta("TickRateEmpty", "tick_rate", "", "''"),
     Meta("HipsUnknown", "hips", "pelvis", "'pelvis'"),
     Meta("JointTwice", "joint_names", R"(["a","b","a","c","d","e"])", "'a' twice"),
     Meta("JointEmpty", "joint_names", R"(["a","","b","c","d","e"])", "an empty name"),
@@ -249,6 +257,11 @@ const Fault kFaults[] = {
     Meta("FeatureUnknown", "feature_joints", R"(["tail"])", "'tail'"),
     Meta("RootMotion", "root_motion", "yes", "'yes'"),
     Meta("Training", "training", "[]", "'[]'"),
+    Meta("JointsText", "joint_names", R"("abcdef")", "a JSON list"),
+    Meta("JointsObject", "joint_names", R"({"a":"b"})", "a JSON list"),
+    Meta("JointZeroByte", "joint_names", R"(["a\u0000b","b","c","d","e","f"])", "one that holds a zero byte"),
+    {"NameZeroByte", [](RawFile* raw) { raw->metadata["garment"].append("\0x", 2); }, "expected a plain name",
+     "one with a zero byte"},
     {"ZeroByte", [](RawFile* raw) { raw->metadata["bones"].append("\0x", 2); }, "bones", "a JSON list"},
 };
 INSTANTIATE_TEST_SUITE_P(Bundle, BundleFaultTest, ::testing::ValuesIn(kFaults),
@@ -272,6 +285,30 @@ TEST(BundleTest, TheLeastDeterminantOfABindMatrixIsTaken) {
   EXPECT_TRUE(Mentions(Refusal(with_determinant(std::nextafter(1e-9, 0))), "without inverse in joint 'joint_0'"));
 }
 
+TEST(BundleTest, OddMetadataAreTaken) {
+  RawFile raw = BuildBundle({.root_motion = false});
+  EXPECT_EQ(Parse(raw).feature_count(), 27u);
+  EXPECT_FALSE(Parse(raw).root_motion);
+  raw.metadata["garment"] = "a\1b";
+  EXPECT_EQ(Parse(raw).garment, "a\1b");
+  for (const auto& [text, rate] : {std::pair("1000", 1000.0), {"0.25", 0.25}, {"1", 1.0}}) {
+    raw.metadata["tick_rate"] = text;
+    EXPECT_EQ(Parse(raw).tick_rate, rate);
+  }
+  // Objects in objects: 32 deep and one more.
+  const auto nested = [](size_t depth) {
+    std::string text = "1";
+    for (size_t i = 0; i < depth; ++i) text = R"({"a":)" + text + "}";
+    return text;
+  };
+  raw.metadata["training"] = nested(32);
+  EXPECT_EQ(Parse(raw).training, nested(32));
+  raw.metadata["training"] = nested(33);
+  EXPECT_TRUE(Mentions(Refusal(raw), "metadata 'training'", "a JSON object"));
+  raw.metadata.erase("training");
+  EXPECT_EQ(Parse(raw).training, "{}");
+}
+
 TEST(BundleTest, EachMissingMetadatumIsNamed) {
   const RawFile whole = BuildBundle({});
   for (const auto& [key, value] : whole.metadata) {
@@ -285,13 +322,245 @@ TEST(BundleTest, EachMissingMetadatumIsNamed) {
   EXPECT_TRUE(Mentions(Refusal(deep), "metadata 'training'"));
 }
 
+TEST(BundleTest, TheMarkIsZeroOrOne) {
+  RawFile raw = BuildBundle({});
+  raw.Replace("body.collides", {12}, std::vector<float>(12, 1.0f));
+  EXPECT_EQ(Parse(raw).body_collides, Vector::Ones(12));
+  raw.SetFloat("body.collides", 0, 0);
+  EXPECT_EQ(Parse(raw).body_collides[0], 0);
+  for (const size_t vertex : {11u, 7u, 0u}) {
+    raw.SetFloat("body.collides", vertex, 0.5f);
+    EXPECT_TRUE(Mentions(Refusal(raw), "body.collides", "0.5", "at vertex " + std::to_string(vertex), "0 elsewhere"));
+  }
+  raw.Replace("body.collides", {11}, std::vector<float>(11, 1.0f));
+  EXPECT_TRUE(Mentions(Refusal(raw), "body.collides", "11", "12"));
+}
+
+TEST(BundleTest, MasksAreReadBothOrNone) {
+  RawFile raw = BuildBundle({});
+  raw.SetMasks("body.parts", std::vector<int32_t>(12, 0x7FFFFFFF));
+  EXPECT_TRUE(Mentions(Refusal(raw), "template.touches"));
+  raw.SetMasks("template.touches", std::vector<int32_t>(60, 5));
+  EXPECT_EQ(Parse(raw).touches, std::vector<uint32_t>(60, 5));
+  EXPECT_EQ(Parse(raw).body_parts, std::vector<uint32_t>(12, 0x7FFFFFFF));
+  raw.SetInt("template.touches", 0, INT32_MAX);
+  EXPECT_EQ(Parse(raw).touches[0], 0x7FFFFFFFu);
+  raw.SetInt("template.touches", 59, -1);
+  EXPECT_TRUE(Mentions(Refusal(raw), "template.touches", "-1 at vertex 59", "from 0 up"));
+  raw.SetMasks("template.touches", std::vector<int32_t>(59, 5));
+  EXPECT_TRUE(Mentions(Refusal(raw), "template.touches", "[59]", "[60]"));
+  raw.Replace("template.touches", {60}, std::vector<float>(60, 1.0f));
+  EXPECT_TRUE(Mentions(Refusal(raw), "template.touches", "F32", "I32"));
+  raw.SetMasks("template.touches", std::vector<int32_t>(60, 5));
+  raw.Erase("body.parts");
+  EXPECT_TRUE(Mentions(Refusal(raw), "body.parts"));
+}
+
+// Element by element what the file holds, matrices in its order of rows.
+TEST(BundleTest, EveryNumberIsTheFiles) {
+  RawFile raw = BuildBundle({});
+  const Bundle bundle = Parse(raw);
+  const SafeFile file = SafeFile::Parse(raw.Bytes(), "b");
+  size_t compared = 0;
+  const auto same = [&](const std::string& name, const auto& found) {
+    const std::vector<float> expected = FloatsOf(file, file.Require(name));
+    EXPECT_EQ(std::vector<float>(found.data(), found.data() + found.size()), expected) << name;
+    ++compared;
+  };
+  const auto same_linear = [&](const std::string& name, const LinearWeights& found) {
+    same(name + ".weight", found.weight);
+    same(name + ".bias", found.bias);
+  };
+  same("template.positions", bundle.template_positions);
+  same("body.positions", bundle.body_positions);
+  same("body.joint_weights", bundle.body_joint_weights);
+  same("features.mean", bundle.feature_mean);
+  same("features.deviation", bundle.feature_deviation);
+  same("features.low", bundle.feature_low);
+  same("features.high", bundle.feature_high);
+  same_linear("static.mlp.0", bundle.static_hidden);
+  same_linear("static.mlp.2", bundle.static_increments);
+  same("static.initial_weights", bundle.initial_weights);
+  same("skeleton.gru.weight_ih", bundle.skeleton->input.weight);
+  same("skeleton.gru.weight_hh", bundle.skeleton->hidden.weight);
+  same("skeleton.gru.bias_ih", bundle.skeleton->input.bias);
+  same("skeleton.gru.bias_hh", bundle.skeleton->hidden.bias);
+  same("skeleton.basis", bundle.skeleton->basis);
+  const MeshWeights& mesh = *bundle.mesh;
+  same("nearest.points", mesh.nearest_points);
+  same("nearest.joint_weights", mesh.nearest_joint_weights);
+  same("mesh.input_mean", mesh.input_mean);
+  same("mesh.input_deviation", mesh.input_deviation);
+  for (size_t l = 0; l < 2; ++l) {
+    const std::string name = "mesh.layers." + std::to_string(l) + ".";
+    const MeshLayerWeights& layer = mesh.layers.at(l);
+    same(name + "w_p", layer.w_p);
+    same(name + "w_z", layer.w_z);
+    same(name + "w_r", layer.w_r);
+    same(name + "w", layer.w);
+    same(name + "u_z", layer.u_z);
+    same(name + "u_r", layer.u_r);
+    same(name + "u", layer.u);
+    same(name + "w_o", layer.w_o);
+    same(name + "b", layer.b);
+    same(name + "b_o", layer.b_o);
+    same(name + "norm.weight", layer.norm_weight);
+    same(name + "norm.bias", layer.norm_bias);
+    EXPECT_EQ(layer.prelu, FloatsOf(file, file.Require(name + "prelu"))[0]);
+  }
+  same_linear("mesh.embed", mesh.embed);
+  same_linear("mesh.mlp.0", mesh.hidden);
+  same_linear("mesh.mlp.2", mesh.coefficients);
+  same("mesh.basis", mesh.basis);
+  // All but two slopes, two lists of faces and what follows.
+  EXPECT_EQ(compared, raw.tensors.size() - 6);
+  const std::vector<float> bind = FloatsOf(file, file.Require("character.bind"));
+  ASSERT_EQ(bundle.bind.size(), 6u);
+  for (size_t i = 0; i < bind.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i % 16 / 4), column = static_cast<Eigen::Index>(i % 4);
+    EXPECT_EQ(bundle.bind.at(i / 16)(row, column), bind[i]);
+  }
+  const std::vector<float> residuals = FloatsOf(file, file.Require("static.residual_weights"));
+  const size_t each = residuals.size() / 2;
+  for (size_t i = 0; i < residuals.size(); ++i) {
+    EXPECT_EQ(bundle.residual_weights.at(i / each).data()[i % each], residuals[i]);
+  }
+  for (const auto& [name, faces] : {std::pair<const char*, const Faces*>{"template.faces", &bundle.template_faces},
+                                    {"body.faces", &bundle.body_faces}}) {
+    const RawTensor& tensor = raw.At(name);
+    ASSERT_EQ(static_cast<size_t>(faces->size()) * 4, tensor.bytes.size());
+    EXPECT_EQ(std::memcmp(faces->data(), tensor.bytes.data(), tensor.bytes.size()), 0) << name;
+  }
+}
+
+// A triangle is the least garment; no residual matrix is needed.
+TEST(BundleTest, LeastAndMostVerticesAreTaken) {
+  const auto refusal = [](uint32_t vertices) {
+    RawFile raw = BuildBundle({.vertices = vertices, .bones = 1, .residuals = 0, .skeleton = false, .mesh = false});
+    RawTensor& faces = raw.At("template.faces");
+    faces.shape = {1, 3};
+    faces.bytes.assign(12, std::byte{0});
+    raw.SetInt("template.faces", 1, 1);
+    raw.SetInt("template.faces", 2, static_cast<int32_t>(vertices) - 1);
+    return Refusal(raw);
+  };
+  EXPECT_TRUE(Mentions(refusal(2), "template.positions", "found 2 vertices, expected 3 to 65535"));
+  EXPECT_EQ(refusal(3), "");
+  EXPECT_EQ(refusal(65535), "");
+  EXPECT_TRUE(Mentions(refusal(65536), "template.positions", "found 65536 vertices"));
+}
+
+TEST(BundleTest, EachNumberOfALastRowOfABindMatrixCounts) {
+  for (size_t i = 12; i < 16; ++i) {
+    for (const float value : {0.0f, 1.0f, 0.5f}) {
+      RawFile raw = BuildBundle({});
+      raw.SetFloat("character.bind", 16 + i, value);
+      const std::string text = Refusal(raw);
+      if (value == (i == 15 ? 1.0f : 0.0f)) {
+        EXPECT_EQ(text, "");
+      } else {
+        EXPECT_TRUE(Mentions(text, "character.bind", "another last row than 0 0 0 1 in joint 'joint_1'")) << i;
+      }
+    }
+  }
+}
+
+TEST(BundleTest, LimitsThemselvesAreTaken) {
+  RawFile raw = BuildBundle({});
+  const float low = Parse(raw).feature_low[0];
+  raw.SetFloat("features.high", 0, low);
+  EXPECT_EQ(Refusal(raw), "");
+  raw.SetFloat("features.high", 0, std::nextafter(low, -INFINITY));
+  EXPECT_TRUE(Mentions(Refusal(raw), "features.low", "above features.high at element 0"));
+
+  const std::pair<float, bool> deviations[] = {
+      {1e-30f, true}, {std::nextafter(1e-30f, 0.0f), false}, {1e30f, true}, {std::nextafter(1e30f, INFINITY), false}};
+  for (const auto& [value, good] : deviations) {
+    raw = BuildBundle({});
+    raw.SetFloat("features.deviation", 0, value);
+    EXPECT_EQ(Refusal(raw).empty(), good) << value;
+  }
+
+  // As many components as rows.
+  const BundleSpec spec{.skeleton_basis = 2};
+  raw = BuildBundle(spec);
+  raw.Erase("skeleton.basis");
+  raw.Replace("skeleton.readout", {2, 2}, {1, 0, 0, 1});
+  raw.Replace("skeleton.components", {2, spec.vertices, 3}, std::vector<float>(6 * spec.vertices, 0.5f));
+  EXPECT_EQ(Parse(raw).skeleton->basis, Matrix::Constant(2, 3 * spec.vertices, 0.5f));
+
+  // Where a unit's three gates end.
+  for (const uint64_t rows : {uint64_t{1}, uint64_t{2}, uint64_t{29}, uint64_t{31}}) {
+    raw = BuildBundle({});
+    raw.Replace("skeleton.gru.bias_hh", {rows}, std::vector<float>(rows));
+    EXPECT_TRUE(Mentions(Refusal(raw), "skeleton.gru.bias_hh", "found " + std::to_string(rows) + " values"));
+  }
+}
+
+TEST(BundleTest, ExtentsEndAt16777216) {
+  for (const bool more : {false, true}) {
+    RawFile raw = BuildBundle({});
+    RawTensor& bias = raw.At("skeleton.gru.bias_hh");
+    bias.type = SafeType::kF16;
+    bias.shape = {(uint64_t{1} << 24) + (more ? 1 : 0)};
+    bias.bytes.assign(2 * bias.shape[0], std::byte{0});
+    EXPECT_TRUE(Mentions(Refusal(raw), "skeleton.gru.bias_hh", more ? "shape [16777217]" : "16777216 values"));
+  }
+}
+
+TEST(BundleTest, SkinWeightsSumToOneAndMayBeZero) {
+  const auto refusal = [](size_t row, float first, float second) {
+    RawFile raw = BuildBundle({});
+    for (size_t j = 0; j < 6; ++j) raw.SetFloat("body.joint_weights", 6 * row + j, 0);
+    raw.SetFloat("body.joint_weights", 6 * row, first);
+    raw.SetFloat("body.joint_weights", 6 * row + 1, second);
+    return Refusal(raw);
+  };
+  for (const size_t row : {size_t{0}, size_t{5}, size_t{11}}) {
+    const std::string place = " in row " + std::to_string(row) + ",";
+    EXPECT_EQ(refusal(row, 1, 0), "");
+    EXPECT_EQ(refusal(row, 1, 0.00009f), "");
+    EXPECT_EQ(refusal(row, 0.9f, 0.09991f), "");
+    EXPECT_TRUE(Mentions(refusal(row, 1, 0.00011f), "found a sum of 1.000110" + place, "expected 1 within 0.0001"));
+    EXPECT_TRUE(Mentions(refusal(row, 0.9f, 0.09989f), "found a sum of 0.999890" + place));
+    EXPECT_TRUE(Mentions(refusal(row, 1.5f, -0.5f), "found a negative weight" + place));
+    EXPECT_TRUE(Mentions(refusal(row, 2, -1), "found a negative weight" + place));
+  }
+}
+
+TEST(BundleTest, FacesNameThreeVerticesThatThereAre) {
+  const auto refusal = [](size_t face, std::array<int32_t, 3> corners) {
+    RawFile raw = BuildBundle({});
+    for (size_t c = 0; c < 3; ++c) raw.SetInt("body.faces", 3 * face + c, corners[c]);
+    return Refusal(raw);
+  };
+  for (const size_t face : {size_t{0}, size_t{4}, size_t{9}}) {
+    const std::string place = " in face " + std::to_string(face) + ",";
+    EXPECT_EQ(refusal(face, {0, 11, 1}), "");
+    for (const std::array<int32_t, 3> twice : {std::array{3, 3, 4}, std::array{4, 3, 3}, std::array{3, 4, 3}}) {
+      EXPECT_TRUE(Mentions(refusal(face, twice), "body.faces: found a vertex twice" + place, "three different"));
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      for (const int32_t vertex : {-1, 12}) {
+        std::array corners = {1, 2, 3};
+        corners[c] = vertex;
+        EXPECT_TRUE(Mentions(refusal(face, corners), "found vertex " + std::to_string(vertex) + place, "from 0 to 11"));
+      }
+    }
+  }
+}
+
 TEST(BundleTest, FeatureWidthIsWhatTheKernelsTake) {
   BundleSpec spec;
   spec.feature_width = 12;
   EXPECT_TRUE(Mentions(Refusal(BuildBundle(spec)), "feature width 12"));
   spec.feature_width = 72;
   EXPECT_TRUE(Mentions(Refusal(BuildBundle(spec)), "feature width 72"));
+  spec.feature_width = 64;
+  EXPECT_EQ(Refusal(BuildBundle(spec)), "");
   spec.feature_width = 8;
+  spec.layers = 8;
+  EXPECT_EQ(Refusal(BuildBundle(spec)), "");
   spec.layers = 9;
   EXPECT_TRUE(Mentions(Refusal(BuildBundle(spec)), "more than 8 layers"));
 }
