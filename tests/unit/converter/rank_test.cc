@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 #include "converter/calibrate.h"
+#include "tests/unit/converter/error_text.h"
 #include "tests/unit/converter/low_rank.h"
 
 namespace dcloth::converter {
@@ -59,6 +61,43 @@ TEST(DisplacementMomentTest, AgreesWithAKnownDisplacement) {
   const double error = std::sqrt(static_cast<double>(frame.directions.cols())) * coordinate_error;
   EXPECT_LT((moment - y * y.transpose()).norm(), 2 * y.norm() * error + error * error);
   EXPECT_GT(y.squaredNorm(), 20 * (2 * y.norm() * error + error * error)) << "the bound would pass zero";
+}
+
+// Of one frame it is that frame's own; a bone without inverse leaves nothing to turn back by.
+TEST(DisplacementMomentTest, IsAMeanOverFramesWhoseBonesHaveAnInverse) {
+  BundleSpec spec;
+  spec.mesh = false;
+  Bundle bundle = ParseBundle(spec);
+  bundle.bind[bundle.bones[0]].setIdentity();
+  const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+  const BasisFrame frame = BasisRank(bundle).Frame();
+  std::vector<Sequence> motion = {ParseSequence(spec, 1)};
+  const double once = DisplacementMoment(bundle, folded, frame, motion).trace();
+  ASSERT_GT(once, 0);
+  motion.push_back(motion[0]);
+  motion.push_back(motion[0]);
+  EXPECT_NEAR(DisplacementMoment(bundle, folded, frame, motion).trace(), once, 1e-12 * once);
+
+  motion = {ParseSequence(spec, 3)};
+  // The first bone's rotation in the last frame gets this determinant, to the last bit of a double.
+  const auto refusal = [&](double determinant) {
+    const auto high = static_cast<float>(determinant);
+    const auto middle = static_cast<float>(determinant - static_cast<double>(high));
+    const double rest = determinant - static_cast<double>(high) - static_cast<double>(middle);
+    const auto low = static_cast<float>(rest);
+    EXPECT_EQ(static_cast<double>(low), rest);
+    const float rows[16] = {1, low, 0, 0, -1, high, middle, 0, 0, -1, 1, 0, 0, 0, 0, 1};
+    float* const matrix = motion[0].joint_matrices.data() + (2 * spec.joints + bundle.bones[0]) * 16;
+    std::copy_n(rows, 16, matrix);
+    return dcloth::testing::ErrorText([&] { DisplacementMoment(bundle, folded, frame, motion); });
+  };
+  for (const double determinant : {0.0, 1e-9, -1e-9}) {
+    EXPECT_EQ(refusal(determinant),
+              "s: tensor joint_matrices: found joint joint_2 collapsed in frame 2, expected matrices with an inverse to "
+              "calibrate on; leave this sequence out of --calibrate");
+  }
+  EXPECT_EQ(refusal(std::nextafter(1e-9, 1)), "");
+  EXPECT_EQ(refusal(std::nextafter(-1e-9, -1)), "");
 }
 
 // Half of the moment is the skeleton stage's own: a mesh stage that cancels it must not drop its directions.
