@@ -1,6 +1,7 @@
 #include "converter/choose_formats.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace dcloth::converter {
@@ -88,15 +89,13 @@ class Chooser {
     };
     std::vector<Step> steps;  // a tensor's first step always comes before its second
     for (size_t t = 0; t < options_.size(); ++t) {
-      double before = Alone(t, options_[t].lowest), least = -1;
+      double before = Alone(t, options_[t].lowest), least = std::numeric_limits<double>::infinity();
       for (Precision f = options_[t].lowest; f != Precision::kFp32; f = Raised(options_[t], f)) {
         const Precision raised = Raised(options_[t], f);
         const double after = Alone(t, raised);
         const auto bytes = static_cast<double>(options_[t].element_count * (ElementBytes(raised) - ElementBytes(f)));
-        double gain = std::max(before - after, 0.0) / std::max(bytes, 1.0);
-        if (least >= 0) gain = std::min(gain, least);
-        steps.push_back({t, gain});
-        least = gain;
+        least = std::min(least, std::max(before - after, 0.0) / std::max(bytes, 1.0));
+        steps.push_back({t, least});
         before = after;
       }
     }
@@ -120,7 +119,7 @@ class Chooser {
       return options_[t].element_count * (ElementBytes(formats_[t]) - ElementBytes(Lowered(options_[t], formats_[t])));
     };
     std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return saved(a) > saved(b); });
-    refused_mm_.assign(options_.size(), 0);
+    refused_mm_.resize(options_.size());
     bool lowered = false;
     for (const size_t t : order) {
       Formats trial = formats_;

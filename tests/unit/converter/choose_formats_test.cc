@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <optional>
 #include <random>
 
 namespace dcloth::converter {
@@ -162,6 +163,141 @@ TEST(ChooseFormatsTest, AnswersKeepTheBoundAndNoTensorCanBeCheaper) {
   }
   EXPECT_GT(mixed, count / 3) << "too few cases where formats differ";
   EXPECT_GT(best, count / 2) << "the cheapest of all is found too rarely";
+}
+
+// Formats as ranks of cost: what a tensor can be stored in, cheapest first.
+std::vector<Precision> Ladder(const FormatOption& option) {
+  if (option.lowest == Precision::kFp16) return {Precision::kFp16, Precision::kFp32};
+  if (!option.has_halves) return {Precision::kInt8, Precision::kFp32};
+  return {Precision::kInt8, Precision::kFp16, Precision::kFp32};
+}
+
+// The rules of the header written down once more, in rungs of each tensor's ladder: which models are measured in which
+// order, and what comes out.
+struct Plain {
+  const std::vector<FormatOption>& options;
+  const std::function<double(const std::vector<Precision>&)>& error_of;
+  double bound;
+  std::vector<std::vector<Precision>> measured = {};
+  std::vector<size_t> rungs = {};
+  std::vector<double> refused = {};
+  double error = 0;
+
+  double Measure(const std::vector<size_t>& at) {
+    std::vector<Precision> formats;
+    for (size_t t = 0; t < options.size(); ++t) formats.push_back(Ladder(options[t]).at(at[t]));
+    measured.push_back(formats);
+    return error_of(formats);
+  }
+  uint64_t Size(size_t t, size_t rung) const {
+    return options[t].element_count * Bytes(Ladder(options[t]).at(rung));
+  }
+  bool Choose() {
+    rungs.assign(options.size(), 0);
+    refused.assign(options.size(), 0);
+    error = Measure(rungs);
+    if (error <= bound) return true;
+    std::vector<size_t> top;
+    for (const FormatOption& option : options) top.push_back(Ladder(option).size() - 1);
+    std::multimap<double, size_t, std::greater<>> steps;  // gain a byte; equal ones in the order of insertion
+    for (size_t t = 0; t < options.size(); ++t) {
+      std::vector<double> alone(top[t] + 1, 0);
+      std::vector<size_t> trial = top;
+      for (trial[t] = 0; trial[t] < top[t]; ++trial[t]) alone[trial[t]] = Measure(trial);
+      double least = INFINITY;
+      for (size_t rung = 0; rung < top[t]; ++rung) {
+        const auto bytes = static_cast<double>(Size(t, rung + 1) - Size(t, rung));
+        least = std::min(least, std::max(alone[rung] - alone[rung + 1], 0.0) / bytes);
+        steps.emplace(least, t);
+      }
+    }
+    for (const auto& [gain, t] : steps) {
+      ++rungs[t];
+      error = Measure(rungs);
+      if (error <= bound) break;
+    }
+    if (error > bound) return false;
+    for (bool lowered = true; lowered;) {
+      lowered = false;
+      std::multimap<uint64_t, size_t, std::greater<>> largest;
+      for (size_t t = 0; t < options.size(); ++t) {
+        if (rungs[t] > 0) largest.emplace(Size(t, rungs[t]) - Size(t, rungs[t] - 1), t);
+      }
+      for (const auto& [saved, t] : largest) {
+        std::vector<size_t> trial = rungs;
+        --trial[t];
+        const double found = Measure(trial);
+        refused[t] = found;
+        if (found > bound) continue;
+        rungs = trial;
+        error = found;
+        lowered = true;
+      }
+    }
+    return true;
+  }
+};
+
+// Errors of any kind: noise on top of the sum of squares, so that a dearer format may be worse, gain nothing, or gain
+// more with its second step than with its first; sizes that are equal.
+TEST(ChooseFormatsTest, EachStepIsThatOfThePlainRules) {
+  size_t long_ones = 0, missed = 0;
+  for (unsigned seed = 0; seed < 600; ++seed) {
+    Made made = FromSeed(seed);
+    for (FormatOption& option : made.options) {
+      if (seed % 3 == 0) option.element_count = 100 + option.element_count % 2;
+    }
+    const std::function<double(const std::vector<Precision>&)> error = [&](const std::vector<Precision>& formats) {
+      unsigned code = seed;
+      for (const Precision format : formats) code = code * 3 + static_cast<unsigned>(format);
+      std::mt19937 random(code);
+      const double noise = static_cast<double>(random() % 1000) / 1000;
+      const double sum = seed % 5 == 0 ? std::floor(made.Error(formats)) : made.Error(formats);
+      return seed % 2 == 0 ? sum : sum * (0.2 + noise) + (seed % 7 == 0 ? noise : 0);
+    };
+    const double cheapest = error(made.Formats({Precision::kInt8, {}}));
+    // Some bounds, and errors on the way themselves, which keep the bound.
+    std::vector<double> bounds = {cheapest, 0.7 * cheapest, 0.2 * cheapest, 0.02 * cheapest};
+    Plain tight{made.options, error, bounds[2]};
+    tight.Choose();
+    for (size_t i = 0; i < tight.measured.size(); i += 3) bounds.push_back(error(tight.measured[i]));
+    for (const double bound : bounds) {
+      Plain plain{made.options, error, bound};
+      const bool good = plain.Choose();
+      std::vector<std::vector<Precision>> measured;
+      const std::optional<FormatPlan> plan =
+          ChooseFormats(made.options, plain.bound, [&](const PrecisionPlan& asked) {
+            measured.push_back(made.Formats(asked));
+            return error(measured.back());
+          });
+      ASSERT_EQ(measured, plain.measured) << seed << " " << bound;
+      ASSERT_EQ(plan.has_value(), good);
+      long_ones += measured.size() > 20 ? 1 : 0;
+      missed += good ? 0 : 1;
+      if (!good) continue;
+      EXPECT_EQ(plan->error_mm, plain.error);
+      const std::vector<Precision> chosen = made.Formats(plan->plan);
+      for (size_t t = 0; t < chosen.size(); ++t) {
+        const std::vector<Precision> ladder = Ladder(made.options[t]);
+        const FormatDecision& decision = plan->decisions.at(t);
+        EXPECT_EQ(decision.tensor, made.options[t].tensor);
+        EXPECT_EQ(chosen[t], ladder[plain.rungs[t]]);
+        EXPECT_EQ(decision.format, chosen[t]);
+        EXPECT_EQ(decision.cheaper, plain.rungs[t] == 0 ? std::nullopt : std::optional(ladder[plain.rungs[t] - 1]));
+        EXPECT_EQ(decision.cheaper_mm, plain.rungs[t] == 0 ? 0 : plain.refused[t]);
+      }
+      // A name only where formats differ from what one precision alone gives.
+      const bool uniform = chosen == made.Formats({Precision::kInt8, {}}) ||
+                           chosen == made.Formats({Precision::kFp16, {}}) ||
+                           chosen == made.Formats({Precision::kFp32, {}});
+      EXPECT_EQ(plan->plan.formats.empty(), uniform);
+      if (!uniform) {
+        EXPECT_EQ(plan->plan.formats.size(), made.options.size());
+      }
+    }
+  }
+  EXPECT_GT(long_ones, 50u);
+  EXPECT_GT(missed, 5u);
 }
 
 }  // namespace
