@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "tests/unit/converter/low_rank.h"
 
@@ -140,6 +141,161 @@ TEST(CorrectTest, AddsNoMoreRowsThanAllowed) {
   }
 }
 
+// Rows of any strength, in any order.
+ReducedBasis Any(std::mt19937* random) {
+  const auto uniform = [&] { return static_cast<float>((*random)() % 20001) / 10000 - 1; };
+  ReducedBasis reduced;
+  const auto rows = static_cast<Eigen::Index>(1 + (*random)() % 16);
+  const auto columns = static_cast<Eigen::Index>(9 + (*random)() % 12);
+  reduced.basis.resize(rows, columns);
+  reduced.head.resize(3, rows);
+  reduced.coefficients = {Matrix(rows, 2), Vector(rows)};
+  const bool sorted = (*random)() % 2 == 0;
+  float strength = 1;
+  for (Eigen::Index j = 0; j < rows; ++j) {
+    strength = sorted ? strength * (0.2f + uniform() / 6) : std::pow(10.0f, 2 * uniform() - 2);
+    for (Eigen::Index c = 0; c < columns; ++c) reduced.basis(j, c) = strength * uniform();
+    for (Eigen::Index i = 0; i < 3; ++i) reduced.head(i, j) = uniform();
+    for (Eigen::Index i = 0; i < 2; ++i) reduced.coefficients.weight(j, i) = uniform();
+    reduced.coefficients.bias[j] = uniform();
+  }
+  return reduced;
+}
+
+struct Loss {
+  double squared;
+  uint32_t row;
+};
+
+// What rounding takes from each row, worst first.
+std::vector<Loss> LossesByHand(const Matrix& basis) {
+  const QuantizedMatrix stored = QuantizeTwoSided("b", basis);
+  std::vector<Loss> losses;
+  for (uint32_t j = 0; j < stored.rows; ++j) {
+    losses.push_back({0, j});
+    for (size_t c = 0; c < stored.columns; ++c) {
+      const double apart = static_cast<double>(basis(j, static_cast<Eigen::Index>(c))) - Value(stored, j, c);
+      losses.back().squared += apart * apart;
+    }
+  }
+  std::stable_sort(losses.begin(), losses.end(), [](const Loss& a, const Loss& b) { return a.squared > b.squared; });
+  return losses;
+}
+
+// Pair after pair as long as both rows are kept and lose more than the pair that goes carries.
+TEST(CorrectTest, TradesArePairsByHand) {
+  std::mt19937 random(3);
+  std::vector<size_t> pairs(5);
+  for (int trial = 0; trial < 1500; ++trial) {
+    const ReducedBasis whole = Any(&random);
+    const std::vector<Loss> losses = LossesByHand(whole.basis);
+    std::vector<double> carried;
+    for (Eigen::Index j = 0; j < whole.basis.rows(); ++j) {
+      carried.push_back(whole.basis.row(j).cast<double>().squaredNorm());
+    }
+    std::vector<uint32_t> expected;
+    for (size_t next = 0; 2 * next + 4 <= carried.size(); next += 2) {
+      const size_t left = carried.size() - next - 2;  // after this trade
+      const Loss first = losses[next], second = losses[next + 1];
+      if (first.row >= left || second.row >= left) break;
+      if (!(first.squared + second.squared > carried[left] + carried[left + 1])) break;
+      expected.insert(expected.end(), {first.row, second.row});
+    }
+    ReducedBasis traded = whole;
+    TradeForCorrections(&traded);
+    ASSERT_EQ(traded.corrected, expected) << trial;
+    const auto left = whole.basis.rows() - static_cast<Eigen::Index>(expected.size());
+    EXPECT_EQ(traded.basis, whole.basis.topRows(left));
+    EXPECT_EQ(traded.head, whole.head.leftCols(left));
+    EXPECT_EQ(traded.coefficients.weight, whole.coefficients.weight.topRows(left));
+    EXPECT_EQ(traded.coefficients.bias, whole.coefficients.bias.head(left));
+    ++pairs.at(std::min<size_t>(expected.size() / 2, 4));
+  }
+  for (size_t i = 0; i < pairs.size(); ++i) EXPECT_GT(pairs[i], 2u) << i << " pairs are too rare";
+}
+
+TEST(CorrectTest, AddedRowsAreTheWorstByHand) {
+  std::mt19937 random(4);
+  for (int trial = 0; trial < 300; ++trial) {
+    const ReducedBasis whole = Any(&random);
+    const std::vector<Loss> losses = LossesByHand(whole.basis);
+    double all = 0;
+    for (const Loss& loss : losses) all += loss.squared;
+    for (const double share : {1.01, 0.6, 0.1, 1e-3}) {
+      for (const size_t most : {size_t{0}, size_t{1}, size_t{2}, size_t{4}, size_t{7}, size_t{100}}) {
+        std::vector<uint32_t> expected;
+        double left = all;
+        while (left > share * all && expected.size() + 2 <= std::min(most, losses.size())) {
+          for (int i = 0; i < 2; ++i) {
+            left -= losses[expected.size()].squared;
+            expected.push_back(losses[expected.size()].row);
+          }
+        }
+        ReducedBasis reduced = whole;
+        AddCorrections(share * all, most, &reduced);
+        ASSERT_EQ(reduced.corrected, expected) << trial << " " << share << " " << most;
+        EXPECT_EQ(reduced.basis, whole.basis);
+      }
+    }
+  }
+}
+
+// Nothing is lost of zeros, and rows that lose the same are taken in their order.
+TEST(CorrectTest, EqualLossesAreTakenInOrderAndNoneIsNotTaken) {
+  ReducedBasis zeros = Steep();
+  zeros.basis.setZero();
+  ReducedBasis traded = zeros;
+  TradeForCorrections(&traded);
+  EXPECT_EQ(traded.basis.rows(), 12);
+  AddCorrections(0, 12, &zeros);
+  EXPECT_TRUE(zeros.corrected.empty());
+  ReducedBasis same = Steep(1.0);
+  same.basis.rowwise() = same.basis.row(0).eval();
+  AddCorrections(0, 4, &same);
+  EXPECT_EQ(same.corrected, (std::vector<uint32_t>{0, 1, 2, 3}));
+}
+
+// Stored rows stand for `exact` with what int8 leaves of each: first as without remainders, then these.
+TEST(CorrectTest, RemaindersAreRowsByHand) {
+  std::mt19937 random(5);
+  for (int trial = 0; trial < 50; ++trial) {
+    const ReducedBasis whole = Any(&random);
+    const auto rows = static_cast<uint32_t>(whole.basis.rows());
+    std::vector<uint32_t> corrected;
+    for (uint32_t j = 0; j < rows; ++j) {
+      if (random() % 2 == 0) corrected.insert(corrected.begin(), j);
+    }
+    const QuantizedMatrix plain = QuantizeTwoSided("b", whole.basis);
+    const CorrectedMatrix result = QuantizeCorrected("b", whole.basis, corrected);
+    const QuantizedMatrix& stored = result.stored;
+    ASSERT_EQ(stored.rows, rows + corrected.size());
+    ASSERT_EQ(stored.row_scales.size(), stored.rows);
+    ASSERT_EQ(stored.values.size(), stored.rows * stored.columns);
+    ASSERT_EQ(static_cast<size_t>(result.exact.rows()), stored.rows);
+    EXPECT_EQ(stored.column_scales, plain.column_scales);
+    for (size_t j = 0; j < stored.rows; ++j) {
+      const size_t from = j < rows ? j : corrected[j - rows];
+      const bool is_corrected = std::find(corrected.begin(), corrected.end(), from) != corrected.end();
+      for (size_t c = 0; c < stored.columns; ++c) {
+        const auto column = static_cast<Eigen::Index>(c);
+        const auto exact = static_cast<double>(whole.basis(static_cast<Eigen::Index>(from), column));
+        const double rest = exact - Value(plain, from, c);
+        const auto stands_for = static_cast<double>(result.exact(static_cast<Eigen::Index>(j), column));
+        if (j >= rows) {
+          EXPECT_EQ(stands_for, static_cast<double>(static_cast<float>(rest)));
+          const double step = static_cast<double>(stored.row_scales[j]) * static_cast<double>(stored.column_scales[c]);
+          EXPECT_EQ(stored.row_scales[j], plain.row_scales[from] / 254);
+          EXPECT_EQ(stored.values[j * stored.columns + c], std::clamp(std::nearbyint(rest / step), -127.0, 127.0));
+        } else {
+          EXPECT_EQ(stored.values[j * stored.columns + c], plain.values[j * stored.columns + c]);
+          const float without = static_cast<float>(exact) - static_cast<float>(rest);
+          EXPECT_EQ(stands_for, is_corrected ? static_cast<double>(without) : exact);
+        }
+      }
+    }
+  }
+}
+
 TEST(CorrectTest, CopiesFollowTheirRows) {
   ReducedBasis reduced = Steep();
   reduced.corrected = {7, 2};
@@ -147,9 +303,13 @@ TEST(CorrectTest, CopiesFollowTheirRows) {
   const LinearWeights linear = CoefficientsWithCopies(reduced);
   ASSERT_EQ(head.cols(), 14);
   ASSERT_EQ(linear.weight.rows(), 14);
-  EXPECT_EQ(head.col(12), reduced.head.col(7));
-  EXPECT_EQ(linear.weight.row(13), reduced.coefficients.weight.row(2));
-  EXPECT_EQ(linear.bias[12], reduced.coefficients.bias[7]);
+  ASSERT_EQ(linear.bias.size(), 14);
+  for (Eigen::Index j = 0; j < 14; ++j) {
+    const Eigen::Index from = j < 12 ? j : j == 12 ? 7 : 2;
+    EXPECT_EQ(head.col(j), reduced.head.col(from)) << j;
+    EXPECT_EQ(linear.weight.row(j), reduced.coefficients.weight.row(from)) << j;
+    EXPECT_EQ(linear.bias[j], reduced.coefficients.bias[from]) << j;
+  }
   reduced.coefficients = {};
   EXPECT_EQ(CoefficientsWithCopies(reduced).weight.size(), 0);
 }
