@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "converter/assemble.h"
@@ -90,7 +91,7 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   ConvertReport& report = result.report;
   if (bundle.mesh) {
     std::vector<uint32_t> all(bundle.joint_names.size());
-    for (uint32_t joint = 0; joint < all.size(); ++joint) all[joint] = joint;
+    std::iota(all.begin(), all.end(), 0u);
     report.body_influences = MeasurePruning(folded.body_weights, folded.body, bundle.mesh->nearest_points,
                                             BindPositions(bundle, all), SkinningPoses(bundle, all, Measured(options)));
   }
@@ -101,12 +102,8 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   report.rank.full = ranks.full_rows();
   report.rank.exact = ranks.exact_rank();
   Attempts attempts(bundle, folded, options, &ranks, &report.trials);
-  bool settled = false;
-  if (options.precision) {
-    settled = attempts.Settle({*options.precision, {}});
-  } else {
-    settled = attempts.SettleFormats(&report.automatic.emplace());
-  }
+  const bool settled = options.precision ? attempts.Settle({*options.precision, {}})
+                                         : attempts.SettleFormats(&report.automatic.emplace());
   if (!settled) throw attempts.Missed();
   Candidate& found = attempts.found();
   report.precision = found.plan.name();

@@ -38,7 +38,7 @@ STATE = ["attack_state_test", "engine_state_test", "engine_state_check_test", "e
 # Sources of the converter that have no test of their name; every other one has.
 WHOLE = ["converter_convert_test", "converter_convert_rank_test"]
 CONVERTER = {"assemble": ["converter_assemble_test", *WHOLE], "attempts": ["converter_attempts_test", *WHOLE],
-             "model_maker": WHOLE, "bundle_metadata": ["converter_bundle_test"],
+             "convert": WHOLE, "model_maker": WHOLE, "bundle_metadata": ["converter_bundle_test"],
              "calibrate": ["converter_rank_test", "converter_convert_rank_test"],
              "safetensors_header": ["converter_safetensors_test"],
              "tensor_reader": ["converter_bundle_test", "converter_sequence_test"]}

@@ -237,9 +237,20 @@ TEST(ConvertRankTest, BadRequestsAreRefused) {
   EXPECT_TRUE(Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 8)), "a rank of 8", "own 10",
                        "--calibrate"));
   EXPECT_EQ(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 9)), "");
+  const std::vector<Sequence> motion = {ParseSequence(spec, 1)};
+  ConvertOptions least = With(Precision::kFp32, RankMode::kFixed, 1);
+  least.calibration = motion;
+  EXPECT_EQ(Convert(bundle, least).report.rank.rank, 2u);
   EXPECT_EQ(Convert(bundle, With(Precision::kFp32, RankMode::kFixed, 1000)).report.rank.rank, 10u);
   EXPECT_TRUE(Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 0)), "rank 0"));
   EXPECT_TRUE(Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kSearch)), "--max-error-mm", "--calibrate"));
+  ConvertOptions half = With(Precision::kFp32, RankMode::kSearch);
+  half.calibration = motion;
+  EXPECT_TRUE(Mentions(refusal(bundle, half), "a search for the rank without a bound"));
+  half.calibration = {};
+  half.motion = motion;
+  half.max_error_mm = 1;
+  EXPECT_TRUE(Mentions(refusal(bundle, half), "a search for the rank without a bound"));
   BundleSpec still = spec;
   still.skeleton = still.mesh = false;
   EXPECT_TRUE(Mentions(refusal(ParseBundle(still), With(Precision::kFp32, RankMode::kFixed, 4)), "no skeleton stage"));

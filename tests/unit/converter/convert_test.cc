@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <numeric>
+#include <utility>
 
 #include "converter/assemble.h"
 #include "converter/error.h"
@@ -152,7 +154,12 @@ TEST(ConvertTest, ReportsTensorsJointsAndPruning) {
   const std::vector<Sequence> motion = {ParseSequence(spec, 40)};
   options.motion = motion;
   const ConvertReport report = Convert(bundle, options).report;
-  EXPECT_EQ(report.joint_count + report.dropped_joints, 30u);
+  const FoldedBundle folded = FoldBundle(bundle, 2, 2);
+  EXPECT_EQ(report.joint_count, folded.joints.joints.size());
+  EXPECT_EQ(report.dropped_joints, 30 - report.joint_count);
+  EXPECT_EQ(report.rank.full, 17u);
+  EXPECT_EQ(report.rank.rank, 17u);
+  EXPECT_FALSE(report.rank.reduced);
   EXPECT_GT(report.instance_bytes, 0u);
   EXPECT_TRUE(report.influences.measured);
   EXPECT_EQ(report.influences.influences, 2u);
@@ -175,6 +182,54 @@ TEST(ConvertTest, ReportsTensorsJointsAndPruning) {
   ASSERT_EQ(report.trials.size(), 1u);
   EXPECT_GT(report.trials[0].error.position_mm.max, 0);
   EXPECT_EQ(report.trials[0].error.frame_count, 40u);
+}
+
+// Pruning is measured on up to 256 poses, evenly spaced over all frames, each sequence from its first one on.
+TEST(ConvertTest, PruningIsMeasuredOnPosesByHand) {
+  BundleSpec spec;
+  spec.vertices = 9;
+  const Bundle bundle = ParseBundle(spec);
+  const std::vector<std::vector<uint32_t>> motions = {{256}, {257}, {3, 2}, {400, 113}, {510, 3}};
+  for (const std::vector<uint32_t>& lengths : motions) {
+    std::vector<Sequence> motion;
+    for (const uint32_t length : lengths) motion.push_back(ParseSequence(spec, length));
+    const uint32_t frames = std::accumulate(lengths.begin(), lengths.end(), 0u);
+    const uint32_t stride = frames <= 256 ? 1 : frames <= 512 ? 2 : 3;
+    ConvertOptions options;
+    options.influences = options.body_influences = 2;
+    options.motion = motion;
+    const ConvertReport report = Convert(bundle, options).report;
+
+    std::vector<std::vector<Eigen::Matrix4d>> bones, joints;
+    for (const Sequence& sequence : motion) {
+      for (size_t frame = 0; frame < sequence.frame_count; frame += stride) {
+        std::vector<Eigen::Matrix4d>& pose = joints.emplace_back();
+        for (size_t joint = 0; joint < 6; ++joint) {
+          Eigen::Matrix4d world;
+          for (int i = 0; i < 16; ++i) {
+            world(i / 4, i % 4) =
+                static_cast<double>(sequence.joint_matrices[(frame * 6 + joint) * 16 + static_cast<size_t>(i)]);
+          }
+          pose.push_back(world * bundle.bind[joint].cast<double>().inverse());
+        }
+        bones.push_back({pose.begin() + 2, pose.end()});
+      }
+    }
+    const FoldedBundle folded = FoldBundle(bundle, 2, 2);
+    const PruneReport cloth = MeasurePruning(folded.skin_weights, folded.skin, bundle.template_positions,
+                                             BindPositions(bundle, bundle.bones), bones);
+    const PruneReport body =
+        MeasurePruning(folded.body_weights, folded.body, bundle.mesh->nearest_points,
+                       BindPositions(bundle, std::vector<uint32_t>{0, 1, 2, 3, 4, 5}), joints);
+    for (const auto& [found, expected] : {std::pair(report.influences, cloth), {report.body_influences, body}}) {
+      EXPECT_TRUE(found.measured);
+      EXPECT_EQ(found.influences, 2u);
+      EXPECT_NEAR(found.mean_mm, expected.mean_mm, 1e-9 * expected.mean_mm) << frames;
+      EXPECT_NEAR(found.worst_mm, expected.worst_mm, 1e-9 * expected.worst_mm) << frames;
+      EXPECT_EQ(found.bound_worst_mm, expected.bound_worst_mm);
+      EXPECT_EQ(found.removed_mean, expected.removed_mean);
+    }
+  }
 }
 
 TEST(ConvertTest, AutoTakesTheCheapestThatHolds) {
@@ -333,10 +388,21 @@ TEST(ConvertTest, BadOptionsAreRefused) {
   };
   EXPECT_TRUE(
       Mentions(refusal([](ConvertOptions* o) { o->influences = 0; }), "0 influences per vertex, expected 1 to 8"));
-  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->body_influences = 9; }), "9 influences"));
+  for (uint32_t ConvertOptions::*each : {&ConvertOptions::influences, &ConvertOptions::body_influences}) {
+    EXPECT_EQ(refusal([&](ConvertOptions* o) { o->*each = 1; }), "");
+    EXPECT_EQ(refusal([&](ConvertOptions* o) { o->*each = 8; }), "");
+    EXPECT_TRUE(Mentions(refusal([&](ConvertOptions* o) { o->*each = 0; }), "0 influences"));
+    EXPECT_TRUE(Mentions(refusal([&](ConvertOptions* o) { o->*each = 9; }), "9 influences"));
+  }
   EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = 1; }), "pass --motion"));
   EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = -1; }), "0 or more"));
   EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = NAN; }), "0 or more"));
+  EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->max_error_mm = INFINITY; }), "0 or more"));
+  const std::vector<Sequence> own = {ParseSequence(spec, 1)};
+  for (const double bound : {0.0, 0.5}) {
+    EXPECT_EQ(refusal([&](ConvertOptions* o) { o->max_error_mm = bound, o->motion = own; }), "");
+    EXPECT_EQ(refusal([&](ConvertOptions* o) { o->max_error_mm = bound, o->calibration = own; }), "");
+  }
   EXPECT_TRUE(Mentions(refusal([](ConvertOptions* o) { o->precision.reset(); }), "--max-error-mm"));
   BundleSpec other = spec;
   other.joints = 5;
