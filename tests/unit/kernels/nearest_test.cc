@@ -245,6 +245,32 @@ TEST_P(NearestTest, ARunThatTheSurfaceComesNearToIsNotClear) {
   }
 }
 
+// The same far from the origin, where the ball has to be larger by what its middle is rounded by.
+TEST_P(NearestTest, ARunFarFromTheOriginIsNotClearSooner) {
+  Random random(7);
+  const float half = 0.02f, in_reach = 0.95f, away = 2000;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    for (const float side : {-1.0f, 1.0f}) {
+      float shift[3] = {};
+      shift[axis] = side * away;
+      Sites sites(2, 0, &random);
+      sites.position = {shift[0] - 2 * half, shift[1], shift[2], shift[0] + in_reach * half, shift[1], shift[2]};
+      sites.normal = {1, 0, 0, -1, 0, 0};
+      sites.offset = {-10000, -shift[0] - in_reach * half};
+      sites.slack_squared = {0, 0};
+      sites.Pack();
+      std::vector<float> at;
+      for (size_t i = 0; i < kNearestPatch; ++i)
+        at.insert(at.end(), {shift[0] + (i % 4 == 2 ? half : -half), shift[1], shift[2]});
+      std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
+      std::iota(order.begin(), order.end(), uint16_t{0});
+      table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(), sites.groups,
+                       9.0f, nearest.data(), suspect.data(), 0});
+      for (size_t i = 0; i < kNearestPatch; ++i) ASSERT_EQ(suspect[i] != kNoSite, i % 4 == 2) << axis << " " << side;
+    }
+  }
+}
+
 // Two lumps of sites, the planes of one facing the points: what a patch finds.
 struct TwoLumps {
   TwoLumps(const std::array<float, 3>& a, const std::array<float, 3>& b, Random* random) : sites(2 * kNearestGroup, 0, random) {
