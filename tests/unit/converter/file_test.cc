@@ -6,6 +6,7 @@
 #include <process.h>
 #else
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #endif
 
@@ -96,9 +97,11 @@ TEST_F(FileTest, FoldersAndDevicesAreRefused) {
   EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_, "new"); }), "a directory"));
   EXPECT_TRUE(Mentions(ErrorText([&] { ReadFile(folder_); }), "a directory"));
 #if !defined(_WIN32)
-  EXPECT_TRUE(Mentions(ErrorText([&] { Write("/dev/null", "new"); }), "a device"));
   EXPECT_TRUE(Mentions(ErrorText([&] { ReadFile("/dev/zero"); }), "a device"));
-  EXPECT_TRUE(fs::is_character_file("/dev/null"));
+  // A pipe of the test's own: what a fault replaces is gone, and an administrator may replace /dev/null.
+  ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "pipe", "new"); }), "a device, pipe or socket"));
+  EXPECT_TRUE(fs::is_fifo(folder_ / "pipe"));
 #endif
 }
 
