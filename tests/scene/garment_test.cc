@@ -311,7 +311,8 @@ TEST_P(GarmentSceneTest, FiftyCharacters) {
   EXPECT_GT(seen[DCLOTH_LEVEL_SKELETON] + seen[DCLOTH_LEVEL_HALF_RATE_MESH] + seen[DCLOTH_LEVEL_MESH], 0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(Bundled, GarmentSceneTest, testing::ValuesIn(GarmentNames()));
+INSTANTIATE_TEST_SUITE_P(Bundled, GarmentSceneTest, testing::ValuesIn(GarmentNames()),
+                         [](const auto& garment) { return garment.param; });
 
 }  // namespace
 }  // namespace dcloth::stability

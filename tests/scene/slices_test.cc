@@ -14,7 +14,7 @@
 #include "dcloth/dcloth.hpp"
 #include "engine/src/cloth.h"
 #include "engine/src/tick_work.h"
-#include "tests/stability/garment.h"
+#include "tests/stability/stability_case.h"
 
 namespace dcloth::stability {
 namespace {
@@ -128,33 +128,30 @@ Spread SecondsOf(const std::vector<Work>& frames) {
   return SpreadOf(seconds);
 }
 
-class SlicesTest : public testing::TestWithParam<std::string> {};
+using SlicesTest = StabilityCase;
 
 TEST_P(SlicesTest, NoFramePaysForAllOfATick) {
-  const Garment& garment = LoadGarment(GetParam());
-  for (const Precision precision : kPrecisions) {
-    const converter::OpenModel& model = garment.model(precision);
-    if (model.info().stages != DCLOTH_STAGES_MESH) continue;
-    const Motion& motion = garment.clips.front().motion;
-    double largest = 0;
-    for (const double rate : {60.0, 59.94, 90.0, 120.0, 144.0}) {
-      const std::vector<Work> frames = Frames(model, motion, rate, DCLOTH_FRAME_PIPELINED);
-      const Spread spread = SecondsOf(frames);
-      Work total;
-      for (const Work& work : frames) total.Add(work, 1.0 / static_cast<double>(frames.size()));
-      std::printf("%s, %g Hz: p50 %.0f us counted, p99 / p50 %.3f, largest / p50 %.3f; %.1f MFLOP, %.2f MB a frame\n",
-                  model.info().precision, rate, spread.p50 * 1e6, spread.p99 / spread.p50, spread.largest / spread.p50,
-                  total.flops * 1e-6, total.bytes * 1e-6);
-      EXPECT_LE(spread.p99, 1.5 * spread.p50) << rate;
-      EXPECT_LE(spread.largest, 1.5 * spread.p50) << rate;
-      largest = std::max(largest, spread.largest);
-    }
-    const Spread whole = SecondsOf(Frames(model, motion, 60, 0));
-    EXPECT_GT(whole.largest, 1.5 * largest) << "a whole tick in a frame is no more than a slice";
+  const converter::OpenModel& model = garment().model(precision());
+  ASSERT_EQ(model.info().stages, DCLOTH_STAGES_MESH);
+  const Motion& motion = garment().clips.front().motion;
+  double largest = 0;
+  for (const double rate : {60.0, 59.94, 90.0, 120.0, 144.0}) {
+    const std::vector<Work> frames = Frames(model, motion, rate, DCLOTH_FRAME_PIPELINED);
+    const Spread spread = SecondsOf(frames);
+    Work total;
+    for (const Work& work : frames) total.Add(work, 1.0 / static_cast<double>(frames.size()));
+    std::printf("%s, %g Hz: p50 %.0f us counted, p99 / p50 %.3f, largest / p50 %.3f; %.1f MFLOP, %.2f MB a frame\n",
+                model.info().precision, rate, spread.p50 * 1e6, spread.p99 / spread.p50, spread.largest / spread.p50,
+                total.flops * 1e-6, total.bytes * 1e-6);
+    EXPECT_LE(spread.p99, 1.5 * spread.p50) << rate;
+    EXPECT_LE(spread.largest, 1.5 * spread.p50) << rate;
+    largest = std::max(largest, spread.largest);
   }
+  const Spread whole = SecondsOf(Frames(model, motion, 60, 0));
+  EXPECT_GT(whole.largest, 1.5 * largest) << "a whole tick in a frame is no more than a slice";
 }
 
-INSTANTIATE_TEST_SUITE_P(Bundled, SlicesTest, testing::ValuesIn(GarmentNames()));
+DCLOTH_STABILITY_SUITE(SlicesTest);
 
 }  // namespace
 }  // namespace dcloth::stability

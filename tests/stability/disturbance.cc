@@ -19,7 +19,7 @@ size_t JudgedUntil(const Garment& garment) {
 // The largest distance of a rotation feature from the middle of its trained range, over half of that range.
 double FarthestFeature(const Garment& garment, const Pose& pose) {
   const converter::Bundle& bundle = garment.bundle;
-  const std::vector<std::string>& names = garment.models[0]->joint_names();
+  const std::vector<std::string>& names = garment.joint_names();
   const Eigen::Matrix3d heading = GroundFrame(pose, garment.rig).topLeftCorner<3, 3>();
   double farthest = 0;
   Eigen::Index at = 0;

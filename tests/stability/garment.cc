@@ -2,11 +2,13 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <map>
 
 #include "converter/convert.h"
 #include "converter/error.h"
+#include "converter/file.h"
 
 namespace dcloth::stability {
 namespace {
@@ -41,20 +43,23 @@ Clip ReadClip(const fs::path& path, const std::vector<std::string>& joints, size
   return clip;
 }
 
+std::unique_ptr<converter::OpenModel> MakeModel(const Garment& garment, Precision precision) {
+  if (const char* folder = std::getenv("DCLOTH_GARMENT_MODELS")) {
+    const fs::path path = fs::path(folder) / (garment.name + "." + converter::PrecisionName(precision) + ".dcloth");
+    return std::make_unique<converter::OpenModel>(converter::ReadFile(path), path);
+  }
+  converter::ConvertOptions options;
+  options.precision = precision;
+  return std::make_unique<converter::OpenModel>(converter::Convert(garment.bundle, options).bytes, garment.name);
+}
+
 std::unique_ptr<Garment> Read(const std::string& name) {
   const fs::path folder = fs::path(DCLOTH_MODELS_DIR) / name;
   auto garment = std::make_unique<Garment>();
   garment->name = name;
   garment->bundle = converter::ReadBundle(folder / (name + ".safetensors"));
   const converter::Bundle& bundle = garment->bundle;
-  for (const Precision precision : kPrecisions) {
-    converter::ConvertOptions options;
-    options.precision = precision;
-    garment->models[static_cast<size_t>(precision)] =
-        std::make_unique<converter::OpenModel>(converter::Convert(bundle, options).bytes, folder);
-  }
-
-  const std::vector<std::string>& joints = garment->models[0]->joint_names();
+  const std::vector<std::string>& joints = garment->joint_names();
   for (size_t j = 0; j < joints.size(); ++j) {
     const auto found = std::find(bundle.joint_names.begin(), bundle.joint_names.end(), joints[j]);
     const auto index = static_cast<size_t>(found - bundle.joint_names.begin());
@@ -85,6 +90,12 @@ std::unique_ptr<Garment> Read(const std::string& name) {
 }
 
 }  // namespace
+
+const converter::OpenModel& Garment::model(Precision precision) const {
+  std::unique_ptr<converter::OpenModel>& model = models_[static_cast<size_t>(precision)];
+  if (!model) model = MakeModel(*this, precision);
+  return *model;
+}
 
 std::vector<std::string> GarmentNames() {
   std::vector<std::string> names;

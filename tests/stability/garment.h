@@ -1,4 +1,8 @@
-// The garments under models/, each converted to every precision, with the motion that lies beside it.
+// The garments under models/ in every precision, with the motion that lies beside them.
+//
+// Models are converted when they are first asked for, or read from the folder that DCLOTH_GARMENT_MODELS names: as
+// GARMENT.PRECISION.dcloth, what `dcloth convert --precision PRECISION` makes of the bundle. Under an emulator, that saves
+// most of the time of a short test.
 #ifndef DCLOTH_TESTS_STABILITY_GARMENT_H_
 #define DCLOTH_TESTS_STABILITY_GARMENT_H_
 
@@ -28,21 +32,24 @@ struct Clip {
 struct Garment {
   std::string name;
   converter::Bundle bundle;
-  std::array<std::unique_ptr<converter::OpenModel>, 3> models;  // in the order of kPrecisions
   Rig rig;
   std::vector<Clip> clips;
   double size_m = 0;  // farthest template vertex from the hips' bind position
 
-  const converter::OpenModel& model(Precision precision) const {
-    return *models[static_cast<size_t>(precision)];
-  }
-  size_t vertex_count() const { return models[0]->info().vertex_count; }
+  // Throws converter::Error.
+  const converter::OpenModel& model(Precision precision) const;
+  // The same in every precision.
+  const std::vector<std::string>& joint_names() const { return model(Precision::kInt8).joint_names(); }
+  size_t vertex_count() const { return bundle.vertex_count(); }
+
+ private:
+  mutable std::array<std::unique_ptr<converter::OpenModel>, 3> models_;  // in the order of kPrecisions
 };
 
 // Folders of models/ that hold a bundle of their own name, sorted.
 std::vector<std::string> GarmentNames();
 
-// Reads and converts once per process. Throws converter::Error, also where a garment has no sequences with
+// Reads once per process. Throws converter::Error, also where a garment has no sequences with
 // truth.
 const Garment& LoadGarment(const std::string& name);
 
