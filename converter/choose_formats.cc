@@ -22,7 +22,7 @@ Precision Lowered(const FormatOption& option, Precision format) {
 class Chooser {
  public:
   Chooser(std::span<const FormatOption> options, double bound_mm, const MeasurePlan& measure)
-      : options_(options), bound_mm_(bound_mm), measure_(measure) {
+      : options_(options), bound_mm_(bound_mm), measure_(measure), refused_mm_(options.size()) {
     for (const FormatOption& option : options) formats_.push_back(option.lowest);
   }
 
@@ -119,7 +119,6 @@ class Chooser {
       return options_[t].element_count * (ElementBytes(formats_[t]) - ElementBytes(Lowered(options_[t], formats_[t])));
     };
     std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return saved(a) > saved(b); });
-    refused_mm_.resize(options_.size());
     bool lowered = false;
     for (const size_t t : order) {
       Formats trial = formats_;
