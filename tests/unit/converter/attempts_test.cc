@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "converter/convert.h"
+#include "tests/unit/converter/bundle_builder.h"
 #include "tests/unit/converter/error_text.h"
 #include "tests/unit/converter/low_rank.h"
 

@@ -18,19 +18,17 @@
 namespace dcloth::converter {
 namespace {
 
-using dcloth::testing::BuildBundle;
 using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
-
-Bundle Parse(const dcloth::testing::RawFile& raw) { return BundleFrom(SafeFile::Parse(raw.Bytes(), "b")); }
+using dcloth::testing::ParseBundle;
 
 // A wall of `columns` x `rows` vertices, 0.05 m apart, along x through the template. Its left half hangs on the first
 // bone, its right half on the first joint, which is no bone and needed by no one else.
 Bundle WithWall(int columns, int rows) {
   BundleSpec spec;
   spec.feature_joints = 1;
-  Bundle bundle = Parse(BuildBundle(spec));
+  Bundle bundle = ParseBundle(spec);
   const Eigen::Index b = Eigen::Index{columns} * rows, joints = bundle.body_joint_weights.cols();
   bundle.body_positions.resize(b, 3);
   bundle.body_joint_weights = Matrix::Zero(b, joints);
@@ -423,7 +421,7 @@ TEST(BodySurfaceTest, MoreClassesThanBitsAreRefused) {
 
 // From the bundle to the engine, in every precision.
 TEST(BodySurfaceTest, TheEngineOpensIt) {
-  Bundle bundle = Parse(BuildBundle({}));
+  Bundle bundle = ParseBundle({});
   for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
     const FoldedBundle bare = FoldBundle(bundle, 4, 4);
     EXPECT_TRUE(bare.surface.empty());

@@ -336,4 +336,18 @@ RawFile BuildSequence(const BundleSpec& spec, uint32_t frames, bool truth, doubl
   return file;
 }
 
+converter::Bundle ParseRawBundle(const RawFile& raw) {
+  return converter::BundleFrom(converter::SafeFile::Parse(raw.Bytes(), "b.safetensors"));
+}
+
+converter::Bundle ParseBundle(const BundleSpec& spec) { return ParseRawBundle(BuildBundle(spec)); }
+
+converter::Sequence ParseRawSequence(const RawFile& raw) {
+  return converter::SequenceFrom(converter::SafeFile::Parse(raw.Bytes(), "s.safetensors"));
+}
+
+converter::Sequence ParseSequence(const BundleSpec& spec, uint32_t frames, double fps) {
+  return ParseRawSequence(BuildSequence(spec, frames, false, fps));
+}
+
 }  // namespace dcloth::testing

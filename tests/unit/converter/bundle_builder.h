@@ -8,7 +8,9 @@
 #include <string_view>
 #include <vector>
 
+#include "converter/bundle.h"
 #include "converter/safetensors.h"
+#include "converter/sequence.h"
 
 namespace dcloth::testing {
 
@@ -63,6 +65,12 @@ RawFile BuildBundle(const BundleSpec& spec);
 // A character with the bundle's joints that walks in a curve and bends; `truth` adds noise-free positions near the
 // tube.
 RawFile BuildSequence(const BundleSpec& spec, uint32_t frames, bool truth = false, double fps = 30);
+
+// As the converter reads them, from files "b.safetensors" and "s.safetensors".
+converter::Bundle ParseRawBundle(const RawFile& raw);
+converter::Bundle ParseBundle(const BundleSpec& spec);
+converter::Sequence ParseRawSequence(const RawFile& raw);
+converter::Sequence ParseSequence(const BundleSpec& spec, uint32_t frames, double fps = 30);
 
 }  // namespace dcloth::testing
 

@@ -19,18 +19,19 @@ using dcloth::testing::BuildBundle;
 using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
+using dcloth::testing::ParseBundle;
+using dcloth::testing::ParseRawBundle;
 using dcloth::testing::RawFile;
 using dcloth::testing::RawTensor;
 
-Bundle Parse(const RawFile& raw) { return BundleFrom(SafeFile::Parse(raw.Bytes(), "b.safetensors")); }
 std::string Refusal(const RawFile& raw) {
-  return ErrorText([&] { Parse(raw); });
+  return ErrorText([&] { ParseRawBundle(raw); });
 }
 
 TEST(BundleTest, ReadsEveryField) {
   BundleSpec spec;
   const RawFile raw = BuildBundle(spec);
-  const Bundle bundle = Parse(raw);
+  const Bundle bundle = ParseRawBundle(raw);
   EXPECT_EQ(bundle.garment, "tube");
   EXPECT_EQ(bundle.tick_rate, 30);
   EXPECT_EQ(bundle.vertex_count(), spec.vertices);
@@ -53,13 +54,13 @@ TEST(BundleTest, ReadsEveryField) {
 TEST(BundleTest, StagesMayBeAbsent) {
   BundleSpec spec;
   spec.mesh = false;
-  EXPECT_FALSE(Parse(BuildBundle(spec)).mesh);
-  EXPECT_TRUE(Parse(BuildBundle(spec)).skeleton);
+  EXPECT_FALSE(ParseBundle(spec).mesh);
+  EXPECT_TRUE(ParseBundle(spec).skeleton);
   spec.skeleton = false;
-  EXPECT_FALSE(Parse(BuildBundle(spec)).skeleton);
+  EXPECT_FALSE(ParseBundle(spec).skeleton);
   RawFile nearest_alone = BuildBundle({});
   std::erase_if(nearest_alone.tensors, [](const auto& tensor) { return tensor.name.starts_with("mesh."); });
-  EXPECT_FALSE(Parse(nearest_alone).mesh);
+  EXPECT_FALSE(ParseRawBundle(nearest_alone).mesh);
   RawFile mesh_alone = BuildBundle({});
   std::erase_if(mesh_alone.tensors, [](const auto& tensor) { return tensor.name.starts_with("skeleton."); });
   EXPECT_TRUE(Mentions(Refusal(mesh_alone), "a mesh stage without a skeleton stage"));
@@ -75,7 +76,7 @@ TEST(BundleTest, ABasisMayComeAsFactors) {
   for (size_t i = 0; i < components.size(); ++i) components[i] = 0.01f * static_cast<float>(i % 7) + 0.001f;
   raw.Replace("skeleton.readout", {6, kRank}, readout);
   raw.Replace("skeleton.components", {kRank, spec.vertices, 3}, components);
-  const Bundle bundle = Parse(raw);
+  const Bundle bundle = ParseRawBundle(raw);
   ASSERT_EQ(bundle.skeleton->basis.rows(), 6);
   for (Eigen::Index i = 0; i < 6; ++i) {
     for (Eigen::Index c = 0; c < bundle.skeleton->basis.cols(); ++c) {
@@ -280,20 +281,20 @@ TEST(BundleTest, TheLeastDeterminantOfABindMatrixIsTaken) {
     for (size_t i = 0; i < 16; ++i) raw.SetFloat("character.bind", i, rows[i]);
     return raw;
   };
-  EXPECT_EQ(Parse(with_determinant(1e-9)).bind[0](1, 0), -1);
-  EXPECT_EQ(Parse(with_determinant(-1e-9)).bind[0](1, 0), -1);
+  EXPECT_EQ(ParseRawBundle(with_determinant(1e-9)).bind[0](1, 0), -1);
+  EXPECT_EQ(ParseRawBundle(with_determinant(-1e-9)).bind[0](1, 0), -1);
   EXPECT_TRUE(Mentions(Refusal(with_determinant(std::nextafter(1e-9, 0))), "without inverse in joint 'joint_0'"));
 }
 
 TEST(BundleTest, OddMetadataAreTaken) {
   RawFile raw = BuildBundle({.root_motion = false});
-  EXPECT_EQ(Parse(raw).feature_count(), 27u);
-  EXPECT_FALSE(Parse(raw).root_motion);
+  EXPECT_EQ(ParseRawBundle(raw).feature_count(), 27u);
+  EXPECT_FALSE(ParseRawBundle(raw).root_motion);
   raw.metadata["garment"] = "a\1b";
-  EXPECT_EQ(Parse(raw).garment, "a\1b");
+  EXPECT_EQ(ParseRawBundle(raw).garment, "a\1b");
   for (const auto& [text, rate] : {std::pair("1000", 1000.0), {"0.25", 0.25}, {"1", 1.0}}) {
     raw.metadata["tick_rate"] = text;
-    EXPECT_EQ(Parse(raw).tick_rate, rate);
+    EXPECT_EQ(ParseRawBundle(raw).tick_rate, rate);
   }
   // Objects in objects: 32 deep and one more.
   const auto nested = [](size_t depth) {
@@ -302,11 +303,11 @@ TEST(BundleTest, OddMetadataAreTaken) {
     return text;
   };
   raw.metadata["training"] = nested(32);
-  EXPECT_EQ(Parse(raw).training, nested(32));
+  EXPECT_EQ(ParseRawBundle(raw).training, nested(32));
   raw.metadata["training"] = nested(33);
   EXPECT_TRUE(Mentions(Refusal(raw), "metadata 'training'", "a JSON object"));
   raw.metadata.erase("training");
-  EXPECT_EQ(Parse(raw).training, "{}");
+  EXPECT_EQ(ParseRawBundle(raw).training, "{}");
 }
 
 TEST(BundleTest, EachMissingMetadatumIsNamed) {
@@ -325,9 +326,9 @@ TEST(BundleTest, EachMissingMetadatumIsNamed) {
 TEST(BundleTest, TheMarkIsZeroOrOne) {
   RawFile raw = BuildBundle({});
   raw.Replace("body.collides", {12}, std::vector<float>(12, 1.0f));
-  EXPECT_EQ(Parse(raw).body_collides, Vector::Ones(12));
+  EXPECT_EQ(ParseRawBundle(raw).body_collides, Vector::Ones(12));
   raw.SetFloat("body.collides", 0, 0);
-  EXPECT_EQ(Parse(raw).body_collides[0], 0);
+  EXPECT_EQ(ParseRawBundle(raw).body_collides[0], 0);
   for (const size_t vertex : {11u, 7u, 0u}) {
     raw.SetFloat("body.collides", vertex, 0.5f);
     EXPECT_TRUE(Mentions(Refusal(raw), "body.collides", "0.5", "at vertex " + std::to_string(vertex), "0 elsewhere"));
@@ -341,10 +342,10 @@ TEST(BundleTest, MasksAreReadBothOrNone) {
   raw.SetMasks("body.parts", std::vector<int32_t>(12, 0x7FFFFFFF));
   EXPECT_TRUE(Mentions(Refusal(raw), "template.touches"));
   raw.SetMasks("template.touches", std::vector<int32_t>(60, 5));
-  EXPECT_EQ(Parse(raw).touches, std::vector<uint32_t>(60, 5));
-  EXPECT_EQ(Parse(raw).body_parts, std::vector<uint32_t>(12, 0x7FFFFFFF));
+  EXPECT_EQ(ParseRawBundle(raw).touches, std::vector<uint32_t>(60, 5));
+  EXPECT_EQ(ParseRawBundle(raw).body_parts, std::vector<uint32_t>(12, 0x7FFFFFFF));
   raw.SetInt("template.touches", 0, INT32_MAX);
-  EXPECT_EQ(Parse(raw).touches[0], 0x7FFFFFFFu);
+  EXPECT_EQ(ParseRawBundle(raw).touches[0], 0x7FFFFFFFu);
   raw.SetInt("template.touches", 59, -1);
   EXPECT_TRUE(Mentions(Refusal(raw), "template.touches", "-1 at vertex 59", "from 0 up"));
   raw.SetMasks("template.touches", std::vector<int32_t>(59, 5));
@@ -359,7 +360,7 @@ TEST(BundleTest, MasksAreReadBothOrNone) {
 // Element by element what the file holds, matrices in its order of rows.
 TEST(BundleTest, EveryNumberIsTheFiles) {
   RawFile raw = BuildBundle({});
-  const Bundle bundle = Parse(raw);
+  const Bundle bundle = ParseRawBundle(raw);
   const SafeFile file = SafeFile::Parse(raw.Bytes(), "b");
   size_t compared = 0;
   const auto same = [&](const std::string& name, const auto& found) {
@@ -467,7 +468,7 @@ TEST(BundleTest, EachNumberOfALastRowOfABindMatrixCounts) {
 
 TEST(BundleTest, LimitsThemselvesAreTaken) {
   RawFile raw = BuildBundle({});
-  const float low = Parse(raw).feature_low[0];
+  const float low = ParseRawBundle(raw).feature_low[0];
   raw.SetFloat("features.high", 0, low);
   EXPECT_EQ(Refusal(raw), "");
   raw.SetFloat("features.high", 0, std::nextafter(low, -INFINITY));
@@ -487,7 +488,7 @@ TEST(BundleTest, LimitsThemselvesAreTaken) {
   raw.Erase("skeleton.basis");
   raw.Replace("skeleton.readout", {2, 2}, {1, 0, 0, 1});
   raw.Replace("skeleton.components", {2, spec.vertices, 3}, std::vector<float>(6 * spec.vertices, 0.5f));
-  EXPECT_EQ(Parse(raw).skeleton->basis, Matrix::Constant(2, 3 * spec.vertices, 0.5f));
+  EXPECT_EQ(ParseRawBundle(raw).skeleton->basis, Matrix::Constant(2, 3 * spec.vertices, 0.5f));
 
   // Where a unit's three gates end.
   for (const uint64_t rows : {uint64_t{1}, uint64_t{2}, uint64_t{29}, uint64_t{31}}) {

@@ -7,6 +7,7 @@
 #include "converter/convert.h"
 #include "converter/error.h"
 #include "converter/rollout.h"
+#include "tests/unit/converter/bundle_builder.h"
 #include "tests/unit/converter/error_text.h"
 #include "tests/unit/converter/low_rank.h"
 

@@ -20,18 +20,11 @@
 namespace dcloth::converter {
 namespace {
 
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BuildSequence;
 using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
-
-Bundle ParseBundle(const BundleSpec& spec) {
-  return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b.safetensors"));
-}
-Sequence ParseSequence(const BundleSpec& spec, uint32_t frames) {
-  return SequenceFrom(SafeFile::Parse(BuildSequence(spec, frames).Bytes(), "s.safetensors"));
-}
+using dcloth::testing::ParseBundle;
+using dcloth::testing::ParseSequence;
 
 ConvertOptions With(Precision precision) {
   ConvertOptions options;

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "tests/unit/converter/low_rank.h"
+#include "tests/unit/converter/bundle_builder.h"
 
 namespace dcloth::converter {
 namespace {

@@ -15,16 +15,16 @@ using dcloth::testing::BuildBundle;
 using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
+using dcloth::testing::ParseBundle;
+using dcloth::testing::ParseRawBundle;
 
 constexpr double kHalfUlp = 0x1p-24;  // relative rounding of a float
-
-Bundle Parse(const dcloth::testing::RawFile& raw) { return BundleFrom(SafeFile::Parse(raw.Bytes(), "b")); }
 
 TEST(FoldTest, SkinWeightsAreTheNormalisedClampedSum) {
   for (const uint32_t residuals : {0u, 1u, 5u}) {
     BundleSpec spec;
     spec.residuals = residuals;
-    const Bundle bundle = Parse(BuildBundle(spec));
+    const Bundle bundle = ParseBundle(spec);
     const MatrixD folded = FoldSkinWeights(bundle);
     for (Eigen::Index i = 0; i < folded.rows(); ++i) {
       std::vector<double> row;
@@ -48,14 +48,15 @@ TEST(FoldTest, VertexWithoutWeightIsRefused) {
   for (uint32_t j = 0; j < spec.bones; ++j) {
     raw.SetFloat("static.initial_weights", 5 * spec.bones + j, -10);
   }
-  EXPECT_TRUE(Mentions(ErrorText([&] { FoldSkinWeights(Parse(raw)); }), "no positive skin weight left for vertex 5"));
+  EXPECT_TRUE(
+      Mentions(ErrorText([&] { FoldSkinWeights(ParseRawBundle(raw)); }), "no positive skin weight left for vertex 5"));
 }
 
 // The folded layer's pre-activations against the unfolded formula, both in double, on random inputs.
 TEST(FoldTest, MeshLayerGivesTheSamePreActivations) {
   BundleSpec spec;
   spec.feature_width = 16;
-  const Bundle bundle = Parse(BuildBundle(spec));
+  const Bundle bundle = ParseBundle(spec);
   for (const MeshLayerWeights& layer : bundle.mesh->layers) {
     const FoldedMeshLayer folded = FoldMeshLayer(layer);
     const Eigen::Index inputs = layer.w_p.rows(), width = layer.w.rows();
@@ -90,7 +91,7 @@ TEST(FoldTest, KeepsExactlyTheJointsThatAreNeeded) {
   spec.joints = 12;
   spec.feature_joints = 2;
   spec.bones = 3;
-  const Bundle bundle = Parse(BuildBundle(spec));
+  const Bundle bundle = ParseBundle(spec);
   EXPECT_EQ(ChooseJoints(bundle, {}).joints, (std::vector<uint32_t>{0, 1, 9, 10, 11}));
   PrunedWeights body{2, {4, 5, 9, 6}, {0.5f, 0.5f, 1, 0}};
   const JointSubset subset = ChooseJoints(bundle, body);
@@ -105,12 +106,12 @@ TEST(FoldTest, MoreThan256JointsAreRefused) {
   spec.bones = 256;
   spec.feature_joints = 1;
   spec.mesh = spec.skeleton = false;
-  const Bundle bundle = Parse(BuildBundle(spec));  // hips and one feature joint 0, bones 44 to 299
+  const Bundle bundle = ParseBundle(spec);  // hips and one feature joint 0, bones 44 to 299
   EXPECT_TRUE(Mentions(ErrorText([&] { ChooseJoints(bundle, {}); }), "257 joints"));
 }
 
 TEST(FoldTest, InverseBindsInvert) {
-  const Bundle bundle = Parse(BuildBundle({}));
+  const Bundle bundle = ParseBundle({});
   const std::vector<uint32_t> joints = {5, 0, 3};
   const Matrix inverse = InverseBinds(bundle, joints);
   for (size_t j = 0; j < joints.size(); ++j) {
@@ -129,7 +130,7 @@ TEST(FoldTest, BasisIsStackedWithEvenRows) {
   BundleSpec spec;
   spec.skeleton_basis = 5;
   spec.mesh_basis = 4;
-  const Bundle bundle = Parse(BuildBundle(spec));
+  const Bundle bundle = ParseBundle(spec);
   const StackedBasis stacked = StackBasis(bundle);
   EXPECT_EQ(stacked.skeleton_rows, 6u);
   EXPECT_EQ(stacked.mesh_rows, 4u);
@@ -138,7 +139,7 @@ TEST(FoldTest, BasisIsStackedWithEvenRows) {
   EXPECT_TRUE((stacked.basis.row(5).array() == 0).all());
   EXPECT_EQ(stacked.basis.bottomRows(4), bundle.mesh->basis);
   spec.mesh = false;
-  EXPECT_EQ(StackBasis(Parse(BuildBundle(spec))).mesh_rows, 0u);
+  EXPECT_EQ(StackBasis(ParseBundle(spec)).mesh_rows, 0u);
 }
 
 }  // namespace

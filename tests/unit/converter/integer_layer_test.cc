@@ -15,13 +15,9 @@
 namespace dcloth::converter {
 namespace {
 
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BuildSequence;
 using dcloth::testing::BundleSpec;
-
-Bundle ParseBundle(const BundleSpec& spec) {
-  return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b.safetensors"));
-}
+using dcloth::testing::ParseBundle;
+using dcloth::testing::ParseSequence;
 
 // Integers times the stacked weights are inputs times the folded ones, whatever the steps.
 TEST(IntegerLayerTest, StepsAreInTheWeights) {
@@ -104,7 +100,7 @@ class IntegerClothTest : public ::testing::Test {
     spec.vertices = 300;
     bundle_ = ParseBundle(spec);
     folded_ = FoldBundle(bundle_, 8, 8);
-    sequence_ = SequenceFrom(SafeFile::Parse(BuildSequence(spec, 24).Bytes(), "s.safetensors"));
+    sequence_ = ParseSequence(spec, 24);
     for (size_t l = 0; l < bundle_.mesh->layers.size(); ++l) {
       integers_.formats["mesh_stage.layers." + std::to_string(l) + ".weights"] = Precision::kInt8;
     }

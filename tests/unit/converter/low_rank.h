@@ -6,18 +6,8 @@
 
 #include "converter/bundle.h"
 #include "converter/half.h"
-#include "converter/sequence.h"
-#include "tests/unit/converter/bundle_builder.h"
 
 namespace dcloth::testing {
-
-inline converter::Bundle ParseBundle(const BundleSpec& spec) {
-  return converter::BundleFrom(converter::SafeFile::Parse(BuildBundle(spec).Bytes(), "b.safetensors"));
-}
-
-inline converter::Sequence ParseSequence(const BundleSpec& spec, uint32_t frames, double fps = 30) {
-  return converter::SequenceFrom(converter::SafeFile::Parse(BuildSequence(spec, frames, false, fps).Bytes(), "s"));
-}
 
 // All rows of S and M become combinations of S's first `rank` rows; `halves` then rounds them as F16 bundles do. The
 // mixing numbers are the same on every machine.

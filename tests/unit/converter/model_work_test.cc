@@ -9,7 +9,7 @@
 
 #include "converter/convert.h"
 #include "dcloth/dcloth.h"
-#include "tests/unit/converter/low_rank.h"
+#include "tests/unit/converter/bundle_builder.h"
 
 namespace dcloth::converter {
 namespace {

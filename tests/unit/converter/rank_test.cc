@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "converter/calibrate.h"
+#include "tests/unit/converter/bundle_builder.h"
 #include "tests/unit/converter/error_text.h"
 #include "tests/unit/converter/low_rank.h"
 

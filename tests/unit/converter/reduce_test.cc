@@ -6,6 +6,7 @@
 
 #include "converter/error.h"
 #include "converter/fold.h"
+#include "tests/unit/converter/bundle_builder.h"
 #include "tests/unit/converter/error_text.h"
 #include "tests/unit/converter/low_rank.h"
 

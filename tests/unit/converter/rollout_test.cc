@@ -9,23 +9,18 @@
 namespace dcloth::converter {
 namespace {
 
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BuildSequence;
 using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
+using dcloth::testing::ParseBundle;
+using dcloth::testing::ParseSequence;
 
-AlignedBytes Model(const BundleSpec& spec) {
-  return Convert(BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b")), {}).bytes;
-}
-Sequence Motion(const BundleSpec& spec, uint32_t frames, double fps = 30) {
-  return SequenceFrom(SafeFile::Parse(BuildSequence(spec, frames, false, fps).Bytes(), "s.safetensors"));
-}
+AlignedBytes Model(const BundleSpec& spec) { return Convert(ParseBundle(spec), {}).bytes; }
 
 TEST(RolloutTest, VisitsEveryFrameAndForgetsBetweenRuns) {
   BundleSpec spec;
   const OpenModel model(Model(spec));
-  const Sequence sequence = Motion(spec, 9);
+  const Sequence sequence = ParseSequence(spec, 9);
   std::vector<std::vector<float>> runs(2);
   for (std::vector<float>& run : runs) {
     size_t next = 0;
@@ -45,12 +40,15 @@ TEST(RolloutTest, OtherRatesAndCharactersAreRefused) {
   BundleSpec spec;
   const OpenModel model(Model(spec));
   const auto ignore = [](size_t, std::span<const float>, std::span<const float>) {};
-  EXPECT_TRUE(Mentions(ErrorText([&] { Rollout(model, Motion(spec, 2, 60), 1, ignore); }), "resample the sequence"));
-  EXPECT_EQ(ErrorText([&] { Rollout(model, Motion(spec, 2, 29.97), 1, ignore); }), "");
+  EXPECT_TRUE(
+      Mentions(ErrorText([&] { Rollout(model, ParseSequence(spec, 2, 60), 1, ignore); }), "resample the sequence"));
+  EXPECT_EQ(ErrorText([&] { Rollout(model, ParseSequence(spec, 2, 29.97), 1, ignore); }), "");
   BundleSpec other;
   other.joints = 4;
-  EXPECT_TRUE(Mentions(ErrorText([&] { Rollout(model, Motion(other, 2), 1, ignore); }), "no joints joint_4, joint_5"));
-  EXPECT_TRUE(Mentions(ErrorText([&] { Rollout(model, Motion(spec, 2), 2, ignore); }), "the tick of frame 0 refused"));
+  EXPECT_TRUE(
+      Mentions(ErrorText([&] { Rollout(model, ParseSequence(other, 2), 1, ignore); }), "no joints joint_4, joint_5"));
+  EXPECT_TRUE(
+      Mentions(ErrorText([&] { Rollout(model, ParseSequence(spec, 2), 2, ignore); }), "the tick of frame 0 refused"));
 }
 
 TEST(RolloutTest, BadBytesCarryTheEnginesWords) {
@@ -64,7 +62,7 @@ TEST(RolloutTest, BadBytesCarryTheEnginesWords) {
 TEST(RolloutTest, AModelDiffersFromItselfByNothing) {
   BundleSpec spec;
   const OpenModel a(Model(spec)), b(Model(spec));
-  const std::vector<Sequence> motion = {Motion(spec, 5), Motion(spec, 4)};
+  const std::vector<Sequence> motion = {ParseSequence(spec, 5), ParseSequence(spec, 4)};
   const MeshError same = CompareModels(a, b, motion);
   EXPECT_EQ(same.frame_count, 9u);
   EXPECT_EQ(same.position_mm.max, 0);

@@ -16,24 +16,25 @@ using dcloth::testing::BuildSequence;
 using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
+using dcloth::testing::ParseRawSequence;
+using dcloth::testing::ParseSequence;
 using dcloth::testing::RawFile;
 
-Sequence Parse(const RawFile& raw) { return SequenceFrom(SafeFile::Parse(raw.Bytes(), "s.safetensors")); }
 std::string Refusal(const RawFile& raw) {
-  return ErrorText([&] { Parse(raw); });
+  return ErrorText([&] { ParseRawSequence(raw); });
 }
 
 TEST(SequenceTest, ReadsPosesAndTruth) {
   BundleSpec spec;
   RawFile raw = BuildSequence(spec, 5, true);
   raw.Replace("comment", {2}, {NAN, 1});  // other tensors are ignored
-  const Sequence sequence = Parse(raw);
+  const Sequence sequence = ParseRawSequence(raw);
   EXPECT_EQ(sequence.frame_count, 5u);
   EXPECT_EQ(sequence.fps, 30);
   EXPECT_EQ(sequence.joint_names.size(), spec.joints);
   EXPECT_EQ(sequence.truth_vertex_count, spec.vertices);
   EXPECT_EQ(sequence.FrameTruth(4).size(), 3 * spec.vertices);
-  const Sequence bare = Parse(BuildSequence(spec, 1));
+  const Sequence bare = ParseSequence(spec, 1);
   EXPECT_FALSE(bare.has_truth());
 }
 
@@ -49,7 +50,7 @@ TEST(SequenceTest, HalfTruthIsAddedToItsOrigin) {
   truth.bytes.assign(bytes.begin(), bytes.end());
   EXPECT_TRUE(Mentions(Refusal(raw), "F16 without truth_origin"));
   raw.Replace("truth_origin", {2, 3}, {1, 2, 3, 4, 5, 6});
-  const Sequence sequence = Parse(raw);
+  const Sequence sequence = ParseRawSequence(raw);
   EXPECT_EQ(sequence.truth[0], 1.0f);
   EXPECT_EQ(sequence.truth[4], 2 + 4 / 64.0f);
   EXPECT_EQ(sequence.truth[27], 4 + 27 / 64.0f);
@@ -102,7 +103,7 @@ TEST(SequenceTest, FaultsAreRefused) {
 
 TEST(SequenceTest, MapsByNameAndListsAllMissing) {
   BundleSpec spec;
-  const Sequence sequence = Parse(BuildSequence(spec, 2));
+  const Sequence sequence = ParseSequence(spec, 2);
   const std::string wanted[] = {"joint_4", "joint_0"};
   const std::vector<uint32_t> map = MapJoints(sequence, wanted);
   EXPECT_EQ(map, (std::vector<uint32_t>{4, 0}));

@@ -12,18 +12,10 @@
 namespace dcloth::converter {
 namespace {
 
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BuildSequence;
 using dcloth::testing::BundleSpec;
+using dcloth::testing::ParseBundle;
+using dcloth::testing::ParseSequence;
 
-Bundle ParseBundle(const BundleSpec& spec) {
-  return BundleFrom(SafeFile::Parse(BuildBundle(spec).Bytes(), "b"));
-}
-std::vector<Sequence> Motion(const BundleSpec& spec, uint32_t frames) {
-  std::vector<Sequence> motion;
-  motion.push_back(SequenceFrom(SafeFile::Parse(BuildSequence(spec, frames).Bytes(), "s")));
-  return motion;
-}
 ConvertReport ReportOf(const Bundle& bundle, Precision precision, std::span<const Sequence> motion) {
   ConvertOptions options;
   options.precision = precision;
@@ -40,7 +32,7 @@ const TensorReport& Find(const ConvertReport& report, const std::string& name) {
 TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
   BundleSpec spec;
   Bundle bundle = ParseBundle(spec);
-  const std::vector<Sequence> motion = Motion(spec, 12);
+  const std::vector<Sequence> motion = {ParseSequence(spec, 12)};
   const ConvertReport healthy = ReportOf(bundle, Precision::kFp16, motion);
   const std::string poisoned = "mesh_stage.coefficients.weights";
   MeshWeights& mesh = *bundle.mesh;
@@ -73,7 +65,7 @@ TEST(TensorCostTest, OneLossyTensorCostsWhatTheModelCosts) {
   spec.skeleton = spec.mesh = false;
   Bundle bundle = ParseBundle(spec);
   for (float& weight : bundle.static_hidden.weight.reshaped()) weight = HalfToFloat(FloatToHalf(weight));
-  const ConvertReport report = ReportOf(bundle, Precision::kFp16, Motion(spec, 9));
+  const ConvertReport report = ReportOf(bundle, Precision::kFp16, std::vector<Sequence>{ParseSequence(spec, 9)});
   const std::vector<const TensorReport*> ranked = RankByCost(report.tensors);
   ASSERT_EQ(ranked.size(), 2u);
   EXPECT_EQ(ranked[0]->name, "static_stage.increments.weights");
@@ -88,7 +80,7 @@ TEST(TensorCostTest, MeasuredOnMotionOnlyAndForLossyTensorsOnly) {
   BundleSpec spec;
   const Bundle bundle = ParseBundle(spec);
   for (const TensorReport& tensor : ReportOf(bundle, Precision::kInt8, {}).tensors) EXPECT_FALSE(tensor.cost);
-  const std::vector<Sequence> motion = Motion(spec, 5);
+  const std::vector<Sequence> motion = {ParseSequence(spec, 5)};
   EXPECT_TRUE(RankByCost(ReportOf(bundle, Precision::kFp32, motion).tensors).empty());
 
   size_t calls = 0, last = 0, total = 0;

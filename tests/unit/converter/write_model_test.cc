@@ -26,7 +26,7 @@ TEST(WriteModelTest, StoredTypesAreTheSchemas) {
 }
 
 ModelParts Parts(Precision precision) {
-  const Bundle bundle = BundleFrom(SafeFile::Parse(dcloth::testing::BuildBundle({}).Bytes(), "b"));
+  const Bundle bundle = dcloth::testing::ParseBundle({});
   return Assemble(bundle, FoldBundle(bundle, 4, 4), {precision, {}});
 }
 
