@@ -31,17 +31,20 @@ CHECKED = ("-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")  # a trap:
 # Source to the tests that own it.
 KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
            for family in ("activation", "gru", "gsgru", "nearest", "normals", "skinning")}
+KERNELS["nearest"].append("kernels_nearest_cases_test")
 KERNELS["matvec"] = [f"kernels_{kind}_test" for kind in ("matvec_f32", "matvec_f16", "matvec_i8", "quantize")]
 VERIFIER = ["attack_ladder_test", "attack_every_tensor_test", "attack_odd_files_test", "engine_diagnostic_test",
             "engine_format_test", "engine_format_body_test", "engine_format_head_test", "engine_scan_test"]
 STATE = ["attack_state_test", "engine_state_test", "engine_state_check_test", "engine_hot_swap_test"]
-# Sources of the converter that have no test of their name; every other one has.
-WHOLE = ["converter_convert_test", "converter_convert_rank_test"]
+# Sources of the converter that have not just the test of their name; every other one has.
+WHOLE = ["converter_convert_test", "converter_convert_auto_test", "converter_convert_rank_test"]
+BUNDLE = ["converter_bundle_test", "converter_bundle_fault_test", "converter_bundle_limits_test"]
 CONVERTER = {"assemble": ["converter_assemble_test", *WHOLE], "attempts": ["converter_attempts_test", *WHOLE],
-             "convert": WHOLE, "model_maker": WHOLE, "bundle_metadata": ["converter_bundle_test"],
+             "body_surface": ["converter_body_surface_test", "converter_body_surface_cloud_test"],
+             "bundle": BUNDLE, "bundle_metadata": BUNDLE, "convert": WHOLE, "model_maker": WHOLE,
              "calibrate": ["converter_rank_test", "converter_convert_rank_test"],
              "safetensors_header": ["converter_safetensors_test"],
-             "tensor_reader": ["converter_bundle_test", "converter_sequence_test"]}
+             "tensor_reader": [*BUNDLE, "converter_sequence_test"]}
 
 
 def owners():
