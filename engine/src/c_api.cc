@@ -7,6 +7,7 @@
 #include "engine/format/diagnostic.h"
 #include "engine/format/verify.h"
 #include "engine/format/view.h"
+#include "engine/src/bind_pose.h"
 #include "engine/src/cloth.h"
 #include "engine/src/float_environment.h"
 #include "engine/src/idle.h"
@@ -169,6 +170,17 @@ dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* sp
     return diagnostic.status();
   }
   return DCLOTH_OK;
+}
+
+dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose* bind, dcloth_error* error) {
+  const FloatEnvironment environment;
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || !PoseArgumentIsUsable(bind)) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a cloth and a pose", "");
+    return diagnostic.status();
+  }
+  dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, *bind, &ClothOf(cloth)->binding, &diagnostic);
+  return diagnostic.status();
 }
 
 uint64_t dcloth_output_scratch_size(const dcloth_output* output) {

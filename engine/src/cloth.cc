@@ -42,7 +42,8 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   auto* cloth = arena.Take<Cloth>(1);
   Cloth placed = {};
   placed.model = &model;
-  placed.binding = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count)};
+  placed.binding = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count),
+                    arena.Take<Affine>(model.joint_count), false};
   placed.bound = arena.Take<Affine>(model.joint_count);
   placed.pose_older = arena.Take<Affine>(model.joint_count);
   placed.pose_before = arena.Take<Affine>(model.joint_count);

@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "engine/src/angle.h"
+#include "engine/src/bind_pose.h"
 
 namespace dcloth::engine {
 namespace {
@@ -11,25 +12,6 @@ namespace {
 constexpr size_t kPoseFloats = 16;
 constexpr double kShortestHeading = 0.2;  // of the projected left axis; NETWORK.md
 constexpr double kSmallestVolume = 1e-6;  // of a joint's linear part: scaled to 1 % along each axis; NETWORK.md
-
-Affine JointMatrix(const dcloth_pose& pose, size_t joint) {
-  const float* g = pose.joint_matrices + joint * kPoseFloats;
-  Affine matrix;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 4; ++c)
-      matrix.m[r][c] = static_cast<double>(pose.column_major != 0 ? g[4 * c + r] : g[4 * r + c]);
-  }
-  return matrix;
-}
-
-Affine InverseBind(const format::ModelView& model, size_t joint) {
-  const float* rows = model.inverse_bind + joint * 12;
-  Affine matrix;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 4; ++c) matrix.m[r][c] = static_cast<double>(rows[4 * r + c]);
-  }
-  return matrix;
-}
 
 // The hips' left axis on the ground; the heading before where the hips lie or stand on their side.
 Heading HeadingOf(const Affine& hips, const Heading& before) {
@@ -72,6 +54,25 @@ float Standardise(const format::FeaturesView& features, size_t i, double value) 
 
 }  // namespace
 
+Affine JointMatrix(const dcloth_pose& pose, size_t joint) {
+  const float* g = pose.joint_matrices + joint * kPoseFloats;
+  Affine matrix;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 4; ++c)
+      matrix.m[r][c] = static_cast<double>(pose.column_major != 0 ? g[4 * c + r] : g[4 * r + c]);
+  }
+  return matrix;
+}
+
+Affine InverseBind(const format::ModelView& model, size_t joint) {
+  const float* rows = model.inverse_bind + joint * 12;
+  Affine matrix;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 4; ++c) matrix.m[r][c] = static_cast<double>(rows[4 * r + c]);
+  }
+  return matrix;
+}
+
 bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose) {
   if (pose.joint_count != binding.host_joint_count) return false;
   bool usable = true;
@@ -84,8 +85,10 @@ bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, co
 }
 
 void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints) {
-  for (size_t j = 0; j < model.joint_count; ++j)
-    joints[j] = FromHost(binding.space, JointMatrix(pose, binding.joint_map[j]));
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    const Affine host = JointMatrix(pose, binding.joint_map[j]);
+    joints[j] = binding.has_bind_pose ? FromBindPose(model, binding, j, host) : FromHost(binding.space, host);
+  }
 }
 
 void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound) {

@@ -17,7 +17,15 @@ struct PoseBinding {
   Space space;
   uint32_t host_joint_count;  // matrices in a pose
   uint32_t* joint_map;        // [joint_count], the host's index of each joint of the model
+  Affine* inverse_bind;       // [joint_count], P_j^-1 in the host's space, see bind_pose.h
+  bool has_bind_pose;
 };
+
+// The host's matrix `joint`.
+Affine JointMatrix(const dcloth_pose& pose, size_t joint);
+
+// B_j^-1 of training.
+Affine InverseBind(const format::ModelView& model, size_t joint);
 
 // Every joint is there and every matrix element of the model's joints is finite.
 bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose);

@@ -51,6 +51,51 @@ internal static unsafe class CoreTest
         }
     }
 
+    // Axes x, y, z of each bone called y, z, x, and twice as long.
+    private static void Turn(ClothPlayer player)
+    {
+        for (int j = 0; j < player.Bones.Length; ++j)
+        {
+            float* m = player.JointMatrices + 16 * j;
+            var linear = new float[12];
+            for (int i = 0; i < 12; ++i) linear[i] = m[i];
+            for (int i = 0; i < 12; ++i) m[(i + 4) % 12] = 2 * linear[i];
+        }
+    }
+
+    public static void ARigWithAxesOfItsOwnWearsTheGarmentOnceItsBindPoseIsKnown()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        using (ClothPlayer plain = NewPlayer(model), turned = NewPlayer(model), untold = NewPlayer(model))
+        {
+            Pose(plain, 0);
+            plain.TakeBindPose();
+            Pose(turned, 0);
+            Turn(turned);
+            turned.TakeBindPose();
+            for (int frame = 0; frame < 5; ++frame)
+            {
+                foreach (ClothPlayer player in new[] { plain, turned, untold })
+                {
+                    Pose(player, 0.1f * frame);
+                    if (player != plain) Turn(player);
+                    Check(player.Advance(1 / 30f) == ClothStatus.Ok, "frame " + frame);
+                }
+            }
+            float off = 0, untoldOff = 0;
+            for (int v = 0; v < plain.VertexCount * plain.VertexBytes / 4; v += v % 6 == 2 ? 4 : 1)
+            {
+                off = Math.Max(off, Math.Abs(((float*)turned.Vertices)[v] - ((float*)plain.Vertices)[v]));
+                untoldOff = Math.Max(untoldOff, Math.Abs(((float*)untold.Vertices)[v] - ((float*)plain.Vertices)[v]));
+            }
+            Check(off < 1e-5f, off + " m off");
+            Check(untoldOff > 0.05f, "without it " + untoldOff + " m off");
+            for (int i = 0; i < 16; ++i) turned.JointMatrices[i] = 0;
+            ClothException e = Refused(() => turned.TakeBindPose(), ClothStatus.Pose);
+            Check(e.Message.Contains("no inverse for joint '" + model.JointNames[0] + "'"), e.Message);
+        }
+    }
+
     public static void DamagedFilesAreRefusedWithWords()
     {
         foreach (int size in new[] { 0, 1, 64, file.Length / 128 * 64, file.Length - 64 })

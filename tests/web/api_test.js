@@ -70,6 +70,40 @@ test("errors carry the engine's text", () => {
   assert.equal(engine.memory.blockCount, 0, "memory of refused calls is still lent");
 });
 
+test("a rig with axes of its own wears the garment once its bind pose is known", () => {
+  const model = engine.openModel(file, "skirt");
+  const cloths = [1, 2, 3].map(() => model.createCloth({ jointNames }));
+  const [plain, turned, untold] = cloths;
+  // Columns of the linear part in another order: axes x, y, z called y, z, x, and twice as long.
+  const turn = (cloth) => {
+    const { pose } = cloth;
+    for (let m = 0; m < pose.length; m += 16) {
+      const linear = pose.slice(m, m + 12);
+      for (let i = 0; i < 12; ++i) pose[m + ((i + 4) % 12)] = 2 * linear[i];
+    }
+  };
+  pose(plain, 0);
+  plain.takeBindPose();
+  pose(turned, 0);
+  turn(turned);
+  turned.takeBindPose();
+  for (let frame = 0; frame < 5; ++frame) {
+    for (const cloth of cloths) {
+      pose(cloth, frame);
+      if (cloth !== plain) turn(cloth);
+      cloth.update(1 / 30);
+    }
+  }
+  const off = (cloth) => cloth.positions.reduce((most, x, i) => Math.max(most, Math.abs(x - plain.positions[i])), 0);
+  assert.ok(off(turned) < 1e-5, `${off(turned)} m`);
+  assert.ok(off(untold) > 0.1, `${off(untold)} m`);
+  turned.pose.fill(0);
+  refused(() => turned.takeBindPose(), "POSE", /Hips/);
+  for (const cloth of cloths) cloth.dispose();
+  refused(() => turned.takeBindPose(), "ARGUMENT", /disposed|set_bind_pose/);
+  model.dispose();
+});
+
 test("a cloth that was disposed of leaves the memory to others", () => {
   const model = engine.openModel(file, "skirt");
   const cloth = model.createCloth({ jointNames });

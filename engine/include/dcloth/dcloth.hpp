@@ -119,6 +119,11 @@ class Cloth {
     return static_cast<Status>(dcloth_cloth_set_space(cloth_, &space, error));
   }
 
+  // Joints with axes of their own; see dcloth_cloth_set_bind_pose.
+  Status SetBindPose(const dcloth_pose& bind, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_cloth_set_bind_pose(cloth_, &bind, error));
+  }
+
   Status Reset() { return static_cast<Status>(dcloth_cloth_reset(cloth_)); }
 
   size_t StateSize() const { return dcloth_cloth_state_size(cloth_); }

@@ -60,6 +60,16 @@ namespace DCloth
             ClothException.ThrowUnlessOk(status, &error, model.Name);
         }
 
+        /// <summary>For joints with axes or scale of their own: the character's bind pose as it is here. Errors: Pose,
+        /// with the joint that has no inverse.</summary>
+        public void SetBindPose(dcloth_pose* bind)
+        {
+            dcloth_error error = ClothException.NewError();
+            int status = Native.dcloth_cloth_set_bind_pose(Handle, bind, &error);
+            GC.KeepAlive(this);
+            ClothException.ThrowUnlessOk(status, &error, model.Name);
+        }
+
         public void Reset()
         {
             int status = Native.dcloth_cloth_reset(Handle);

@@ -120,17 +120,20 @@ namespace DCloth
             ownVertices = null;
         }
 
+        /// <summary>For a rig whose bones have axes or scale of their own: JointMatrices hold its bind pose, the body as
+        /// and where that of training stood. Errors: Pose, with the bone that has no inverse.</summary>
+        public void TakeBindPose()
+        {
+            dcloth_pose pose = Pose();
+            cloth.SetBindPose(&pose);
+        }
+
         /// <summary>One frame, `seconds` after the last one. Without `draw` motion goes on and vertices stay. A refused
         /// frame (Pose: NaN in a matrix; Argument: time below zero or NaN) changes nothing, and a jump stays
         /// announced.</summary>
         public ClothStatus Advance(float seconds, bool draw = true)
         {
-            if (JointMatrices == null) throw new ObjectDisposedException(nameof(ClothPlayer));
-            dcloth_pose pose;
-            pose.struct_size = (uint)sizeof(dcloth_pose);
-            pose.joint_count = (uint)Bones.Length;
-            pose.joint_matrices = JointMatrices;
-            pose.column_major = 1;
+            dcloth_pose pose = Pose();
             dcloth_frame frame;
             frame.struct_size = (uint)sizeof(dcloth_frame);
             frame.stages = (uint)(Stages < cloth.Model.Stages ? Stages : cloth.Model.Stages);
@@ -152,6 +155,17 @@ namespace DCloth
             JointMatrices = null;
             Vertices = null;
             Bounds = null;
+        }
+
+        private dcloth_pose Pose()
+        {
+            if (JointMatrices == null) throw new ObjectDisposedException(nameof(ClothPlayer));
+            dcloth_pose pose;
+            pose.struct_size = (uint)sizeof(dcloth_pose);
+            pose.joint_count = (uint)Bones.Length;
+            pose.joint_matrices = JointMatrices;
+            pose.column_major = 1;
+            return pose;
         }
 
         private dcloth_output Output()

@@ -55,6 +55,10 @@ namespace DCloth
         public static extern int dcloth_cloth_set_space(dcloth_cloth* cloth, dcloth_space* space, dcloth_error* error);
 
         [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, dcloth_pose* bind,
+                                                            dcloth_error* error);
+
+        [DllImport(Library, CallingConvention = C)]
         public static extern ulong dcloth_output_scratch_size(dcloth_output* output);
 
         [DllImport(Library, CallingConvention = C)]

@@ -184,6 +184,7 @@ export const dcloth_timer = Object.freeze({
  * @property {(cloth: number) => number} dcloth_cloth_reset
  * @property {(cloth: number, state: number, size: number, flags: number, error: number) => number} dcloth_cloth_restore
  * @property {(cloth: number, state: number, size: number, error: number) => number} dcloth_cloth_save
+ * @property {(cloth: number, bind: number, error: number) => number} dcloth_cloth_set_bind_pose
  * @property {(cloth: number, space: number, error: number) => number} dcloth_cloth_set_space
  * @property {(cloth: number, pose: number, blend: number, output: number, timer: number) => number} dcloth_cloth_skin
  * @property {(cloth: number) => number} dcloth_cloth_state_size

@@ -116,6 +116,17 @@ export class Cloth {
   get pose() {
     return this.#view(0);
   }
+  /**
+   * For a rig whose joints have axes or scale of their own: `pose` holds its bind pose, the body as and where that of
+   * training stood. Throws POSE with the joint that has no inverse.
+   */
+  takeBindPose() {
+    this.#checkAlive("dcloth_cloth_set_bind_pose");
+    const { exports, memory } = this.#engine;
+    memory.check(this.model.name, (error) =>
+      exports.dcloth_cloth_set_bind_pose(this.address, this.#pose, error));
+  }
+
   /** [vertexCount, 3] of the last frame drawn, in the engine's memory: for a GPU upload without a copy. The array is
    * another one after memory has grown; take it anew for each frame. */
   get positions() {
