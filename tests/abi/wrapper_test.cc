@@ -57,6 +57,7 @@ int Run(const char* path) {
   dcloth_space left_handed = dcloth::MakeSpace(DCLOTH_AXIS_MINUS_X, DCLOTH_AXIS_Y, DCLOTH_AXIS_Z, 1);
   const bool bound = info.joint_count == 1 || cloth.BindJoints(&first, 1, &error) == dcloth::Status::kJoints;
   const bool placed = cloth.SetSpace(left_handed) == dcloth::Status::kOk &&
+                      cloth.SetBindPose(pose) == dcloth::Status::kOk &&
                       cloth.Update(pose, dcloth::MakeFrame(0.01f, stages), &output) == dcloth::Status::kOk &&
                       cloth.Describe().tick_share == 1.0f;
   const size_t state_size = cloth.StateSize();
