@@ -81,6 +81,12 @@ std::string BrokenByRun(const dcloth_model* model, size_t storage_limit, bool* f
   if (dcloth_cloth_skin(cloth, &pose, 0.5f, &output, nullptr) != DCLOTH_OK)
     return "a sound frame was refused";
   *finite = AllFinite(positions) && AllFinite(normals);
+  // Refused where the model's own joints have no inverse.
+  const dcloth_status taken = dcloth_cloth_set_bind_pose(cloth, &pose, nullptr);
+  if (taken != DCLOTH_OK && taken != DCLOTH_ERROR_POSE) return "a bind pose's status: " + std::to_string(taken);
+  if (dcloth_cloth_tick(cloth, &pose, info.stages, nullptr) != DCLOTH_OK ||
+      dcloth_cloth_skin(cloth, &pose, 0.5f, &output, nullptr) != DCLOTH_OK)
+    return "a sound frame was refused in a rig of its own";
   return dcloth_cloth_reset(cloth) == DCLOTH_OK ? "" : "a cloth that cannot be reset";
 }
 
