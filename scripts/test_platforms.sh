@@ -55,7 +55,8 @@ report() {
       printf "%s: %d cases passed, %d failed, in %d entries of ctest", platform, passed, failed, entries
       if (entries_failed != 0) printf ", %d of which failed", entries_failed
       if (only != "") printf ", only those named %s", only
-      printf "; left out:%s tests in Python that are not named here\n", left_out == "" ? "" : " labels " left_out ","
+      printf "; left out:%s tests in Python that are not named here\n",
+        left_out == "" ? "" : " of labels " left_out " what is not named here,"
       exit status != 0
     }' "$log"
 }
