@@ -76,6 +76,22 @@ TEST_P(MatvecI8Test, LargestInputsDoNotOverflow) {
   for (size_t rows : {2, 512, 514, 1024, 7952, 16384}) Check({rows, 32, rows, true, false}, true);
 }
 
+// A negative product that falls below the floats is minus zero.
+TEST_P(MatvecI8Test, RectifiedZeroIsPositive) {
+  GuardedBuffer<int8_t> weights(PairPanelElements(2, kPanelColumns), Place::kAligned64);
+  std::fill_n(weights.data(), weights.size(), int8_t{-1});
+  const GuardedBuffer<int16_t> x(std::vector<int16_t>{1, 2});
+  const GuardedBuffer<float> scales(std::vector<float>(kPanelColumns, 1e-30f), Place::kAligned64);
+  GuardedBuffer<float> y(kPanelColumns);
+  for (const bool relu : {false, true}) {
+    table().matvec_i8({x.data(), weights.data(), scales.data(), nullptr, y.data(), 1e-30f, 2, 2, 1, relu});
+    for (size_t c = 0; c < kPanelColumns; ++c) {
+      EXPECT_EQ(y[c], 0.0f);
+      EXPECT_NE(std::signbit(y[c]), relu) << table().name;
+    }
+  }
+}
+
 TEST(MatvecPackI8, PutsElementsWhereTheSchemaSays) {
   constexpr size_t kRows = 5, kColumns = 40;
   std::vector<int8_t> source(kRows * kColumns);

@@ -71,6 +71,14 @@ TEST_P(QuantizeTest, TheScaleIsTheSmallestThatFits) {
   EXPECT_EQ(Check(std::vector<float>(514, 32767.0f), {}), 2.0f);
 }
 
+TEST_P(QuantizeTest, TheSumMayReachItsLimitButNotPassIt) {
+  std::vector<float> x(513, 32767.0f);
+  x.back() = static_cast<float>(kQuantizedSumLimit - 512 * 32767);
+  EXPECT_EQ(Check(x, {}), 1.0f);
+  x.back() += 1.0f;
+  EXPECT_EQ(Check(x, {}), 2.0f);
+}
+
 TEST_P(QuantizeTest, NoSumOverflowsAtTheExtremes) {
   for (size_t rows : {513, 1025, 7952, 65535}) {
     Check(std::vector<float>(rows, -32767.0f), {});
