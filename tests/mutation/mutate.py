@@ -26,7 +26,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 HERE = pathlib.Path(__file__).resolve().parent
 HANG = 10  # a test that takes so many times as long, and as many seconds more, hangs
-CHECKED = ("-fsanitize=bounds", "-fsanitize-undefined-trap-on-error")  # a trap: needs no library of the sanitizer's
+CHECKED = ("-fsanitize=bounds,object-size", "-fsanitize-undefined-trap-on-error")  # a trap needs no sanitizer's library
 
 # Source to the tests that own it.
 KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
@@ -70,7 +70,7 @@ OPERATORS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " >
              (r"(?<![\w.])1(?![\w.])", "2"), (r"\bAdd\(", "Sub("), (r"\bMin\(", "Max("), (r"\bMax\(", "Min("),
              (r"\bLt\(", "Le("), (r"\bGe\(", "Gt(")]
 
-Mutant = collections.namedtuple("Mutant", "file number before after")
+Mutant = collections.namedtuple("Mutant", "file number before after nth")  # nth of the same lines of a file
 
 
 def code_of(line):
@@ -82,16 +82,20 @@ def code_of(line):
 
 
 def mutants_of(file):
+    same = collections.Counter()
     for number, line in enumerate((ROOT / file).read_text().split("\n")):
         code = code_of(line)
         for pattern, becomes in OPERATORS:
             for match in re.finditer(pattern, code):
-                yield Mutant(file, number, line, line[:match.start()] + becomes + line[match.end():])
+                after = line[:match.start()] + becomes + line[match.end():]
+                yield Mutant(file, number, line, after, same[line, after])
+                same[line, after] += 1
 
 
 def key_of(mutant):
-    """The same as long as file and line stay what they are, wherever the line stands."""
-    return hashlib.sha256("\0".join((mutant.file, mutant.before, mutant.after)).encode()).hexdigest()[:16]
+    """The same as long as file and line stay what they are, wherever the line stands; lines that repeat are counted."""
+    parts = [mutant.file, mutant.before, mutant.after] + [str(mutant.nth)] * (mutant.nth > 0)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
 
 
 class Build:

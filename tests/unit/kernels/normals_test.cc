@@ -129,5 +129,33 @@ TEST_P(NormalsTest, SumsThatLeaveTheFloatsGiveTheDefault) {
   }
 }
 
+// Squared lengths of exactly kNormalsTiny and kNormalsHuge have a direction; what is one float smaller or larger has none.
+TEST_P(NormalsTest, TheBoundsOfASumAreMetExactly) {
+  struct Sum {
+    float x, z, expected_x;
+  };
+  const Sum sums[] = {{1e-15f, 0, 1},                     // 1e-30f
+                      {0x1.203af8p-50f, 0x1.6ap-62f, 0},  // the float below
+                      {0x1.fffffep+63f, 0x1p+52f, 1},     // the largest float
+                      {0x1.fffffep+63f, 0x1.8p+52f, 0}};  // infinity
+  for (const size_t stride : {3, 5}) {
+    for (const Sum& sum : sums) {
+      // Two triangles of this sum, one in a group of four vertices and one beyond.
+      std::vector<float> positions(7 * stride), normals(7 * stride);
+      for (size_t i = 0; i < 7; ++i) {
+        float* p = &positions[i * stride];
+        if (i % 4 == 1) p[1] = 1;
+        if (i % 4 == 2) p[0] = -sum.z, p[2] = sum.x;
+      }
+      const std::vector<uint16_t> triangles = {0, 1, 2, 4, 5, 6};
+      table().normals({positions.data(), 4 * stride, triangles.data(), normals.data(), 4 * stride, 7, 2});
+      for (const size_t i : {0, 1, 2, 4, 5, 6}) {
+        EXPECT_NEAR(normals[i * stride], sum.expected_x, Gamma(7)) << table().name << ", " << sum.x << ", vertex " << i;
+        EXPECT_EQ(normals[i * stride + 1], 1 - sum.expected_x);
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace dcloth::kernels
