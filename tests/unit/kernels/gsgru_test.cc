@@ -110,6 +110,33 @@ TEST_P(GsgruTest, SaturatedGatesKeepTheStateWithinOne) {
   }
 }
 
+// Rows of o far from zero, exact as all sums of the layer norm are: only differences from the mean may be squared.
+TEST_P(GsgruTest, NormOfRowsFarFromZero) {
+  for (const size_t F : {8, 16, 32, 64}) {
+    const GuardedBuffer<uint32_t> row_starts(std::vector<uint32_t>{0, 1});
+    const GuardedBuffer<uint16_t> columns(std::vector<uint16_t>{0});
+    const auto floats = [](size_t count, float value) {
+      return std::make_unique<Floats>(std::vector<float>(count, value), Place::kAligned64);
+    };
+    const auto gates = floats(3 * F * F, 0), row = floats(F, 1), output_bias = floats(F, 0), offset = floats(F, 0);
+    double variance = 0;
+    const auto apart = [F](size_t f) { return (F - 1 - 2 * static_cast<float>(f)) / 32; };
+    for (size_t f = 0; f < F; ++f) {
+      (*output_bias)[f] = 4096 + apart(f);
+      variance += double{apart(f)} * apart(f) / static_cast<double>(F);
+    }
+    const auto x = floats(F, 1), state = floats(GsgruStateFloats(1, F), 0), next_x = floats(F, 0);
+    Floats scratch(GsgruScratchFloats(F), Place::kAligned64);
+    table().gsgru({x->data(), row_starts.data(), columns.data(), gates->data(), gates->data(), gates->data(), gates->data(),
+                   gates->data(), output_bias->data(), row->data(), offset->data(), nullptr, state->data(),
+                   next_x->data(), nullptr, scratch.data(), 1, F, F, 1.0f, 0.0f});
+    for (size_t f = 0; f < F; ++f) {
+      const double exact = apart(f) / std::sqrt(variance + double{kGsgruEpsilon});
+      ASSERT_NEAR((*next_x)[f], exact, Gamma(static_cast<double>(F) + 10) * std::fabs(exact)) << table().name << " F " << F;
+    }
+  }
+}
+
 TEST_P(GsgruTest, LargeGraph) { Check(1021, 32, 32, false); }
 
 }  // namespace

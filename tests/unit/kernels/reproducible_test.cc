@@ -29,21 +29,10 @@ void ExpectSameBits(const std::vector<float>& a, const std::vector<float>& b) {
   for (size_t i = 0; i < a.size(); ++i) ASSERT_EQ(std::memcmp(&a[i], &b[i], 4), 0) << i << ": " << a[i] << ", " << b[i];
 }
 
-struct alignas(64) Line {
-  float floats[16];
-};
-
 // Floats on 64 bytes.
-class Aligned {
- public:
-  explicit Aligned(size_t count) : lines_((count + 15) / 16) {}
-  explicit Aligned(const std::vector<float>& values) : Aligned(values.size()) {
-    std::copy(values.begin(), values.end(), data());
-  }
-  float* data() { return lines_.data()->floats; }
-
- private:
-  std::vector<Line> lines_;
+struct Aligned : GuardedBuffer<float> {
+  explicit Aligned(size_t count) : GuardedBuffer(count, Place::kAligned64) {}
+  explicit Aligned(const std::vector<float>& values) : GuardedBuffer(values, Place::kAligned64) {}
 };
 
 TEST_F(ReproducibleTest, Activations) {
