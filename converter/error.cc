@@ -8,7 +8,8 @@ namespace {
 
 // Length of the well-formed UTF-8 sequence at `at`, 0 where there is none (Unicode 15, table 3-7).
 size_t Utf8Length(const std::string& text, size_t at) {
-  auto byte = [&](size_t i) { return i < text.size() ? static_cast<uint8_t>(text[i]) : uint8_t{0}; };
+  // At most one past the end, which reads as zero: no byte behind that goes with it is looked at.
+  auto byte = [&](size_t i) { return static_cast<uint8_t>(text[i]); };
   auto within = [&](size_t i, uint8_t low, uint8_t high) { return byte(i) >= low && byte(i) <= high; };
   auto tail = [&](size_t i) { return within(i, 0x80, 0xBF); };
   const uint8_t lead = byte(at);

@@ -61,7 +61,7 @@ QuantizedMatrix Finish(const Matrix& weights, const VectorD& row_scales, std::sp
 // Largest 1, none so small that s_j x_j could leave float range; zero rows take 1 (their values are zero anyway).
 void NormaliseScales(VectorD* scales) {
   const double largest = scales->maxCoeff();
-  for (double& scale : *scales) scale = scale > 0 && largest > 0 ? std::max(scale / largest, 1e-6) : 1.0;
+  for (double& scale : *scales) scale = scale > 0 ? std::max(scale / largest, 1e-6) : 1.0;
 }
 
 // Alternating equilibration: with t tight for s, no s_j needs to be above max_c |W_jc| / (127 t_c). Each sweep lowers

@@ -52,7 +52,8 @@ class Handler : public nlohmann::json_sax<nlohmann::json> {
     } else if (place_ == Place::kRoot) {
       place_ = name_ == kMetadataKey ? Place::kMetadata : Place::kTensor;
       fields_.clear();
-      tensor_ = {name_, SafeType::kF32, {}, 0, 0};
+      tensor_ = {};
+      tensor_.name = name_;
       offsets_.clear();
     } else {
       return Unexpected("an object");
@@ -116,12 +117,12 @@ class Handler : public nlohmann::json_sax<nlohmann::json> {
     const std::optional<uint64_t> size = CheckedSize(tensor_.type, tensor_.shape);
     const std::string what = std::string(SafeTypeName(tensor_.type)) + " " + ShapeText(tensor_.shape);
     if (!size) Refuse(what, "a shape whose size fits in 64 bits");
-    if (offsets_[1] < offsets_[0] || offsets_[1] - offsets_[0] != *size) {
-      Refuse("bytes " + std::to_string(offsets_[0]) + " to " + std::to_string(offsets_[1]),
+    tensor_.begin = offsets_.front();
+    tensor_.end = offsets_.back();
+    if (tensor_.end < tensor_.begin || tensor_.end - tensor_.begin != *size) {
+      Refuse("bytes " + std::to_string(tensor_.begin) + " to " + std::to_string(tensor_.end),
              std::to_string(*size) + " bytes for " + what);
     }
-    tensor_.begin = offsets_[0];
-    tensor_.end = offsets_[1];
     header_->tensors.push_back(std::move(tensor_));
   }
 

@@ -43,7 +43,8 @@ WHOLE = ["converter_convert_test", "converter_convert_auto_test", "converter_con
 BUNDLE = ["converter_bundle_test", "converter_bundle_fault_test", "converter_bundle_limits_test"]
 CONVERTER = {"assemble": ["converter_assemble_test", *WHOLE], "attempts": ["converter_attempts_test", *WHOLE],
              "body_surface": ["converter_body_surface_test", "converter_body_surface_cloud_test"],
-             "bundle": BUNDLE, "bundle_metadata": BUNDLE, "convert": WHOLE, "model_maker": WHOLE,
+             "bundle": BUNDLE, "bundle_metadata": BUNDLE, "convert": WHOLE,
+             "file": ["converter_file_test", "converter_file_fault_test"],
              "calibrate": ["converter_rank_test", "converter_convert_rank_test"],
              "safetensors_header": ["converter_safetensors_test"],
              "tensor_reader": [*BUNDLE, "converter_sequence_test"]}

@@ -113,6 +113,26 @@ TEST(CorrectTest, CorrectsNoDirectionThatIsDropped) {
   for (const uint32_t row : reduced.corrected) EXPECT_LT(row, 3u);
 }
 
+// A row of the pair that would go rounds to nothing and is worst or second worst; the other one of the pair is zero.
+TEST(CorrectTest, CorrectsNoDirectionOfThePairThatGoes) {
+  constexpr float kExact = 127.0f / 128;  // rounding takes nothing from it
+  for (const float rounds_to_zero : {1e-9f, 3.7e-9f}) {
+    ReducedBasis reduced;
+    reduced.basis.resize(4, 3);
+    reduced.basis << kExact, kExact, rounds_to_zero,  //
+        kExact, 0, kExact,                            //
+        2e-9f, 2e-9f, 2e-9f,                          //
+        0, 0, 0;
+    reduced.head = Matrix::Ones(1, 4);
+    const QuantizedMatrix stored = QuantizeTwoSided("b", reduced.basis);
+    ASSERT_EQ(stored.values, (std::vector<int8_t>{127, 127, 0, 127, 0, 127, 0, 0, 0, 0, 0, 0}));
+    TradeForCorrections(&reduced);
+    EXPECT_TRUE(reduced.corrected.empty()) << rounds_to_zero;
+    EXPECT_EQ(reduced.basis.rows(), 4) << rounds_to_zero;
+    EXPECT_EQ(reduced.coefficients.bias.size(), 0) << "without a mesh stage there are none";
+  }
+}
+
 TEST(CorrectTest, AddsNoMoreThanTheBoundNeeds) {
   const ReducedBasis whole = Steep();
   const double plain = Lost(whole.basis, whole);

@@ -161,6 +161,30 @@ TEST_F(FileTest, TemporariesOfOthersSurvive) {
   EXPECT_EQ(Entries(), 4u);
 }
 
+// A hundred names are tried, from 0 on.
+TEST_F(FileTest, TemporariesHaveAHundredNames) {
+  const auto put = [&](int attempt) {
+    Put(folder_ / ("x." + std::to_string(ProcessId()) + "." + std::to_string(attempt) + ".tmp"), "theirs");
+  };
+  for (int attempt = 1; attempt < 100; ++attempt) put(attempt);
+  Write(folder_ / "x", "1");
+  put(0);
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "x", "2"); }), "no file can be created there", "exists"));
+  EXPECT_EQ(Get(folder_ / "x"), "1");
+  EXPECT_EQ(Entries(), 101u);
+}
+
+// It is named after its file where the name is at most 100 bytes.
+TEST_F(FileTest, TemporariesAreNamedAfterTheirFile) {
+  for (const size_t length : {100u, 101u}) {
+    const std::string name(length, 'n'), text = "new";
+    const PreparedFile file(folder_ / name, std::as_bytes(std::span(text)));
+    const std::string suffix = "." + std::to_string(ProcessId()) + ".0.tmp";
+    EXPECT_EQ(fs::directory_iterator(folder_)->path().filename(), (length == 100 ? name : "dcloth") + suffix);
+  }
+  EXPECT_EQ(Entries(), 0u);
+}
+
 TEST_F(FileTest, LimitAndAbsence) {
   Put(folder_ / "x", "12345");
   EXPECT_EQ(ReadFile(folder_ / "x", 5).size(), 5u);

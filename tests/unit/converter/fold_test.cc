@@ -52,6 +52,24 @@ TEST(FoldTest, VertexWithoutWeightIsRefused) {
       Mentions(ErrorText([&] { FoldSkinWeights(ParseRawBundle(raw)); }), "no positive skin weight left for vertex 5"));
 }
 
+// Sums of three floats hold any double.
+TEST(FoldTest, ASumOfAMillionthIsNoneAndTheNextDoubleIsOne) {
+  Bundle bundle = ParseBundle({});
+  ASSERT_EQ(bundle.residual_weights.size(), 2u);
+  const auto refusal = [&](double total) {
+    double rest = total;
+    for (Matrix* part : {&bundle.initial_weights, &bundle.residual_weights[0], &bundle.residual_weights[1]}) {
+      part->row(3).setZero();
+      (*part)(3, 1) = static_cast<float>(rest);
+      rest -= static_cast<double>((*part)(3, 1));
+    }
+    EXPECT_EQ(rest, 0);
+    return ErrorText([&] { FoldSkinWeights(bundle); });
+  };
+  EXPECT_TRUE(Mentions(refusal(1e-6), "no positive skin weight left for vertex 3"));
+  EXPECT_EQ(refusal(std::nextafter(1e-6, 1)), "");
+}
+
 // The folded layer's pre-activations against the unfolded formula, both in double, on random inputs.
 TEST(FoldTest, MeshLayerGivesTheSamePreActivations) {
   BundleSpec spec;
@@ -91,13 +109,15 @@ TEST(FoldTest, KeepsExactlyTheJointsThatAreNeeded) {
   spec.joints = 12;
   spec.feature_joints = 2;
   spec.bones = 3;
-  const Bundle bundle = ParseBundle(spec);
+  Bundle bundle = ParseBundle(spec);
   EXPECT_EQ(ChooseJoints(bundle, {}).joints, (std::vector<uint32_t>{0, 1, 9, 10, 11}));
   PrunedWeights body{2, {4, 5, 9, 6}, {0.5f, 0.5f, 1, 0}};
   const JointSubset subset = ChooseJoints(bundle, body);
   EXPECT_EQ(subset.joints, (std::vector<uint32_t>{0, 1, 4, 5, 9, 10, 11}));  // 6 has no weight
   EXPECT_EQ(subset.kept[9], 4u);
   EXPECT_EQ(subset.kept[6], JointSubset::kDropped);
+  bundle.hips = 7;
+  EXPECT_EQ(ChooseJoints(bundle, {}).joints, (std::vector<uint32_t>{0, 1, 7, 9, 10, 11}));
 }
 
 TEST(FoldTest, MoreThan256JointsAreRefused) {
@@ -106,8 +126,10 @@ TEST(FoldTest, MoreThan256JointsAreRefused) {
   spec.bones = 256;
   spec.feature_joints = 1;
   spec.mesh = spec.skeleton = false;
-  const Bundle bundle = ParseBundle(spec);  // hips and one feature joint 0, bones 44 to 299
+  Bundle bundle = ParseBundle(spec);  // hips and one feature joint 0, bones 44 to 299
   EXPECT_TRUE(Mentions(ErrorText([&] { ChooseJoints(bundle, {}); }), "257 joints"));
+  bundle.bones.pop_back();
+  EXPECT_EQ(ChooseJoints(bundle, {}).joints.size(), 256u);
 }
 
 TEST(FoldTest, InverseBindsInvert) {
@@ -128,18 +150,29 @@ TEST(FoldTest, InverseBindsInvert) {
 
 TEST(FoldTest, BasisIsStackedWithEvenRows) {
   BundleSpec spec;
-  spec.skeleton_basis = 5;
-  spec.mesh_basis = 4;
-  const Bundle bundle = ParseBundle(spec);
-  const StackedBasis stacked = StackBasis(bundle);
-  EXPECT_EQ(stacked.skeleton_rows, 6u);
-  EXPECT_EQ(stacked.mesh_rows, 4u);
-  ASSERT_EQ(stacked.basis.rows(), 10);
-  EXPECT_EQ(stacked.basis.topRows(5), bundle.skeleton->basis);
-  EXPECT_TRUE((stacked.basis.row(5).array() == 0).all());
-  EXPECT_EQ(stacked.basis.bottomRows(4), bundle.mesh->basis);
+  for (const auto& [skeleton, mesh] : {std::pair(5u, 4u), {4u, 5u}, {7u, 9u}, {2u, 6u}}) {
+    spec.skeleton_basis = skeleton;
+    spec.mesh_basis = mesh;
+    const Bundle bundle = ParseBundle(spec);
+    const StackedBasis stacked = StackBasis(bundle);
+    EXPECT_EQ(stacked.skeleton_rows, (skeleton + 1) / 2 * 2);
+    EXPECT_EQ(stacked.mesh_rows, (mesh + 1) / 2 * 2);
+    ASSERT_EQ(stacked.basis.rows(), stacked.skeleton_rows + stacked.mesh_rows);
+    EXPECT_EQ(stacked.basis.topRows(skeleton), bundle.skeleton->basis);
+    EXPECT_EQ(stacked.basis.middleRows(stacked.skeleton_rows, mesh), bundle.mesh->basis);
+    for (Eigen::Index row = skeleton; row < stacked.skeleton_rows; ++row) EXPECT_TRUE(stacked.basis.row(row).isZero(0));
+    EXPECT_TRUE(stacked.basis.bottomRows(mesh % 2).isZero(0));
+  }
   spec.mesh = false;
   EXPECT_EQ(StackBasis(ParseBundle(spec)).mesh_rows, 0u);
+}
+
+TEST(FoldTest, NormalisedRowsSumToOne) {
+  Matrix weights(3, 2);
+  weights << 1, 3, 0.5f, 0, 2, 2;
+  MatrixD expected(3, 2);
+  expected << 0.25, 0.75, 1, 0, 0.5, 0.5;
+  EXPECT_EQ(NormaliseRows(weights), expected);
 }
 
 }  // namespace

@@ -48,6 +48,7 @@ TEST(LossTest, HalvesUnderflowAndMayBeExact) {
   EXPECT_EQ(loss.zeroed, 1u);
   EXPECT_EQ(loss.clipped, 0u);
   EXPECT_TRUE(std::isfinite(loss.snr_db));
+  EXPECT_EQ(loss.relative_max, (0x1p-24 - static_cast<double>(4e-8f)) / 2);
   exact << 0.5f, -0.25f, 0, 2;
   const TensorLoss none = LossOf(exact, QuantizeHalf("w", exact));
   EXPECT_EQ(none.snr_db, INFINITY);

@@ -20,6 +20,9 @@ TEST(MetricsTest, NothingIsZero) {
   ErrorMeter meter(kTriangle, 3);
   EXPECT_EQ(meter.Result().frame_count, 0u);
   EXPECT_EQ(meter.Result().position_mm.max, 0);
+  EXPECT_EQ(meter.Result().position_mm.mean, 0);
+  EXPECT_EQ(meter.Result().position_mm.std, 0);
+  EXPECT_EQ(meter.Result().normal_deg.std, 0);
   meter.AddFrame(kFlat, kFlat);
   const MeshError same = meter.Result();
   EXPECT_EQ(same.position_mm.mean, 0);
@@ -58,6 +61,27 @@ TEST(MetricsTest, PercentilesAreNearestRank) {
   EXPECT_EQ(error.max, mm(100));
 }
 
+TEST(MetricsTest, PercentilesOfFewAndPointsWithoutFaces) {
+  ErrorMeter meter({}, 2);
+  meter.AddFrame(std::vector<float>{1, 0, 0, 0, 2, 0}, std::vector<float>(6));
+  EXPECT_EQ(meter.Result().position_mm.p50, 1000);
+  EXPECT_EQ(meter.Result().position_mm.p95, 2000);
+  EXPECT_EQ(meter.Result().normal_deg.skipped, 2u);
+  ErrorMeter one({}, 1);
+  one.AddFrame(std::vector<float>{0, 0, 3}, std::vector<float>(3));
+  EXPECT_EQ(one.Result().position_mm.p50, 3000);
+  EXPECT_EQ(one.Result().position_mm.p99, 3000);
+}
+
+// Of frames that are a kilometre off and differ by tenths of a millimetre: squares would drown it.
+TEST(MetricsTest, DeviationsAreTakenFromTheMean) {
+  ErrorMeter meter({}, 1);
+  for (const float off : {0.0f, 1.0f, 3.0f}) {
+    meter.AddFrame(std::vector<float>{1000 + off * 0x1p-13f, 0, 0}, std::vector<float>(3));
+  }
+  EXPECT_NEAR(meter.Result().position_mm.std, 1000 * 0x1p-13 * std::sqrt(14.0) / 3, 1e-12);
+}
+
 TEST(MetricsTest, NormalAngleByHand) {
   for (const double degrees : {1e-5, 30.0, 90.0, 180.0}) {
     const double angle = degrees * std::numbers::pi / 180;
@@ -73,14 +97,18 @@ TEST(MetricsTest, NormalAngleByHand) {
 
 TEST(MetricsTest, NormalsAreAreaWeighted) {
   // Vertices 0 and 1 belong to a triangle of area 0.5 that faces +Z and to one of area 1.5 that faces -Y.
-  const std::vector<uint16_t> faces = {0, 1, 2, 0, 1, 3};
-  const std::vector<float> folded = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 3};
-  std::vector<float> flat = folded;
-  flat[9] = 0, flat[10] = 3, flat[11] = 0;  // now all four lie in Z = 0 and face +Z
-  ErrorMeter meter(faces, 4);
-  meter.AddFrame(folded, flat);
-  const double shared = std::atan2(3.0, 1.0) * 180 / std::numbers::pi;  // at vertices 0 and 1
-  EXPECT_NEAR(meter.Result().normal_deg.mean, (2 * shared + 0 + 90) / 4, 1e-12);
+  const std::vector<uint16_t> faces = {0, 1, 2, 3, 0, 1};
+  const float places[][3] = {{0, 0, 0}, {4, -2, 8}};  // wherever they are
+  for (const auto& at : places) {
+    std::vector<float> folded = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 3};
+    std::vector<float> flat = folded;
+    flat[9] = 0, flat[10] = 3, flat[11] = 0;  // now all four lie in Z = 0 and face +Z
+    for (size_t i = 0; i < folded.size(); ++i) folded[i] += at[i % 3], flat[i] += at[i % 3];
+    ErrorMeter meter(faces, 4);
+    meter.AddFrame(folded, flat);
+    const double shared = std::atan2(3.0, 1.0) * 180 / std::numbers::pi;  // at vertices 0 and 1
+    EXPECT_NEAR(meter.Result().normal_deg.mean, (2 * shared + 0 + 90) / 4, 1e-12);
+  }
 }
 
 TEST(MetricsTest, VanishedNormalsAreCounted) {
@@ -130,6 +158,8 @@ TEST(MetricsTest, BadInputIsRefused) {
                        "2 vertices in the truth, expected 3"));
   EXPECT_EQ(meter.Result().frame_count, 0u);
   EXPECT_TRUE(Mentions(ErrorText([&] { ErrorMeter(kTriangle, 2); }), "do not fit 2 vertices"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { ErrorMeter({}, 0); }), "do not fit 0 vertices"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { ErrorMeter(std::span(kTriangle).first(2), 3); }), "do not fit 3 vertices"));
 }
 
 }  // namespace

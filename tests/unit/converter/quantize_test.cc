@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "converter/half.h"
 #include "tests/unit/converter/error_text.h"
@@ -112,6 +114,114 @@ TEST(QuantizeTest, ExtremesStayInRange) {
   weights(2, 2) = 2e30f;
   EXPECT_TRUE(Mentions(ErrorText([&] { QuantizeTwoSided("basis", weights); }), "tensor basis: found the weight"));
   EXPECT_TRUE(Mentions(ErrorText([&] { QuantizeTwoSided("basis", Matrix()); }), "an empty matrix"));
+}
+
+// Column by column, for given row scales.
+QuantizedMatrix TightByHand(const Matrix& weights, const std::vector<double>& row_scales,
+                            const std::vector<double>& importance) {
+  QuantizedMatrix q;
+  q.rows = static_cast<size_t>(weights.rows()), q.columns = static_cast<size_t>(weights.cols());
+  q.row_scales.assign(row_scales.begin(), row_scales.end());
+  q.column_scales.resize(q.columns);
+  q.values.resize(q.rows * q.columns);
+  const auto weight = [&](size_t j, size_t c) {
+    return static_cast<double>(weights(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(c)));
+  };
+  for (size_t c = 0; c < q.columns; ++c) {
+    double largest = 0;
+    for (size_t j = 0; j < q.rows; ++j) {
+      largest = std::max(largest, std::abs(weight(j, c)) / static_cast<double>(q.row_scales[j]));
+    }
+    const double exact = std::max(largest / 127, 1e-30);
+    auto scale = static_cast<float>(exact);
+    if (static_cast<double>(scale) < exact) scale = std::nextafter(scale, INFINITY);
+    q.column_scales[c] = largest == 0 ? 1 : scale;
+  }
+  for (size_t j = 0; j < q.rows; ++j) {
+    double error = 0;
+    for (size_t c = 0; c < q.columns; ++c) {
+      const double step = static_cast<double>(q.row_scales[j]) * static_cast<double>(q.column_scales[c]);
+      q.values[j * q.columns + c] = static_cast<int8_t>(std::clamp(std::nearbyint(weight(j, c) / step), -127.0, 127.0));
+      error += std::pow(weight(j, c) - StoredAt(q, j, c), 2);
+    }
+    q.squared_error += error * (importance.empty() ? 1 : importance[j]);
+  }
+  return q;
+}
+
+void NormaliseByHand(std::vector<double>* scales) {
+  const double largest = *std::max_element(scales->begin(), scales->end());
+  for (double& scale : *scales) scale = scale == 0 ? 1 : std::max(scale / largest, 1e-6);
+}
+
+// The best of row scales 1 and six others, each lowered twice to what the columns leave of its row.
+QuantizedMatrix TwoSidedByHand(const Matrix& weights, const std::vector<double>& importance) {
+  const Eigen::Index rows = weights.rows(), columns = weights.cols();
+  std::vector<double> ones(static_cast<size_t>(rows), 1.0);
+  QuantizedMatrix best = TightByHand(weights, ones, importance);
+  for (const bool rms : {true, false}) {
+    for (const double power : {0.5, 0.75, 1.0}) {
+      VectorD sizes(rows);
+      for (Eigen::Index j = 0; j < rows; ++j) {
+        const Eigen::RowVectorXd row = weights.row(j).cast<double>();
+        sizes[j] = rms ? std::sqrt(row.squaredNorm() / static_cast<double>(columns)) : row.cwiseAbs().maxCoeff();
+      }
+      sizes = sizes.array().pow(power).eval();
+      std::vector<double> scales(sizes.begin(), sizes.end());
+      NormaliseByHand(&scales);
+      for (int sweep = 0; sweep < 2; ++sweep) {
+        std::vector<double> lowered(scales.size(), 0.0);
+        for (Eigen::Index c = 0; c < columns; ++c) {
+          double tight = 0;
+          for (Eigen::Index j = 0; j < rows; ++j) {
+            tight = std::max(tight, std::abs(static_cast<double>(weights(j, c))) * (1 / scales[static_cast<size_t>(j)]));
+          }
+          for (Eigen::Index j = 0; j < rows && tight > 0; ++j) {
+            double& row = lowered[static_cast<size_t>(j)];
+            row = std::max(row, std::abs(static_cast<double>(weights(j, c))) * (1 / tight));
+          }
+        }
+        scales = lowered;
+        NormaliseByHand(&scales);
+      }
+      QuantizedMatrix other = TightByHand(weights, scales, importance);
+      if (other.squared_error < best.squared_error) best = std::move(other);
+    }
+  }
+  return best;
+}
+
+TEST(QuantizeTest, ScalesAndValuesByHand) {
+  unsigned seed = 20;
+  for (const auto& [rows, columns] : {std::pair(1, 1), {1, 9}, {9, 1}, {3, 4}, {8, 8}, {12, 30}, {40, 7}}) {
+    for (const float decay : {0.0f, 2.0f, 12.0f, 40.0f}) {
+      for (const int zeros : {0, 1, 2, 3}) {
+        Matrix weights = Random(rows, columns, ++seed);
+        for (Eigen::Index j = 0; j < rows; ++j) {
+          weights.row(j) *= std::exp2(-decay * static_cast<float>(j) / static_cast<float>(rows));
+        }
+        weights(rows / 2, columns / 2) *= 20;
+        if (zeros == 1) weights.row(rows - 1).setZero();
+        if (zeros == 2) weights.col(columns - 1).setZero();
+        if (zeros == 3) weights.col(0).setZero();
+        std::vector<double> importance;
+        for (Eigen::Index j = 0; j < rows && seed % 2 == 0; ++j) importance.push_back(1 + static_cast<double>(j % 5));
+        const QuantizedMatrix expected = TwoSidedByHand(weights, importance);
+        const QuantizedMatrix found = QuantizeTwoSided("w", weights, importance);
+        ASSERT_EQ(found.row_scales, expected.row_scales) << seed;
+        ASSERT_EQ(found.column_scales, expected.column_scales) << seed;
+        ASSERT_EQ(found.values, expected.values) << seed;
+        EXPECT_DOUBLE_EQ(found.squared_error, expected.squared_error);
+      }
+    }
+  }
+}
+
+// Where no row counts, none of the scales is better than one for all rows.
+TEST(QuantizeTest, EqualErrorsKeepPlainColumns) {
+  const Matrix weights = Decaying(6, 10);
+  const std::vector<double> none(6, 0.0);
+  EXPECT_EQ(QuantizeTwoSided("w", weights, none).row_scales, std::vector<float>(6, 1.0f));
 }
 
 TEST(QuantizeTest, IsDeterministic) {

@@ -7,6 +7,8 @@
 #include <cmath>
 
 #include "converter/calibrate.h"
+#include "converter/correct.h"
+#include "converter/fold.h"
 #include "tests/unit/converter/bundle_builder.h"
 #include "tests/unit/converter/error_text.h"
 #include "tests/unit/converter/low_rank.h"
@@ -94,8 +96,8 @@ TEST(DisplacementMomentTest, IsAMeanOverFramesWhoseBonesHaveAnInverse) {
   };
   for (const double determinant : {0.0, 1e-9, -1e-9}) {
     EXPECT_EQ(refusal(determinant),
-              "s: tensor joint_matrices: found joint joint_2 collapsed in frame 2, expected matrices with an inverse to "
-              "calibrate on; leave this sequence out of --calibrate");
+              "s.safetensors: tensor joint_matrices: found joint joint_2 collapsed in frame 2, expected matrices with an "
+              "inverse to calibrate on; leave this sequence out of --calibrate");
   }
   EXPECT_EQ(refusal(std::nextafter(1e-9, 1)), "");
   EXPECT_EQ(refusal(std::nextafter(-1e-9, -1)), "");
@@ -134,6 +136,84 @@ TEST(RankMakerTest, WithoutMotionRowsGetRemainders) {
   EXPECT_EQ(rounded.basis.rows(), 44);
   EXPECT_EQ(rounded.corrected.size(), 2u);
   EXPECT_TRUE(maker.Make(44, Precision::kFp16)->corrected.empty());
+}
+
+void ExpectSame(const ReducedBasis& a, const ReducedBasis& b) {
+  EXPECT_EQ(a.basis, b.basis);
+  EXPECT_EQ(a.head, b.head);
+  EXPECT_EQ(a.coefficients.weight, b.coefficients.weight);
+  EXPECT_EQ(a.coefficients.bias, b.coefficients.bias);
+  EXPECT_EQ(a.corrected, b.corrected);
+}
+
+// Measured and expected moment, the one in proportion to the other; then corrections as int8 needs them.
+TEST(RankMakerTest, BasesAreThoseOfTheirMoment) {
+  BundleSpec spec;
+  spec.vertices = 120;
+  spec.skeleton_basis = 48;
+  spec.mesh_basis = 16;
+  Bundle bundle = ParseBundle(spec);
+  dcloth::testing::LowerRank(&bundle, 44);
+  const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+  const BasisFrame frame = BasisRank(bundle).Frame();
+  const std::vector<Sequence> motion = {ParseSequence(spec, 12)};
+  const MatrixD expected = ExpectedMoment(frame), measured = DisplacementMoment(bundle, folded, frame, motion);
+  const MatrixD both = measured + kExpectedShare * measured.trace() / expected.trace() * expected;
+  const double whole = QuantizeTwoSided("b", StackBasis(bundle).basis).squared_error;
+
+  RankMaker still(bundle, folded, {}), moved(bundle, folded, motion);
+  ASSERT_EQ(still.exact_rank(), 44u);
+  EXPECT_FALSE(still.Make(RankMaker::kFullRank, Precision::kInt8));
+  ReducedBasis exact = Reduce(bundle, frame, expected, 44);
+  ExpectSame(*still.Make(44, Precision::kFp16), exact);
+  AddCorrections(0.25 * whole, 44 / 20, &exact);
+  ExpectSame(*still.Make(44, Precision::kInt8), exact);
+  for (const uint32_t rank : {2u, 20u, 44u}) {
+    ReducedBasis reduced = Reduce(bundle, frame, both, rank);
+    ExpectSame(*moved.Make(rank, Precision::kFp32), reduced);
+    TradeForCorrections(&reduced);
+    ExpectSame(*moved.Make(rank, Precision::kInt8), reduced);
+  }
+}
+
+TEST(RankMakerTest, ZeroBasesHaveARankToo) {
+  BundleSpec spec;
+  Bundle bundle = ParseBundle(spec);
+  bundle.skeleton->basis.setZero();
+  bundle.mesh->basis.setZero();
+  const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+  const std::vector<Sequence> motion = {ParseSequence(spec, 2)};
+  RankMaker maker(bundle, folded, motion);
+  ASSERT_EQ(maker.exact_rank(), 2u);
+  const ReducedBasis reduced = *maker.Make(2, Precision::kFp32);
+  EXPECT_TRUE(reduced.basis.isZero(0));
+  EXPECT_TRUE(reduced.head.allFinite());
+}
+
+// A rank of all rows is none to store, even where a row of padding would be saved; remainders are rows too.
+TEST(RankMakerTest, TheNumericalRankSavesWhereItIsLess) {
+  const auto saves = [](const Bundle& bundle, Precision precision) {
+    const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+    return RankMaker(bundle, folded, {}).ExactSaves(precision);
+  };
+  BundleSpec spec;
+  spec.skeleton_basis = spec.mesh_basis = 5;
+  const Bundle odd = ParseBundle(spec);
+  ASSERT_TRUE(ReductionSaves(odd, 10, Precision::kFp32));
+  EXPECT_FALSE(saves(odd, Precision::kFp32));
+  spec.mesh = spec.skeleton = false;
+  EXPECT_FALSE(saves(ParseBundle(spec), Precision::kFp32));
+
+  BundleSpec wide;
+  wide.vertices = 110;
+  wide.skeleton_basis = 48;
+  wide.mesh_basis = 16;
+  Bundle low = ParseBundle(wide);
+  dcloth::testing::LowerRank(&low, 44);
+  EXPECT_TRUE(saves(low, Precision::kFp16));
+  ASSERT_TRUE(ReductionSaves(low, 44, Precision::kInt8));
+  ASSERT_FALSE(ReductionSaves(low, 46, Precision::kInt8));
+  EXPECT_FALSE(saves(low, Precision::kInt8)) << "44 rows and two remainders";
 }
 
 }  // namespace

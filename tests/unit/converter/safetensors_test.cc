@@ -150,6 +150,7 @@ const BadHeader kBadHeaders[] = {
     {"OneOffset", "{\"a\":" + Tensor("U8", "[0]", "[0]") + "}", 0, "1 data_offsets"},
     {"ThreeOffsets", "{\"a\":" + Tensor("U8", "[1]", "[0,1,2]") + "}", 1, "more numbers in data_offsets"},
     {"OffsetsBackwards", "{\"a\":" + Tensor("U8", "[1]", "[1,0]") + "}", 1, "bytes 1 to 0"},
+    {"OffsetsWrapped", "{\"a\":" + Tensor("U8", "[18446744073709551615]", "[1,0]") + "}", 1, "bytes 1 to 0"},
     {"SizeMismatch", "{\"a\":" + Tensor("F32", "[2]", "[0,4]") + "}", 4, "8 bytes for F32 [2]"},
     // 2^33 * 2^31 * 4 wraps to 0 in 64 bits.
     {"WrappedProduct", "{\"a\":" + Tensor("F32", "[8589934592,2147483648]", "[0,0]") + "}", 0, "fits in 64 bits"},
@@ -171,6 +172,31 @@ TEST(SafetensorsTest, DeepNestingIsRefusedWithoutRecursion) {
   EXPECT_TRUE(Mentions(Refusal("{\"a\":{\"shape\":" + std::string(1 << 20, '['), 0), "a list"));
 }
 
+// By the first nine bytes: a header's length that fits, then the header's first character.
+TEST(SafetensorsTest, LooksLikeOneByLengthAndBrace) {
+  AlignedBytes bytes = File("{}", 3);
+  const auto looks = [&](size_t size) { return LooksLikeSafetensors(std::span(bytes).first(size)); };
+  EXPECT_TRUE(looks(bytes.size()));
+  EXPECT_TRUE(looks(10));
+  EXPECT_FALSE(looks(9)) << "half of the header";
+  bytes[8] = std::byte{'['};
+  EXPECT_FALSE(looks(bytes.size()));
+  bytes = File("{", 0);
+  EXPECT_TRUE(looks(9));
+  bytes[0] = std::byte{0};
+  for (size_t size = 0; size <= 8; ++size) EXPECT_FALSE(looks(size)) << size;
+  EXPECT_TRUE(looks(9)) << "the rest is the parser's";
+}
+
+TEST(SafetensorsTest, SizesFitIn64Bits) {
+  EXPECT_EQ(CheckedSize(SafeType::kU8, {UINT64_MAX / 3, 3}), UINT64_MAX);
+  EXPECT_EQ(CheckedSize(SafeType::kU8, {UINT64_MAX / 3 + 1, 3}), std::nullopt);
+  EXPECT_EQ(CheckedSize(SafeType::kF64, {UINT64_MAX / 8}), UINT64_MAX - 7);
+  EXPECT_EQ(CheckedSize(SafeType::kF64, {UINT64_MAX / 8 + 1}), std::nullopt);
+  EXPECT_EQ(CheckedSize(SafeType::kF32, {}), 4u);
+  EXPECT_EQ(CheckedSize(SafeType::kF32, {0, UINT64_MAX}), 0u);
+}
+
 TEST(SafetensorsTest, HeaderLengthIsBounded) {
   for (const uint64_t length : {uint64_t{3}, uint64_t{100'000'001}, UINT64_MAX, UINT64_MAX - 7}) {
     AlignedBytes bytes = File("{}", 0);
@@ -188,9 +214,11 @@ TEST(SafetensorsTest, NumbersThatAreNoneAreRefusedWithTheirPlace) {
   dcloth::testing::RawFile raw;
   raw.Replace("a", {3}, {1, NAN, 3});
   raw.Replace("b", {2}, {1, -INFINITY});
+  raw.Replace("c", {2}, {NAN, NAN});
   const SafeFile file = SafeFile::Parse(raw.Bytes(), "f");
   EXPECT_TRUE(Mentions(ErrorText([&] { FloatsOf(file, file.Require("a")); }), "tensor a: found NaN at element 1"));
   EXPECT_TRUE(Mentions(ErrorText([&] { FloatsOf(file, file.Require("b")); }), "infinity at element 1"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { FloatsOf(file, file.Require("c")); }), "NaN at element 0"));
   const SafeFile integers = SafeFile::Parse(File("{\"i\":" + Tensor("I32", "[1]", "[0,4]") + "}", 4), "f");
   EXPECT_TRUE(
       Mentions(ErrorText([&] { FloatsOf(integers, integers.Require("i")); }), "dtype I32, expected F32 or F16"));

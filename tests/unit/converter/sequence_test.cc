@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
@@ -101,23 +102,79 @@ TEST(SequenceTest, FaultsAreRefused) {
   EXPECT_TRUE(Mentions(Refusal(raw), "'a' twice"));
 }
 
+TEST(SequenceTest, ShapesAreRefusedAxisByAxis) {
+  const RawFile whole = BuildSequence({}, 2, true);
+  const auto refusal = [&](const char* name, const Shape& shape) {
+    RawFile raw = whole;
+    size_t count = 1;
+    for (const uint64_t extent : shape) count *= extent;
+    raw.Replace(name, shape, std::vector<float>(count));
+    return Refusal(raw);
+  };
+  for (const Shape& shape :
+       {Shape{2, 6, 4}, Shape{2, 6, 4, 4, 1}, Shape{2, 5, 4, 4}, Shape{2, 7, 4, 4}, Shape{2, 6, 5, 4}, Shape{2, 6, 4, 5}}) {
+    EXPECT_TRUE(Mentions(refusal("joint_matrices", shape), "shape " + ShapeText(shape) + ", expected [T, 6, 4, 4]"));
+  }
+  for (const Shape& shape : {Shape{2, 60}, Shape{2, 60, 3, 1}, Shape{1, 60, 3}, Shape{2, 0, 3}, Shape{2, 60, 4}}) {
+    EXPECT_TRUE(Mentions(refusal("truth", shape), "shape " + ShapeText(shape) + ", expected [2, n, 3]"));
+  }
+  for (const Shape& shape : {Shape{2}, Shape{2, 4}, Shape{1, 3}, Shape{2, 3, 1}}) {
+    EXPECT_TRUE(Mentions(refusal("truth_origin", shape), ShapeText(shape) + ", expected F32 [2, 3]"));
+  }
+  EXPECT_EQ(refusal("truth", {2, 1, 3}), "");
+  RawFile halves = whole;
+  halves.Replace("truth_origin", {2, 3}, std::vector<float>(6));
+  EXPECT_EQ(Refusal(halves), "");
+  halves.At("truth_origin").type = SafeType::kF16;
+  halves.At("truth_origin").bytes.resize(12);
+  EXPECT_TRUE(Mentions(Refusal(halves), "truth_origin: found F16 [2, 3], expected F32 [2, 3]"));
+  halves = whole;
+  halves.At("joint_matrices").type = SafeType::kF16;
+  halves.At("joint_matrices").bytes.resize(2 * 6 * 16 * 2);
+  EXPECT_TRUE(Mentions(Refusal(halves), "dtype F16, expected F32"));
+}
+
+// By less than 1e-5, in any number of the row, in any joint and frame.
+TEST(SequenceTest, LastRowsMayMissByRoundings) {
+  const RawFile whole = BuildSequence({}, 3);
+  for (const size_t matrix : {0, 7, 17}) {
+    for (const size_t column : {0, 1, 2, 3}) {
+      for (const float sign : {-1.0f, 1.0f}) {
+        const auto refusal = [&](float off) {
+          RawFile raw = whole;
+          raw.SetFloat("joint_matrices", 16 * matrix + 12 + column, (column == 3 ? 1.0f : 0.0f) + sign * off);
+          return Refusal(raw);
+        };
+        EXPECT_EQ(refusal(column == 3 ? 0x53p-23f : 1e-5f), "");  // beside 1 floats are 2^-23 or 2^-24 apart
+        const std::string place =
+            "in frame " + std::to_string(matrix / 6) + ", joint 'joint_" + std::to_string(matrix % 6) + "'";
+        EXPECT_TRUE(Mentions(refusal(column == 3 ? 0x54p-23f : std::nextafter(1e-5f, 1.0f)), place));
+      }
+    }
+  }
+}
+
 TEST(SequenceTest, MapsByNameAndListsAllMissing) {
   BundleSpec spec;
   const Sequence sequence = ParseSequence(spec, 2);
   const std::string wanted[] = {"joint_4", "joint_0"};
   const std::vector<uint32_t> map = MapJoints(sequence, wanted);
   EXPECT_EQ(map, (std::vector<uint32_t>{4, 0}));
-  std::vector<float> pose(32);
-  GatherPose(sequence, 1, map, pose);
+  std::vector<float> pose(48, -7.0f);
+  const uint32_t one_more[] = {map[0], map[1], 2};
+  GatherPose(sequence, 1, std::span(one_more).first(2), pose);
+  EXPECT_EQ(std::count(pose.begin() + 32, pose.end(), -7.0f), 16) << "as many matrices as joints";
+  pose.resize(32);
   EXPECT_TRUE(std::equal(pose.begin(), pose.begin() + 16, sequence.joint_matrices.begin() + 16 * (6 + 4)));
   EXPECT_TRUE(std::equal(pose.begin() + 16, pose.end(), sequence.joint_matrices.begin() + 16 * 6));
   const std::string more[] = {"tail", "joint_1", "wing"};
-  EXPECT_TRUE(Mentions(ErrorText([&] { MapJoints(sequence, more); }), "no joints tail, wing"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { MapJoints(sequence, more); }), "no joints tail, wing,",
+                       "holds joint_0, joint_1, joint_2, joint_3, joint_4, joint_5;"));
 }
 
 TEST(SequenceTest, RunOutputReadsBack) {
   const std::vector<float> positions = {0, 1, 2, 3, 4, 5, 6, 7, 8};
-  const std::vector<uint16_t> triangles = {0, 2, 1};
+  const std::vector<uint16_t> triangles = {0, 2, 1, 1, 2, 0};
   const std::filesystem::path path = std::filesystem::path(::testing::TempDir()) / "dcloth_run_output_test";
   WriteRunOutput(path, {"skirt", 29.97, 1, 3, positions, triangles});
   const SafeFile file = SafeFile::Read(path);
@@ -126,7 +183,7 @@ TEST(SequenceTest, RunOutputReadsBack) {
   EXPECT_EQ(file.RequireMetadata("format"), "dcloth-run");
   EXPECT_EQ(file.Require("positions").shape, (Shape{1, 3, 3}));
   EXPECT_EQ(FloatsOf(file, file.Require("positions")), positions);
-  EXPECT_EQ(file.Require("faces").shape, (Shape{1, 3}));
+  EXPECT_EQ(file.Require("faces").shape, (Shape{2, 3}));
   EXPECT_EQ(file.Require("faces").bytes[4], std::byte{2});
   EXPECT_TRUE(Mentions(ErrorText([&] {
                          WriteRunOutput(path, {"skirt", 30, 2, 3, positions, triangles});

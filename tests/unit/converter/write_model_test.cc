@@ -66,6 +66,36 @@ TEST(WriteModelTest, TensorsLieInPlaceAndGapsAreZero) {
   }
 }
 
+// The first that has all of a model's parts, so that older libraries open what they can run.
+TEST(WriteModelTest, MinorVersionIsThatOfItsParts) {
+  const auto minor = [](const ModelParts& parts) {
+    const AlignedBytes bytes = WriteModel(parts);
+    return format::GetModel(bytes.data())->format_minor();
+  };
+  dcloth::testing::BundleSpec spec;
+  spec.feature_width = 16;
+  const Bundle bundle = dcloth::testing::ParseBundle(spec);
+  const FoldedBundle folded = FoldBundle(bundle, 4, 4);
+  ModelParts floats = Assemble(bundle, folded, {Precision::kFp32, {}});
+  ModelParts integers = Assemble(bundle, folded, {Precision::kInt8, {}});
+  EXPECT_EQ(minor(floats), 2);
+  EXPECT_EQ(minor(integers), 3);
+  ASSERT_EQ(integers.mesh->layers.size(), 2u);
+  ModelParts one = integers;
+  one.mesh->layers[0] = floats.mesh->layers[0];
+  EXPECT_EQ(minor(one), 3) << "one layer in integers";
+  for (ModelParts* parts : {&floats, &integers}) {
+    parts->body.emplace();
+    EXPECT_LT(minor(*parts), 4);
+    parts->body->touch_classes = PackIndices("body.touch_classes", StoredType::kU8, {1}, {0});
+    EXPECT_EQ(minor(*parts), 4);
+  }
+  integers.body.reset();
+  EXPECT_EQ(minor(integers), 3);
+  integers.mesh.reset();
+  EXPECT_EQ(minor(integers), 2);
+}
+
 TEST(WriteModelTest, TensorNamesAreUnique) {
   const ModelParts parts = Parts(Precision::kInt8);
   std::set<std::string> names;
