@@ -11,40 +11,53 @@
 namespace dcloth::kernels {
 namespace {
 
-class NearestCasesTest : public KernelTest {};
+// Points with what they have along x along another axis.
+std::vector<float> Turned(std::vector<float> points, size_t axis) {
+  for (size_t i = 0; i < points.size(); i += 3) std::rotate(&points[i], &points[i] + (3 - axis), &points[i] + 3);
+  return points;
+}
+
+class NearestCasesTest : public KernelTest {
+ protected:
+  // Of a run along `axis` the point `farthest` lies just below a plane that the run's middle is above; the others are
+  // as far away where `side` is 0, or nearer.
+  void CheckTouchedRun(float half, float side, float clearance, float slack, size_t farthest, size_t axis) {
+    Random random(7);
+    const float radius = std::sqrt(half * half + 2 * side * side);
+    const float others[3][3] = {{-half, -side, 0}, {-half, 0, -side}, {-half, 0, 0}};
+    const float elsewhere = farthest % 8 == 4 ? 0.0f : 50.0f;  // the other runs, in the middle or away
+    const float in_reach = 0.999f, touching = in_reach * (radius + clearance);
+    const float ahead = std::sqrt(touching * touching + slack * slack);
+    Sites sites(2, slack, &random);
+    sites.position = Turned({-2 * half, 0, 0, ahead, 0, 0}, axis);
+    sites.normal = Turned({1, 0, 0, -1, 0, 0}, axis);
+    sites.offset = {-1000, -in_reach * half};
+    sites.slack_squared = {0, slack * slack};
+    sites.Pack();
+    std::vector<float> at(3 * kNearestPatch, elsewhere);
+    for (size_t i = farthest / 4 * 4, other = 0; i < farthest / 4 * 4 + 4; ++i) {
+      const float far[3] = {half, side, side};
+      std::copy_n(i == farthest ? far : others[other++], 3, &at[3 * i]);
+    }
+    at = Turned(at, axis);
+    std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
+    std::iota(order.begin(), order.end(), uint16_t{0});
+    table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(), sites.groups,
+                     9.0f, nearest.data(), suspect.data(), clearance});
+    for (size_t i = 0; i < kNearestPatch; ++i)
+      ASSERT_EQ(suspect[i] != kNoSite, i == farthest) << half << " " << clearance << " " << slack << " " << i;
+  }
+};
 DCLOTH_TEST_EVERY_TABLE(NearestCasesTest);
 
-// The surface may just touch the ball around four points: the farthest from their middle, whichever it is, lies just
-// below a plane that the middle is above.
+// The surface may just touch the ball around four points.
 TEST_P(NearestCasesTest, ARunThatTheSurfaceComesNearToIsNotClear) {
-  Random random(7);
   for (const float half : {1e-3f, 0.02f, 0.2f}) {
-    for (const bool alone : {false, true}) {  // the others as far away, or nearer
-      const float side = alone ? half : 0, radius = std::sqrt(half * half + 2 * side * side);
-      const float others[3][3] = {{-half, -side, 0}, {-half, 0, -side}, {-half, 0, 0}};
+    for (const float side : {0.0f, half}) {
       for (const float clearance : {0.0f, 0.5f * half}) {
         for (const float slack : {0.0f, 0.02f, 0.3f}) {
           for (const size_t farthest : {2u, 20u, 25u, 28u, 63u}) {
-            const float elsewhere = farthest % 8 == 4 ? 0.0f : 50.0f;  // the other runs, in the middle or away
-            const float in_reach = 0.999f, touching = in_reach * (radius + clearance);
-            const float ahead = std::sqrt(touching * touching + slack * slack);
-            Sites sites(2, slack, &random);
-            sites.position = {-2 * half, 0, 0, ahead, 0, 0};
-            sites.normal = {1, 0, 0, -1, 0, 0};
-            sites.offset = {-1000, -in_reach * half};
-            sites.slack_squared = {0, slack * slack};
-            sites.Pack();
-            std::vector<float> at(3 * kNearestPatch, elsewhere);
-            for (size_t i = farthest / 4 * 4, other = 0; i < farthest / 4 * 4 + 4; ++i) {
-              const float far[3] = {half, side, side};
-              std::copy_n(i == farthest ? far : others[other++], 3, &at[3 * i]);
-            }
-            std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
-            std::iota(order.begin(), order.end(), uint16_t{0});
-            table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(),
-                             sites.groups, 9.0f, nearest.data(), suspect.data(), clearance});
-            for (size_t i = 0; i < kNearestPatch; ++i)
-              ASSERT_EQ(suspect[i] != kNoSite, i == farthest) << half << " " << clearance << " " << slack << " " << i;
+            for (size_t axis = 0; axis < 3; ++axis) CheckTouchedRun(half, side, clearance, slack, farthest, axis);
           }
         }
       }
@@ -55,25 +68,49 @@ TEST_P(NearestCasesTest, ARunThatTheSurfaceComesNearToIsNotClear) {
 // The same far from the origin, where the ball has to be larger by what its middle is rounded by.
 TEST_P(NearestCasesTest, ARunFarFromTheOriginIsNotClearSooner) {
   Random random(7);
-  const float half = 0.02f, in_reach = 0.95f, away = 2000;
+  const float half = 0.02f, in_reach = 0.95f;
   for (size_t axis = 0; axis < 3; ++axis) {
-    for (const float side : {-1.0f, 1.0f}) {
-      float shift[3] = {};
-      shift[axis] = side * away;
+    for (const float away : {-2000.0f, 2000.0f}) {
       Sites sites(2, 0, &random);
-      sites.position = {shift[0] - 2 * half, shift[1], shift[2], shift[0] + in_reach * half, shift[1], shift[2]};
-      sites.normal = {1, 0, 0, -1, 0, 0};
-      sites.offset = {-10000, -shift[0] - in_reach * half};
+      sites.position = Turned({away - 2 * half, 0, 0, away + in_reach * half, 0, 0}, axis);
+      sites.normal = Turned({1, 0, 0, -1, 0, 0}, axis);
+      sites.offset = {-10000, -away - in_reach * half};
       sites.slack_squared = {0, 0};
       sites.Pack();
       std::vector<float> at;
-      for (size_t i = 0; i < kNearestPatch; ++i)
-        at.insert(at.end(), {shift[0] + (i % 4 == 2 ? half : -half), shift[1], shift[2]});
+      for (size_t i = 0; i < kNearestPatch; ++i) at.insert(at.end(), {away + (i % 4 == 2 ? half : -half), 0, 0});
+      at = Turned(at, axis);
       std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
       std::iota(order.begin(), order.end(), uint16_t{0});
       table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(),
                        sites.groups, 9.0f, nearest.data(), suspect.data(), 0});
-      for (size_t i = 0; i < kNearestPatch; ++i) ASSERT_EQ(suspect[i] != kNoSite, i % 4 == 2) << axis << " " << side;
+      for (size_t i = 0; i < kNearestPatch; ++i) ASSERT_EQ(suspect[i] != kNoSite, i % 4 == 2) << axis << " " << away;
+    }
+  }
+}
+
+// The same where the middle is rounded: half a step of the floats there is more than the site lies within the ball.
+TEST_P(NearestCasesTest, ARunWhoseMiddleIsRoundedIsNotClearSooner) {
+  Random random(7);
+  const float step = 0x1p-13f, half = 159.75f * step, ahead = 160 * step;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    for (const float away : {-2000.0f, 2000.0f}) {
+      const float side = away < 0 ? -1.0f : 1.0f;
+      Sites sites(1, 0, &random);
+      sites.position = Turned({0, away + side * ahead, 0}, axis);
+      sites.normal = Turned({-1, 0, 0}, axis);
+      sites.offset = {-0.5f * half};
+      sites.slack_squared = {0};
+      sites.Pack();
+      std::vector<float> at;
+      for (size_t i = 0; i < kNearestPatch; ++i)
+        at.insert(at.end(), {i % 4 < 2 ? half : -half, i % 2 == 0 ? away : away + side * step, 0});
+      at = Turned(at, axis);
+      std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
+      std::iota(order.begin(), order.end(), uint16_t{0});
+      table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(),
+                       sites.groups, 9.0f, nearest.data(), suspect.data(), 0});
+      for (size_t i = 0; i < kNearestPatch; ++i) ASSERT_EQ(suspect[i] != kNoSite, i % 4 < 2) << axis << " " << away;
     }
   }
 }
@@ -124,6 +161,29 @@ TEST_P(NearestCasesTest, ASiteOnTheFarSideOfARunIsFound) {
         ASSERT_EQ(lumps.nearest[i], far ? kNearestGroup : kNoSite) << axis << " " << side << " " << i;
       }
     }
+  }
+}
+
+// Where limbs sink into each other the middle of a run may be outside one and a point inside the other: a suspect
+// further from the middle than the nearest site is, nearer to the point.
+TEST_P(NearestCasesTest, ASuspectOfThePointAtARunsEdgeIsFound) {
+  Random random(7);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    Sites sites(2, 0, &random);
+    sites.position = Turned({-1, 0, 0, 1.9f, 0, 0}, axis);
+    sites.normal = {1, 0, 0, 1, 0, 0};
+    sites.offset = {-1000, 1000};
+    sites.slack_squared = {0, 0};
+    sites.Pack();
+    std::vector<float> at;
+    for (size_t i = 0; i < kNearestPatch; ++i)
+      at.insert(at.end(), {i % 4 == 1 ? -0.5f : i % 4 == 2 ? 0.5f : 0.0f, 0, 0});
+    at = Turned(at, axis);
+    std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch);
+    std::iota(order.begin(), order.end(), uint16_t{0});
+    table().nearest({at.data(), 12, order.data(), order.size(), sites.packed.data(), sites.bounds.data(), sites.groups,
+                     9.0f, nearest.data(), suspect.data(), 0});
+    for (size_t i = 0; i < kNearestPatch; ++i) ASSERT_EQ(suspect[i], i % 4 == 2 ? 1 : kNoSite) << axis << " " << i;
   }
 }
 
