@@ -129,8 +129,11 @@ TEST_F(FileFaultTest, FileAndDirectoryAreFlushedAndClosed) {
   EXPECT_EQ(faults.closed, faults.flushed);
 }
 
-// Where standard input is closed, files get its number.
+// Where standard input is closed, files get its number, at the second name as at the first.
 TEST_F(FileFaultTest, NumberZeroIsAFile) {
+  const std::string pid = std::to_string(getpid());
+  std::ofstream(folder_ / ("x." + pid + ".0.tmp")) << "theirs";
+  faults = {};
   const int input = dup(0);
   syscall(SYS_close, 0);
   EXPECT_EQ(Write("new"), "");
@@ -142,6 +145,7 @@ TEST_F(FileFaultTest, NumberZeroIsAFile) {
   EXPECT_TRUE(Mentions(Write("newer"), "a failed flush"));
   EXPECT_EQ(faults.closed, std::vector{0});
   EXPECT_EQ(Written(), "new");
+  EXPECT_EQ(Entries(), 2u);
   if (input >= 0) {
     dup2(input, 0);
     syscall(SYS_close, input);
