@@ -154,10 +154,13 @@ TEST(RankMakerTest, BasesAreThoseOfTheirMoment) {
   spec.mesh_basis = 16;
   Bundle bundle = ParseBundle(spec);
   dcloth::testing::LowerRank(&bundle, 44);
+  bundle.skeleton->basis *= 0x1p-7f;  // millimetres: an expected moment of less than 1
+  bundle.mesh->basis *= 0x1p-7f;
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
   const BasisFrame frame = BasisRank(bundle).Frame();
   const std::vector<Sequence> motion = {ParseSequence(spec, 12)};
   const MatrixD expected = ExpectedMoment(frame), measured = DisplacementMoment(bundle, folded, frame, motion);
+  ASSERT_LT(expected.trace(), 1);
   const MatrixD both = measured + kExpectedShare * measured.trace() / expected.trace() * expected;
   const double whole = QuantizeTwoSided("b", StackBasis(bundle).basis).squared_error;
 
@@ -202,7 +205,11 @@ TEST(RankMakerTest, TheNumericalRankSavesWhereItIsLess) {
   ASSERT_TRUE(ReductionSaves(odd, 10, Precision::kFp32));
   EXPECT_FALSE(saves(odd, Precision::kFp32));
   spec.mesh = spec.skeleton = false;
-  EXPECT_FALSE(saves(ParseBundle(spec), Precision::kFp32));
+  const Bundle none = ParseBundle(spec);
+  EXPECT_FALSE(saves(none, Precision::kFp32));
+  const FoldedBundle folded = FoldBundle(none, 4, 4);
+  EXPECT_EQ(RankMaker(none, folded, {}).full_rows(), 0u);
+  EXPECT_EQ(RankMaker(none, folded, {}).exact_rank(), 0u);
 
   BundleSpec wide;
   wide.vertices = 110;
