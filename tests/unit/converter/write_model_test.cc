@@ -96,6 +96,20 @@ TEST(WriteModelTest, MinorVersionIsThatOfItsParts) {
   EXPECT_EQ(minor(integers), 2);
 }
 
+TEST(WriteModelTest, TensorsTakeWholeLines) {
+  ModelParts parts = Parts(Precision::kFp32);
+  parts.body.emplace();
+  const auto size = [&] {
+    const AlignedBytes bytes = WriteModel(parts);
+    return format::GetModel(bytes.data())->weights()->size();
+  };
+  const size_t without = size();
+  for (const uint32_t bytes : {1u, 2u, 64u, 65u, 128u}) {
+    parts.body->touch_classes = PackIndices("body.touch_classes", StoredType::kU8, {bytes}, std::vector<uint32_t>(bytes));
+    EXPECT_EQ(size() - without, (bytes + 63) / 64 * 64) << bytes;
+  }
+}
+
 TEST(WriteModelTest, TensorNamesAreUnique) {
   const ModelParts parts = Parts(Precision::kInt8);
   std::set<std::string> names;
