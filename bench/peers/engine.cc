@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "converter/file.h"
 #include "converter/rollout.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
@@ -56,6 +57,24 @@ void* peers_open(const char* model, const char* sequence) {
   std::unique_ptr<Engine> engine;
   Guard([&] { engine = std::make_unique<Engine>(model, sequence); });
   return engine.release();
+}
+
+int peers_open_times(const char* path, int cold, uint32_t count, double* ms) {
+  return Guard([&] {
+           const dcloth::converter::AlignedBytes bytes = dcloth::converter::ReadFile(path);
+           dcloth::converter::AlignedBytes view(dcloth_model_storage_size());
+           for (uint32_t i = 0; i < count; ++i) {
+             if (cold != 0) Evictor().Evict();
+             dcloth_model* model = nullptr;
+             const uint64_t start = NowNanoseconds();
+             const dcloth_status status =
+                 dcloth_model_open(bytes.data(), bytes.size(), view.data(), view.size(), &model, nullptr);
+             ms[i] = static_cast<double>(NowNanoseconds() - start) * 1e-6;
+             if (status != DCLOTH_OK) dcloth::tools::OpenModelFile(path);  // says what is wrong
+           }
+         })
+             ? 0
+             : 1;
 }
 
 uint64_t peers_model_bytes(void* engine) { return EngineOf(engine).model.bytes().size(); }

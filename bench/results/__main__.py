@@ -48,7 +48,7 @@ def measured(options):
                "limits": machine.limits(library)}
     with tempfile.TemporaryDirectory() as folder:
         steps = Steps()
-        results |= measure.run(steps, ROOT, options.build / "dcloth", options.shared, library.evict, folder, options.quick)
+        results |= measure.run(steps, ROOT, options.build / "dcloth", options.shared, library, folder, options.quick)
         results["run"] = steps.summary()
         steps = Steps()
         results["scaling"] = scaling.run(steps, options.build, folder, options.quick)

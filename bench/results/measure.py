@@ -7,8 +7,6 @@ import struct
 import subprocess
 from pathlib import Path
 
-from .open_model import Opener
-
 # Garment -> what of the grid precision x rank x stages is tried: the rank that the basis needs and these.
 GRIDS = {"skirt": ["--rank", 72, "--rank", 36], "robe": ["--rank", 72]}
 QUICK_GRIDS = {"skirt": ["--precision", "int8", "--rank", 72]}
@@ -39,7 +37,7 @@ def stripped_bytes(library, folder):
     return path.stat().st_size
 
 
-def garment(name, grid, steps, root, dcloth, opener, evict, folder, frames):
+def garment(name, grid, steps, root, dcloth, library, folder, frames):
     home = Path(root) / "models" / name
     bundle = home / f"{name}.safetensors"
     walk, stop = (home / "sequences" / f"{clip}.safetensors" for clip in ("walk_turn", "run_stop"))
@@ -55,15 +53,14 @@ def garment(name, grid, steps, root, dcloth, opener, evict, folder, frames):
             said["profiles"][precision][heat] = steps.json(
                 f"{name} {precision}: {heat}", dcloth, "profile", model, walk, "--fps", 30, "--frames", frames[heat], "--json",
                 *FLAGS[heat], *project)
-    said["open_ms"] = {heat: statistics.median(opener.milliseconds(model, call, OPENINGS))
-                       for heat, call in (("warm", lambda: None), ("cold", evict))}
+    said["open_ms"] = {heat: statistics.median(library.open_milliseconds(model, heat == "cold", OPENINGS))
+                       for heat in ("warm", "cold")}
     return said
 
 
-def run(steps, root, dcloth, shared, evict, folder, quick=False):
+def run(steps, root, dcloth, shared, library, folder, quick=False):
     """All garments -> what the page writes."""
-    opener = Opener(shared)
     frames = {heat: 1 for heat in FRAMES} if quick else FRAMES
     return {"library_bytes": stripped_bytes(shared, folder),
-            "garments": {name: garment(name, grid, steps, root, dcloth, opener, evict, folder, frames)
+            "garments": {name: garment(name, grid, steps, root, dcloth, library, folder, frames)
                          for name, grid in (QUICK_GRIDS if quick else GRIDS).items()}}

@@ -13,6 +13,7 @@ class _Times(ctypes.Structure):
 
 
 _SIGNATURES = {"peers_error": (c_char_p,), "peers_open": (c_void_p, c_char_p, c_char_p),
+               "peers_open_times": (c_int, c_char_p, c_int, c_uint32, POINTER(c_double)),
                "peers_model_bytes": (c_uint64, c_void_p), "peers_instance_bytes": (c_uint64, c_void_p),
                "peers_isa": (c_char_p,), "peers_reset": (c_int, c_void_p),
                "peers_tick": (c_int, c_void_p, c_uint32, POINTER(_Times)),
@@ -30,6 +31,13 @@ class Library:
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
             setattr(self, name[len("peers_"):], function)
+
+    def open_milliseconds(self, model, cold, count):
+        """[count] of dcloth_model_open on a file's bytes, called from C++."""
+        spent = (c_double * count)()
+        if self.open_times(str(model).encode(), cold, count, spent) != 0:
+            raise RuntimeError(self.error().decode())
+        return list(spent)
 
 
 class EnginePeer:
