@@ -197,6 +197,48 @@ internal static unsafe class ComponentsTest
         Debug.Warnings.Clear();
     }
 
+    // The largest difference of what both draw.
+    private static float Apart(DClothRenderer one, DClothRenderer other)
+    {
+        byte[] a = Drawn(one).Streams[0], b = Drawn(other).Streams[0];
+        float worst = 0;
+        for (int i = 0; i < a.Length; i += 4)
+            worst = Math.Max(worst, Math.Abs(BitConverter.ToSingle(a, i) - BitConverter.ToSingle(b, i)));
+        return worst;
+    }
+
+    // Bones turned by 1.2 in the bind pose, taken somewhere else than where the character then plays.
+    public static void RigsWithAxesOfTheirOwnTellTheirBindPose()
+    {
+        const float Twist = 1.2f;
+        DClothAsset garment = Imported(modelPath);
+        Transform root = new GameObject("Root").transform, otherRoot = new GameObject("Root").transform;
+        SkinnedMeshRenderer skin = Character(garment, root), twisted = Character(garment, otherRoot);
+        DClothRenderer cloth = Renderer(garment, skin), told = Renderer(garment, twisted);
+        DClothRenderer untold = Renderer(garment, twisted);
+        Turn(skin, 0);
+        cloth.TakeBindPose(root);
+        otherRoot.localPosition = new Vector3(8, 0, -2);
+        Turn(twisted, Twist);
+        told.TakeBindPose(otherRoot);
+        otherRoot.localPosition = new Vector3(0, 0, 0);
+        for (int frame = 0; frame < 30; ++frame)
+        {
+            Turn(skin, 0.1f * frame);
+            Turn(twisted, 0.1f * frame + Twist);
+            Loop.Frame(1 / 60f);
+        }
+        Check(Apart(cloth, told) < 2e-5f, "the same garment: " + Apart(cloth, told));
+        Check(Apart(cloth, untold) > 0.05f, "another one untold: " + Apart(cloth, untold));
+        told.gameObject.SetActive(false);
+        bool refused = false;
+        try { told.TakeBindPose(otherRoot); }
+        catch (InvalidOperationException) { refused = true; }
+        Check(refused, "nothing to tell where the component is disabled");
+        foreach (DClothRenderer more in new[] { told, untold }) UnityEngine.Object.DestroyImmediate(more.gameObject);
+        End(cloth, garment);
+    }
+
     public static void CarriersCarry()
     {
         DClothAsset garment = Imported(modelPath);
@@ -213,10 +255,7 @@ internal static unsafe class ComponentsTest
             Loop.Frame(1 / 60f);
         }
         Check(there.DrawnRenderer.transform.position.x == 64 * 29, "drawn where the train is");
-        byte[] a = Drawn(here).Streams[0], b = Drawn(there).Streams[0];
-        float worst = 0;
-        for (int i = 0; i < a.Length; i += 4)
-            worst = Math.Max(worst, Math.Abs(BitConverter.ToSingle(a, i) - BitConverter.ToSingle(b, i)));
+        float worst = Apart(here, there);
         // Bones up to 1,856 m away are rounded to 0.06 mm on the way into the world and back. 1 mm is what shows.
         Check(worst < 1e-3f, "hangs as in a room that stands: " + worst);
         UnityEngine.Object.DestroyImmediate(here.gameObject);

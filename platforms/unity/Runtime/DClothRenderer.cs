@@ -77,6 +77,16 @@ namespace DCloth
             player?.Reset();
         }
 
+        /// <summary>For a rig whose bones have axes or scale of their own. Call once after this component was enabled,
+        /// while the character stands in its bind pose: as training's did, and against `root`, unscaled, where that one
+        /// stood against the origin. Throws ClothException, with the bone that has no inverse.</summary>
+        public void TakeBindPose(Transform root)
+        {
+            if (player == null) throw new InvalidOperationException("dcloth: " + name + " is not enabled");
+            ReadBones(root);
+            player.TakeBindPose();
+        }
+
         private void OnEnable()
         {
             try
@@ -103,7 +113,7 @@ namespace DCloth
         private void LateUpdate()
         {
             if (player == null) return;
-            ReadBones();
+            ReadBones(carrier);
             player.Stages = stages;
             player.Pipelined = pipelined;
             player.OutsideBody = outsideBody;
@@ -156,15 +166,15 @@ namespace DCloth
             bones = null;
         }
 
-        // Matrix4x4 lies in memory column by column, as the player wants it.
-        private void ReadBones()
+        // In `parent`'s frame or, with null, the world's. Matrix4x4 lies in memory column by column, as the player wants it.
+        private void ReadBones(Transform parent)
         {
             var matrices = (Matrix4x4*)player.JointMatrices;
             for (int i = 0; i < bones.Length; ++i) matrices[i] = bones[i].localToWorldMatrix;
-            if (carrier != null)
+            if (parent != null)
             {
-                Matrix4x4 toCarrier = carrier.worldToLocalMatrix;
-                for (int i = 0; i < bones.Length; ++i) matrices[i] = toCarrier * matrices[i];
+                Matrix4x4 toParent = parent.worldToLocalMatrix;
+                for (int i = 0; i < bones.Length; ++i) matrices[i] = toParent * matrices[i];
             }
             if (boneScale == 1) return;
             for (float* m = player.JointMatrices, end = m + 16 * bones.Length; m < end; m += 16)
