@@ -130,7 +130,7 @@ test_garments() {
   for program in "${garment_tests[@]}"; do
     grep -qE "${only:-.}" <<<"$program" || continue
     local -a command=(qemu-aarch64 -L /usr/aarch64-linux-gnu "$folder/$program" --gtest_filter="$garment_cases")
-    "${command[@]}" --gtest_list_tests | grep -q '^  ' || continue
+    grep -q '^  ' <<<"$("${command[@]}" --gtest_list_tests)" || continue  # no pipe that grep would close
     DCLOTH_GARMENT_MODELS=$folder/models "${command[@]}" >"$folder/$program.log" 2>&1 &
     running[$program]=$!
   done
