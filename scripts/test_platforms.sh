@@ -119,18 +119,20 @@ test_picture() {
 # Cases of the bundled garments' own tests under the emulator, one executable beside the other, with models that the native
 # tool has converted.
 test_garments() {
-  local folder=$1 tool garment program log status=0
+  local folder=$1 tool garment program cases log status=0
   tool=$(native_tool "$folder") || return 1
   mkdir -p "$folder/models"
   for garment in models/*/; do
     garment=$(basename "$garment")
-    "$tool" convert "models/$garment/$garment.safetensors" --precision int8 -o "$folder/models/$garment.int8.dcloth" >/dev/null
+    "$tool" convert "models/$garment/$garment.safetensors" --precision int8 -o "$folder/models/$garment.int8.dcloth" >/dev/null ||
+      return 1
   done
   local -A running=()
   for program in "${garment_tests[@]}"; do
     grep -qE "${only:-.}" <<<"$program" || continue
     local -a command=(qemu-aarch64 -L /usr/aarch64-linux-gnu "$folder/$program" --gtest_filter="$garment_cases")
-    grep -q '^  ' <<<"$("${command[@]}" --gtest_list_tests)" || continue  # no pipe that grep would close
+    cases=$("${command[@]}" --gtest_list_tests) || return 1
+    grep -q '^  ' <<<"$cases" || continue
     DCLOTH_GARMENT_MODELS=$folder/models "${command[@]}" >"$folder/$program.log" 2>&1 &
     running[$program]=$!
   done

@@ -11,7 +11,9 @@ constexpr double kLargest = 1e6;
 // By cofactors. False where that, or rounding, leaves numbers beyond kLargest.
 bool Invert(const Affine& a, Affine* inverse) {
   bool usable = true;
-  const auto cofactor = [&a](int r0, int r1, int c0, int c1) { return a.m[r0][c0] * a.m[r1][c1] - a.m[r0][c1] * a.m[r1][c0]; };
+  const auto cofactor = [&a](int r0, int r1, int c0, int c1) {
+    return a.m[r0][c0] * a.m[r1][c1] - a.m[r0][c1] * a.m[r1][c0];
+  };
   for (int r = 0; r < 3; ++r) {
     const int r1 = (r + 1) % 3, r2 = (r + 2) % 3;
     for (int c = 0; c < 3; ++c) inverse->m[r][c] = cofactor((c + 1) % 3, (c + 2) % 3, r1, r2);

@@ -20,7 +20,7 @@ namespace dcloth::stability {
 
 using converter::Precision;
 
-constexpr std::array<Precision, 3> kPrecisions = {Precision::kFp32, Precision::kFp16, Precision::kInt8};
+using converter::kPrecisions;
 
 // A bundled sequence with the simulated truth.
 struct Clip {

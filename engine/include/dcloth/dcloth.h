@@ -55,7 +55,7 @@ enum {
   DCLOTH_ERROR_FORMAT = 4,     /* not a .dcloth file, truncated, or structurally broken */
   DCLOTH_ERROR_VERSION = 5,    /* a .dcloth file of another major version */
   DCLOTH_ERROR_SEMANTICS = 6,  /* structure intact, content impossible: shapes, indices, scales, ranges */
-  DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, beyond 1e9 or a wrong joint count; the state is untouched */
+  DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, over 1e9, a wrong joint count, a bind pose without inverse; no change */
   DCLOTH_ERROR_JOINTS = 8,     /* the host's skeleton lacks joints of the model */
   DCLOTH_ERROR_MODEL = 9       /* a saved state of another model */
 };

@@ -51,7 +51,7 @@ TEST(AssembleTest, GraphLayersOfSixteenFeaturesAndMoreAreIntegers) {
   BundleSpec spec;
   for (const uint32_t width : {8u, 16u, 24u}) {
     spec.feature_width = width;
-    for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+    for (const Precision precision : kPrecisions) {
       const ModelParts parts = Parts(ParseBundle(spec), precision);
       ASSERT_EQ(parts.mesh->layers.size(), 2u);
       EXPECT_EQ(parts.mesh->feature_width, width);

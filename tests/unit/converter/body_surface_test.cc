@@ -279,7 +279,7 @@ TEST(BodySurfaceTest, MoreClassesThanBitsAreRefused) {
 // From the bundle to the engine, in every precision.
 TEST(BodySurfaceTest, TheEngineOpensIt) {
   Bundle bundle = ParseBundle({});
-  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+  for (const Precision precision : kPrecisions) {
     const FoldedBundle bare = FoldBundle(bundle, 4, 4);
     EXPECT_TRUE(bare.surface.empty());
     const OpenModel without(WriteModel(Assemble(bundle, bare, {precision, {}})));

@@ -22,8 +22,6 @@ using dcloth::testing::Mentions;
 using dcloth::testing::ParseBundle;
 using dcloth::testing::ParseSequence;
 
-constexpr Precision kPrecisions[] = {Precision::kFp32, Precision::kFp16, Precision::kInt8};
-
 TEST(ConvertAutoTest, AutoTakesTheCheapestThatHolds) {
   BundleSpec spec;
   const Bundle bundle = ParseBundle(spec);

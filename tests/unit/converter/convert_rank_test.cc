@@ -21,8 +21,6 @@ using dcloth::testing::Mentions;
 using dcloth::testing::ParseBundle;
 using dcloth::testing::ParseSequence;
 
-constexpr Precision kPrecisions[] = {Precision::kFp32, Precision::kFp16, Precision::kInt8};
-
 ConvertOptions With(Precision precision, RankMode mode = RankMode::kExact, uint32_t rank = 0) {
   ConvertOptions options;
   options.precision = precision;

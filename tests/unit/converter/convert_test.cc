@@ -29,8 +29,6 @@ ConvertOptions With(Precision precision) {
   return options;
 }
 
-constexpr Precision kPrecisions[] = {Precision::kFp32, Precision::kFp16, Precision::kInt8};
-
 TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
   std::vector<BundleSpec> specs(8);
   specs[1].mesh = false;

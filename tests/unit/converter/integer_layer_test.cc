@@ -81,7 +81,7 @@ TEST(IntegerLayerTest, WideLayersOfInt8ModelsHaveThem) {
     BundleSpec spec;
     spec.feature_width = width;
     const Bundle bundle = ParseBundle(spec);
-    for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+    for (const Precision precision : kPrecisions) {
       ConvertOptions options;
       options.precision = precision;
       const size_t expected = precision == Precision::kInt8 && width >= 16 ? bundle.mesh->layers.size() : 0;

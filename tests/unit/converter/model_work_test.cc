@@ -37,7 +37,7 @@ BundleSpec Spec() {
 
 TEST(ModelWorkTest, ProductsReadWhatIsStored) {
   const BundleSpec spec = Spec();
-  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+  for (const Precision precision : kPrecisions) {
     const ConvertResult converted = Converted(spec, precision);
     std::map<std::string, uint64_t> stored;
     for (const TensorReport& t : converted.report.tensors) stored[t.name] = t.size_bytes;

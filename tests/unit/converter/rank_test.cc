@@ -120,15 +120,21 @@ TEST(DisplacementMomentTest, KeepsBothLevels) {
   EXPECT_GE(least, -1e-6 * skeleton.norm());
 }
 
-// Without motion an int8 basis keeps a share of the rounding of the whole one, by remainders: one row in twenty has one
-// at most. Floats round little and need none.
-TEST(RankMakerTest, WithoutMotionRowsGetRemainders) {
+// 48 + 16 rows of rank 44, enough for an int8 basis to trade some of them.
+Bundle OfRank44(uint32_t vertices) {
   BundleSpec spec;
-  spec.vertices = 120;
+  spec.vertices = vertices;
   spec.skeleton_basis = 48;
   spec.mesh_basis = 16;
   Bundle bundle = ParseBundle(spec);
   dcloth::testing::LowerRank(&bundle, 44);
+  return bundle;
+}
+
+// Without motion an int8 basis keeps a share of the rounding of the whole one, by remainders: one row in twenty has one
+// at most. Floats round little and need none.
+TEST(RankMakerTest, WithoutMotionRowsGetRemainders) {
+  const Bundle bundle = OfRank44(120);
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
   RankMaker maker(bundle, folded, {});
   ASSERT_EQ(maker.exact_rank(), 44u);
@@ -148,17 +154,12 @@ void ExpectSame(const ReducedBasis& a, const ReducedBasis& b) {
 
 // Measured and expected moment, the one in proportion to the other; then corrections as int8 needs them.
 TEST(RankMakerTest, BasesAreThoseOfTheirMoment) {
-  BundleSpec spec;
-  spec.vertices = 120;
-  spec.skeleton_basis = 48;
-  spec.mesh_basis = 16;
-  Bundle bundle = ParseBundle(spec);
-  dcloth::testing::LowerRank(&bundle, 44);
+  Bundle bundle = OfRank44(120);
   bundle.skeleton->basis *= 0x1p-7f;  // millimetres: an expected moment of less than 1
   bundle.mesh->basis *= 0x1p-7f;
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
   const BasisFrame frame = BasisRank(bundle).Frame();
-  const std::vector<Sequence> motion = {ParseSequence(spec, 12)};
+  const std::vector<Sequence> motion = {ParseSequence(BundleSpec{}, 12)};
   const MatrixD expected = ExpectedMoment(frame), measured = DisplacementMoment(bundle, folded, frame, motion);
   ASSERT_LT(expected.trace(), 1);
   const MatrixD both = measured + kExpectedShare * measured.trace() / expected.trace() * expected;
@@ -211,12 +212,7 @@ TEST(RankMakerTest, TheNumericalRankSavesWhereItIsLess) {
   EXPECT_EQ(RankMaker(none, folded, {}).full_rows(), 0u);
   EXPECT_EQ(RankMaker(none, folded, {}).exact_rank(), 0u);
 
-  BundleSpec wide;
-  wide.vertices = 110;
-  wide.skeleton_basis = 48;
-  wide.mesh_basis = 16;
-  Bundle low = ParseBundle(wide);
-  dcloth::testing::LowerRank(&low, 44);
+  const Bundle low = OfRank44(110);
   EXPECT_TRUE(saves(low, Precision::kFp16));
   ASSERT_TRUE(ReductionSaves(low, 44, Precision::kInt8));
   ASSERT_FALSE(ReductionSaves(low, 46, Precision::kInt8));

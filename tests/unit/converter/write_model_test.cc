@@ -33,7 +33,7 @@ ModelParts Parts(Precision precision) {
 // Read with FlatBuffers' own reader: identifier, alignment, every tensor's bytes in its place, nothing but zero
 // between.
 TEST(WriteModelTest, TensorsLieInPlaceAndGapsAreZero) {
-  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+  for (const Precision precision : kPrecisions) {
     const ModelParts parts = Parts(precision);
     const AlignedBytes bytes = WriteModel(parts);
     const auto* const data = reinterpret_cast<const uint8_t*>(bytes.data());
@@ -122,7 +122,7 @@ TEST(WriteModelTest, TensorNamesAreUnique) {
 TEST(WriteModelTest, IdentityIsTheFilesChecksum) {
   const auto identity = [](const AlignedBytes& bytes) { return format::GetModel(bytes.data())->identity(); };
   std::set<uint64_t> seen;
-  for (const Precision precision : {Precision::kFp32, Precision::kFp16, Precision::kInt8}) {
+  for (const Precision precision : kPrecisions) {
     ModelParts parts = Parts(precision);
     AlignedBytes bytes = WriteModel(parts);
     EXPECT_EQ(identity(bytes), identity(WriteModel(parts))) << "the same parts are the same model";
