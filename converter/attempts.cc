@@ -31,11 +31,9 @@ std::string Millimetres(double value) {
 
 }  // namespace
 
-Attempts::Attempts(const Bundle& bundle, const FoldedBundle& folded, const ConvertOptions& options, RankMaker* ranks,
-                   std::vector<Trial>* trials)
-    : bundle_(bundle), folded_(folded), options_(options), ranks_(ranks), trials_(trials) {
-  if (options.motion.empty() && options.calibration.empty()) return;
-  reference_.emplace(Open(Write({}, RankMaker::kFullRank).bytes, bundle));
+OpenModel ReferenceModel(const Bundle& bundle, const FoldedBundle& folded) {
+  FoldedBundle whole = folded;
+  return Open(WriteRanked(bundle, nullptr, RankMaker::kFullRank, {}, &whole).bytes, bundle);
 }
 
 Candidate Attempts::Write(const PrecisionPlan& plan, uint32_t rank) const {
@@ -54,7 +52,7 @@ bool Attempts::Try(const PrecisionPlan& plan, uint32_t rank, On on) {
   Candidate candidate = Write(plan, rank);
   const OpenModel model = Open(candidate.bytes, bundle_);
   bool good = true;
-  if (reference_) {
+  if (reference_ != nullptr) {
     Trial trial{plan.name(), candidate.bytes.size(), {}, candidate.rows, {}};
     if (rank == RankMaker::kFullRank) trial.rank = ranks_->full_rows();
     trial.influences = candidate.skin.influences;
@@ -194,6 +192,7 @@ ThresholdError Attempts::Missed() const {
   } else if (options_.rank.mode == RankMode::kFixed) {
     mend += " or --rank";
   }
+  if (options_.stages) mend += ", or keep all stages";
   if (options_.precision) mend += ", or pass --precision auto";
   return ThresholdError({bundle_.path, "",
                          last.precision +

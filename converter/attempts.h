@@ -24,11 +24,16 @@ struct Candidate {
   PrunedWeights skin;                   // and FoldedBundle::skin
 };
 
+// What errors are against: float32, nothing reduced. Throws Error.
+OpenModel ReferenceModel(const Bundle& bundle, const FoldedBundle& folded);
+
 class Attempts {
  public:
-  // All arguments outlive it. Every measured attempt is added to `trials`.
-  Attempts(const Bundle& bundle, const FoldedBundle& folded, const ConvertOptions& options, RankMaker* ranks,
-           std::vector<Trial>* trials);
+  // All arguments outlive it; `reference` is null where there is nothing to measure on. Every measured attempt is added to
+  // `trials`.
+  Attempts(const Bundle& bundle, const FoldedBundle& folded, const ConvertOptions& options, const OpenModel* reference,
+           RankMaker* ranks, std::vector<Trial>* trials)
+      : bundle_(bundle), folded_(folded), options_(options), reference_(reference), ranks_(ranks), trials_(trials) {}
 
   // Whether the asked-for rank, or the best one, keeps the bound in these formats; found() is then that model. Throws
   // Error.
@@ -55,9 +60,9 @@ class Attempts {
   const Bundle& bundle_;
   const FoldedBundle& folded_;
   const ConvertOptions& options_;
+  const OpenModel* reference_;
   RankMaker* ranks_;
   std::vector<Trial>* trials_;
-  std::optional<OpenModel> reference_;  // fp32, not reduced; none where nothing is measured
   Candidate found_;
   PrecisionPlan chosen_;                // of ChooseAt
   std::optional<PrunedWeights> skin_;   // in place of folded_'s

@@ -10,6 +10,7 @@
 #include "converter/attempts.h"
 #include "converter/error.h"
 #include "converter/rollout.h"
+#include "converter/stages.h"
 
 namespace dcloth::converter {
 namespace {
@@ -83,10 +84,18 @@ void SameCutsEverywhere() {
 
 }  // namespace
 
-ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
+ConvertResult Convert(const Bundle& whole, const ConvertOptions& options) {
   CheckOptions(options);
   SameCutsEverywhere();
+  std::optional<Bundle> kept;
+  if (options.stages) kept = KeepStages(whole, *options.stages);
+  const Bundle& bundle = kept ? *kept : whole;
   const FoldedBundle folded = FoldBundle(bundle, options.influences, options.body_influences);
+  std::optional<OpenModel> reference;
+  if (!Measured(options).empty()) {
+    reference.emplace(
+        ReferenceModel(whole, kept ? FoldBundle(whole, options.influences, options.body_influences) : folded));
+  }
   ConvertResult result;
   ConvertReport& report = result.report;
   if (bundle.mesh) {
@@ -101,12 +110,13 @@ ConvertResult Convert(const Bundle& bundle, const ConvertOptions& options) {
   RankMaker ranks(bundle, folded, options.calibration);
   report.rank.full = ranks.full_rows();
   report.rank.exact = ranks.exact_rank();
-  Attempts attempts(bundle, folded, options, &ranks, &report.trials);
+  Attempts attempts(bundle, folded, options, reference ? &*reference : nullptr, &ranks, &report.trials);
   const bool settled = options.precision ? attempts.Settle({*options.precision, {}})
                                          : attempts.SettleFormats(&report.automatic.emplace());
   if (!settled) throw attempts.Missed();
   Candidate& found = attempts.found();
   report.precision = found.plan.name();
+  report.stages = StagesOf(bundle);
   report.rank.rank = found.rank == RankMaker::kFullRank ? report.rank.full : found.rows;
   report.rank.reduced = found.rank != RankMaker::kFullRank;
   report.model_bytes = found.bytes.size();

@@ -35,11 +35,12 @@ struct ConvertOptions {
   // to the strongest, and the report says what that costs.
   uint32_t influences = 8;
   uint32_t body_influences = 8;
+  std::optional<uint32_t> stages;  // DCLOTH_STAGES_* that the model holds; without it all of the bundle's
   ProgressCallback progress;  // of measuring each tensor's cost on the motion
   ProgressCallback choosing;  // of `auto`, in models; how many it takes is an estimate
 };
 
-// One precision and rank that were tried. Errors are against the fp32 model whose basis is not reduced.
+// One precision and rank that were tried. Errors are against the fp32 model with all stages and the whole basis.
 struct Trial {
   std::string precision;  // "fp32", "fp16", "int8" or "mixed"
   uint64_t model_bytes = 0;
@@ -72,6 +73,7 @@ struct AutoReport {
 
 struct ConvertReport {
   std::string precision;  // as Trial::precision
+  uint32_t stages = 0;    // DCLOTH_STAGES_* of the model
   uint64_t model_bytes = 0;
   uint64_t instance_bytes = 0;  // lent memory per garment
   uint32_t joint_count = 0;     // joints that a host supplies

@@ -15,7 +15,8 @@ constexpr uint32_t kInfluences = 8;  // as ConvertOptions has them
 WrittenModel WriteRanked(const Bundle& bundle, RankMaker* ranks, uint32_t rank, const PrecisionPlan& plan,
                          FoldedBundle* folded) {
   try {
-    folded->reduced = ranks->Make(rank, FormatOf(plan, "displacement.basis"));
+    folded->reduced.reset();
+    if (ranks != nullptr) folded->reduced = ranks->Make(rank, FormatOf(plan, "displacement.basis"));
     const ModelParts parts = Assemble(bundle, *folded, plan);
     WrittenModel model{WriteModel(parts), {}, folded->reduced ? parts.skeleton_rows : 0};
     for (const PackedTensor* tensor : TensorsOf(parts)) model.tensors.push_back(tensor->report);

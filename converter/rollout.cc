@@ -90,16 +90,17 @@ void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, 
 
 MeshError CompareModels(const OpenModel& model, const OpenModel& reference, std::span<const Sequence> sequences) {
   ErrorMeter meter(reference.triangles(), reference.info().vertex_count);
-  const uint32_t stages = model.info().stages & reference.info().stages;
   for (const Sequence& sequence : sequences) {
     std::vector<float> expected;
-    Rollout(reference, sequence, stages, [&](size_t, std::span<const float> positions, std::span<const float>) {
+    const auto keep = [&](size_t, std::span<const float> positions, std::span<const float>) {
       expected.insert(expected.end(), positions.begin(), positions.end());
-    });
-    Rollout(model, sequence, stages, [&](size_t frame, std::span<const float> positions, std::span<const float>) {
+    };
+    Rollout(reference, sequence, reference.info().stages, keep);
+    const auto compare = [&](size_t frame, std::span<const float> positions, std::span<const float>) {
       const size_t size = size_t{reference.info().vertex_count} * 3;
       meter.AddFrame(positions, std::span<const float>(expected).subspan(frame * size, size));
-    });
+    };
+    Rollout(model, sequence, model.info().stages, compare);
   }
   return meter.Result();
 }

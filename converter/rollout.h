@@ -47,7 +47,7 @@ using FrameVisitor =
 void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, const FrameVisitor& visit,
              dcloth_timer* timer = nullptr);
 
-// Difference of two models of one garment over the sequences, all stages that both hold. Throws Error.
+// Difference of two models of one garment over the sequences, each with all its stages. Throws Error.
 MeshError CompareModels(const OpenModel& model, const OpenModel& reference, std::span<const Sequence> sequences);
 
 }  // namespace dcloth::converter

@@ -15,6 +15,7 @@
 #include "tools/convert_output.h"
 #include "tools/number_check.h"
 #include "tools/path_check.h"
+#include "tools/playback.h"
 #include "tools/progress.h"
 #include "tools/rank_output.h"
 
@@ -27,7 +28,7 @@ struct Options {
   double max_error_mm = 0;
   bool bounded = false;
   std::vector<std::filesystem::path> motion, calibration;
-  std::string rank;
+  std::string rank, stages;
   bool json = false;
 };
 
@@ -64,6 +65,7 @@ int RunConvert(const Options& options) {
   for (const std::filesystem::path& path : options.calibration) calibration.push_back(converter::ReadSequence(path));
   converter::ConvertOptions convert;
   convert.rank = ParseRank(options.rank, options.bounded, calibrated);
+  if (!options.stages.empty()) convert.stages = ParseStages(options.stages);
   convert.calibration = calibration;
   convert.precision = converter::ParsePrecision(options.precision);
   if (options.bounded) convert.max_error_mm = options.max_error_mm;
@@ -110,8 +112,8 @@ void AddConvert(CLI::App& app, int& exit_code) {
   CLI::Option* bound =
       command
           ->add_option("--max-error-mm", options->max_error_mm,
-                       "largest allowed distance of any vertex to the fp32 model with its whole basis, on --motion "
-                       "and --calibrate; exit 1 when missed")
+                       "largest allowed distance of any vertex to the fp32 model with all stages and its whole "
+                       "basis, on --motion and --calibrate; exit 1 when missed")
           ->check(NumberAboveZero());
   command
       ->add_option("--motion", options->motion,
@@ -124,6 +126,9 @@ void AddConvert(CLI::App& app, int& exit_code) {
   command->add_option("--rank", options->rank,
                       "rows of the displacement basis: exact, full, auto (the fewest within --max-error-mm on "
                       "--calibrate) or a number; auto where both are given, else exact");
+  command->add_option("--stages", options->stages,
+                      "the last stage that the model holds: static, skeleton or mesh; all of the bundle's when not given, "
+                      "which errors are against all the same");
   command->add_option("--report", options->report, "write the figures as JSON to this file too");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, bound, &exit_code] {

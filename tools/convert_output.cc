@@ -6,6 +6,7 @@
 #include <string>
 
 #include "converter/error.h"
+#include "converter/stages.h"
 #include "tools/rank_output.h"
 
 namespace dcloth::tools {
@@ -139,6 +140,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
   Json json = {{"bundle", converter::PathText(bundle)},
                {"model", converter::PathText(model)},
                {"precision", report.precision},
+               {"stages", converter::StagesName(report.stages)},
                {"model_bytes", report.model_bytes},
                {"instance_bytes", report.instance_bytes},
                {"joint_count", report.joint_count},
@@ -178,8 +180,8 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
 void PrintConvertTables(const converter::ConvertReport& report, const std::filesystem::path& model) {
   PrintTensors(report);
   std::printf(
-      "\n%s: %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not needed\n",
-      converter::PathText(model).c_str(), report.precision.c_str(),
+      "\n%s: %s, stages up to %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not needed\n",
+      converter::PathText(model).c_str(), report.precision.c_str(), converter::StagesName(report.stages),
       static_cast<double>(report.model_bytes) / 1e6, static_cast<double>(report.instance_bytes) / 1024,
       report.joint_count, report.dropped_joints);
   std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n",

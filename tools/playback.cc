@@ -21,10 +21,6 @@ converter::OpenModel OpenModelFile(const std::filesystem::path& path) {
   return converter::OpenModel(std::move(bytes), path);
 }
 
-const char* StagesName(uint32_t stages) {
-  return stages == DCLOTH_STAGES_MESH ? "mesh" : stages == DCLOTH_STAGES_SKELETON ? "skeleton" : "static";
-}
-
 uint32_t ParseStages(const std::string& name) {
   for (uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
     if (name == StagesName(stages)) return stages;

@@ -9,14 +9,15 @@
 #include <vector>
 
 #include "converter/rollout.h"
+#include "converter/stages.h"
 #include "dcloth/dcloth.h"
 
 namespace dcloth::tools {
 
 converter::OpenModel OpenModelFile(const std::filesystem::path& path);
 
-const char* StagesName(uint32_t stages);             // "static", "skeleton", "mesh"
-uint32_t ParseStages(const std::string& name);       // throws converter::Error
+using converter::StagesName;
+uint32_t ParseStages(const std::string& name);       // what StagesName says; throws converter::Error
 double TickRate(const converter::OpenModel& model);  // Hz, rounded to the float's own precision
 
 // Drives the one cloth of `model`, which must outlive this. Stages are at most what the model holds; throws otherwise.

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Times dcloth beside general inference runtimes on one paper-size network and writes RESULTS.md, in one command:
+# Times dcloth beside general inference runtimes on a paper-size network and on the bundled skirt, and writes RESULTS.md, in
+# one command:
 #   bench/peers/run.sh [--core C] [--ticks N] [--seconds S]
 # Builds the tool and the bench in build/, installs the peers in out/peers/venv (pip; never the system's Python), then
 # compares and times; under eight minutes on an idle machine of two cores. Figures also in out/peers/results.json.
@@ -26,4 +27,5 @@ done
 
 export PYTHONPATH=bench:bench/peers:training OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_WAIT_POLICY=passive
 $venv/bin/python -m peers --library build/libdcloth_peers.so --dcloth build/dcloth --build build --work out/peers \
+  --trained models/skirt/skirt.safetensors models/skirt/sequences/walk_turn.safetensors \
   --json out/peers/results.json --page bench/peers/RESULTS.md "$@"

@@ -49,6 +49,12 @@ std::vector<Corruption> IndicesAndWeights() {
        [](M* m) { m->mesh_stage->body_influences = 0; }},
       {"body_influences_all_bits", kSemantics, "mesh_stage.body_influences: ", "found 255; allowed: 1 to 8",
        [](M* m) { m->mesh_stage->body_influences = 255; }},
+      {.name = "body_influences_nine_of_a_reduced_basis",
+       .status = kSemantics,
+       .field = "mesh_stage.body_influences: ",
+       .reason = "found 9; allowed: 1 to 8",
+       .tables = [](M* m) { m->mesh_stage->body_influences = 9; },
+       .rank = 12},
       {"body_joint_one_past", kSemantics, "mesh_stage.body_joints[0]: ", "found 9; allowed: indices below 9",
        [](M* m) { *Data<uint8_t>(m, *m->mesh_stage->body_joints) = 9; }},
       {"body_weight_nan", kSemantics, "mesh_stage.body_weights[4]: ", "found NaN",
@@ -178,6 +184,13 @@ std::vector<Corruption> StagesThatDoNotFit() {
        "found 4097; allowed: 1 to 4096", [](M* m) { m->skeleton_stage->hidden->weights->shape[0] = 4097; }},
       {"gru_two_gates", kSemantics, "skeleton_stage.hidden.weights.shape: ",
        "found [19, 38]; allowed: [19, 57]", [](M* m) { m->skeleton_stage->hidden->weights->shape[1] = 38; }},
+      {"gru_two_gates_without_a_basis", kSemantics, "skeleton_stage.hidden.weights.shape: ",
+       "found [19, 38]; allowed: [19, 57]",
+       [](M* m) {
+         m->skeleton_stage->hidden->weights->shape[1] = 38;
+         m->displacement.reset();
+         m->mesh_stage.reset();
+       }},
       {"gru_of_another_pose", kSemantics, "skeleton_stage.input.weights.shape: ",
        "found [45, 57]; allowed: [49, 57]", [](M* m) { m->skeleton_stage->input->weights->shape[0] = 45; }},
       {"vertex_network_of_another_mesh", kSemantics, "mesh_stage.hidden.weights.shape: ",

@@ -155,6 +155,24 @@ def test_report_ranks_tensors_by_what_they_cost(dcloth, files, tmp_path):
     assert measured == said
 
 
+def test_a_model_without_its_last_stages(dcloth, files, tmp_path):
+    out = tmp_path / "m.dcloth"
+    convert = ["convert", files.bundle, "-o", out, "--precision", "int8", "--motion", files.walk, "--json"]
+    whole = json.loads(dcloth(*convert).stdout)
+    assert whole["stages"] == "mesh"
+    for stages, held in (("skeleton", ["static", "skeleton"]), ("static", ["static"])):
+        said = json.loads(dcloth(*convert, "--stages", stages).stdout)
+        assert said["stages"] == stages and said["model_bytes"] < whole["model_bytes"]
+        assert json.loads(dcloth("inspect", out, "--json").stdout)["stages"] == held
+        error = said["trials"][0]["error"]["position_mm"]["max"]
+        assert error > whole["trials"][0]["error"]["position_mm"]["max"]
+        before = out.read_bytes()
+        refused(dcloth(*convert, "--stages", stages, "--max-error-mm", 0.9 * error), "keep all stages", code=1)
+        assert out.read_bytes() == before
+        refused(dcloth("run", out, files.walk, "-o", tmp_path / "x.pc2", "--stages", "mesh"), "'mesh'", f"'{stages}'")
+    refused(dcloth(*convert, "--stages", "last"), "'last'", "static, skeleton or mesh")
+
+
 def test_without_motion_millimetres_are_not_invented(dcloth, files, tmp_path):
     result = dcloth("convert", files.bundle, "-o", tmp_path / "m", "--precision", "int8", "--report", tmp_path / "r")
     assert "not measured" in result.stdout and "--motion" in result.stdout

@@ -85,6 +85,19 @@ def test_the_page_names_goals_losses_and_a_busy_machine():
     assert "Fastest fp32 peer, cold: Faster fp32, 7.00 ms; dcloth fp32 is 0.88x as fast." in text
     assert "- network, cold: Faster fp32 7.000 ms, dcloth fp32 8.000 ms" in text
     assert "- Other: not installed" in text
+    assert "A trained garment" not in text
+    error = {"mean": 0.09, "max": 0.57, "simulation_mean": 1.204}
+    results["trained"] = {
+        "bundle": "b", "sequence": "s", "frames": 7, "garment": {"n": 2, "parameters": 10 ** 7}, "rows": {
+            "dcloth int8": row("int8", True, 0.8, 1.0) | {"error_mm": error, "basis_rows": 12},
+            contestants.BASELINE: row("fp32", False, 10.0, 10.5) | {"basis_rows": 60}}}
+    section = page.markdown(json.loads(json.dumps(results))).split("## A trained garment")[1].split("## Losses")[0]
+    # dcloth's whole frame against the peer's network; both errors in the row.
+    assert ("| dcloth int8 | 12 | 100.0 | 0.0900 | 0.5700 | 1.20 | 1.00 / 1.00 / 1.00 | 1.00 / 1.00 / 1.00 | 10.00x | 10.00x |"
+            in section)
+    assert "| ONNX Runtime fp32 | 60 | 100.0 | 0.0000 | 0.0000 | – | 10.00 / 10.00 / 10.00 |" in section
+    assert "| dcloth int8 to ONNX Runtime fp32 | 9x | 10.00x | 10.00x | – | met |" in section
+    assert "| dcloth int8 to ONNX Runtime fp32 | 6x | 10.00x | 10.00x | – | met |" in section
 
 
 def test_a_goal_beyond_what_the_core_can_read_is_named():

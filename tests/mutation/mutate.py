@@ -26,7 +26,8 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 HERE = pathlib.Path(__file__).resolve().parent
 HANG = 10  # a test that takes so many times as long, and as many seconds more, hangs
-CHECKED = ("-fsanitize=bounds,object-size", "-fsanitize-undefined-trap-on-error")  # a trap needs no sanitizer's library
+CHECKED = ("-fsanitize=bounds,object-size", "-fsanitize-undefined-trap-on-error",  # a trap needs no sanitizer's library
+           "-D_GLIBCXX_ASSERTIONS", "-UNDEBUG")  # indices of vectors and spans; of Eigen's matrices
 
 # Source to the tests that own it.
 KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]

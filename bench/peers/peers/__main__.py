@@ -1,7 +1,7 @@
 """Compares and times dcloth and its peers; run.sh builds what this needs.
 
     python3 -m peers --library libdcloth_peers.so --dcloth dcloth --build BUILD --work DIR [--page RESULTS.md]
-        [--json results.json] [--preset paper] [--core C] [--ticks 200] [--seconds 75]
+        [--json results.json] [--preset paper] [--core C] [--ticks 200] [--seconds 75] [--trained BUNDLE SEQUENCE]
 """
 import argparse
 import json
@@ -38,7 +38,8 @@ def arguments(argv):
     for name in ("library", "dcloth", "build", "work"):
         parser.add_argument(f"--{name}", required=True)
     parser.add_argument("--preset", default="paper")
-    parser.add_argument("--frames", type=int, default=24, help="of the sequence; all compared, timed round and round")
+    parser.add_argument("--frames", type=int, default=24, help="of the preset's sequence; all compared, timed round and round")
+    parser.add_argument("--trained", nargs=2, metavar=("BUNDLE", "SEQUENCE"), help="a trained garment, in a section of its own")
     parser.add_argument("--core", type=int)
     parser.add_argument("--ticks", type=int, default=200, help="timed ticks a contestant, warm and cold each")
     parser.add_argument("--seconds", type=float, default=75, help="at most, warm and cold each")
@@ -47,20 +48,20 @@ def arguments(argv):
     return parser.parse_args(argv)
 
 
-def run(options):
-    """Everything -> the results, as written to --json."""
-    started, library = time.time(), Library(options.library)
-    core = machine.pin(options.core)
-    from dcloth_training import synthetic
-    from .case import Case
-    folder = os.path.join(options.work, options.preset)
+def empty_folder(*parts):
+    folder = os.path.join(*parts)
     shutil.rmtree(folder, ignore_errors=True)    # models of an older converter or generator are no result
-    say(f"making a garment of preset '{options.preset}'")
-    bundle, sequence = synthetic.write(folder, synthetic.PRESETS[options.preset], options.frames)
+    os.makedirs(folder)
+    return folder
+
+
+def garment(options, library, bundle, sequence, models, folder):
+    """Compares and times everyone on one garment."""
+    from .case import Case
     say("the float64 reference")
     case = Case(bundle, sequence)
     say("converting models")
-    everyone = contestants.engines(library, options.dcloth, bundle, sequence, folder)
+    everyone = contestants.engines(library, options.dcloth, bundle, sequence, folder, models)
     others, absent = contestants.peers(case, folder, say)
     everyone.update(others)
 
@@ -76,22 +77,39 @@ def run(options):
             continue
         rows[name] = {"version": contestant.version, "precision": contestant.precision, "note": contestant.note,
                       "engine": isinstance(contestant, EnginePeer), "weight_bytes": contestant.weight_bytes,
-                      "instance_bytes": getattr(contestant, "instance_bytes", None), "error_mm": error,
+                      "instance_bytes": getattr(contestant, "instance_bytes", None),
+                      "basis_rows": getattr(contestant, "basis_rows", len(case.weights.basis)), "error_mm": error,
                       "tried": contestant.tried}
-    say("limits of the core")
-    neighbours, limits = machine.Neighbours(), machine.limits(library)
     for name, evict in (("warm", None), ("cold", library.evict)):
         timed = measure.interleaved(everyone, case.frames, evict, options.ticks, options.seconds, progress(name))
         for row, values in timed.items():
             rows[row][name] = values
+    return case, {"frames": case.frames, "garment": case.sizes(), "displacement_mm": displacement_mm,
+                  "multiply_adds": case.weights.multiply_adds(), "rows": rows, "absent": absent}
+
+
+def run(options):
+    """Everything -> the results, as written to --json."""
+    started, library = time.time(), Library(options.library)
+    core = machine.pin(options.core)
+    from dcloth_training import synthetic
+    say("limits of the core")
+    neighbours, limits = machine.Neighbours(), machine.limits(library)
+    say(f"making a garment of preset '{options.preset}'")
+    folder = empty_folder(options.work, options.preset)
+    made = synthetic.write(folder, synthetic.PRESETS[options.preset], options.frames)
+    case, results = garment(options, library, *made, contestants.SEEDED, folder)
     peak = max(limits["fma_gmacs"].values(), default=float("inf"))
-    floors = {p: measure.floor_ms(case.weights, bits, limits["read_gbps"], peak)
-              for p, bits in (("fp32", 32), ("fp16", 16), ("int8", 8))}
-    return {"date": time.strftime("%Y-%m-%d", time.gmtime(started)), "seconds": time.time() - started,
-            "machine": machine.describe(library, core, options.build), "limits": limits,
-            "others_used_cores": neighbours.share(), "preset": options.preset, "frames": case.frames,
-            "garment": case.sizes(), "displacement_mm": displacement_mm,
-            "multiply_adds": case.weights.multiply_adds(), "floor_ms": floors, "rows": rows, "absent": absent}
+    results["floor_ms"] = {p: measure.floor_ms(case.weights, bits, limits["read_gbps"], peak)
+                           for p, bits in (("fp32", 32), ("fp16", 16), ("int8", 8))}
+    results["preset"] = options.preset
+    if options.trained:
+        say(f"a trained garment: {options.trained[0]}")
+        _, trained = garment(options, library, *options.trained, contestants.TRAINED, empty_folder(options.work, "trained"))
+        results["trained"] = trained | {"bundle": options.trained[0], "sequence": options.trained[1]}
+    return results | {"date": time.strftime("%Y-%m-%d", time.gmtime(started)), "seconds": time.time() - started,
+                      "machine": machine.describe(library, core, options.build), "limits": limits,
+                      "others_used_cores": neighbours.share()}
 
 
 def main(argv=None):

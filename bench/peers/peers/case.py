@@ -91,7 +91,8 @@ def fold(net):
 
 class Case:
     """A bundle with a sequence. Inputs are float32: x [T, d], points [T, n, 3] standardised, linear [T, m, 3, 3] R_j,
-    posed [T, m, 3] p_j. `truth` [T, n, 3]: where float64 PyTorch puts the vertices, world metres."""
+    posed [T, m, 3] p_j. `truth` [T, n, 3]: where float64 PyTorch puts the vertices, world metres; `simulated` [T, n, 3]: where
+    the simulation had them, None where the sequence does not say."""
 
     def __init__(self, bundle_path, sequence_path):
         net, rig, _, _ = bundle.read(str(bundle_path))
@@ -107,6 +108,7 @@ class Case:
         self.linear, self.posed = pose.linear.float().numpy(), pose.posed.float().numpy()
         self._net, self._pose = net, pose
         self.frames = len(self.truth)
+        self.simulated = item.truth
 
     def positions(self, frame, increments, displacement):
         """Vertices [n, 3] in float64 of one peer's D [m, 3] and delta [n, 3]."""
@@ -134,4 +136,12 @@ class Case:
 
     def error_mm(self, frame, positions):
         """Distances [n] to the truth."""
-        return 1e3 * np.linalg.norm(np.asarray(positions, np.float64) - self.truth[frame], axis=-1)
+        return _distances_mm(positions, self.truth[frame])
+
+    def simulation_error_mm(self, frame, positions):
+        """Distances [n] to the simulation."""
+        return _distances_mm(positions, self.simulated[frame])
+
+
+def _distances_mm(positions, others):
+    return 1e3 * np.linalg.norm(np.asarray(positions, np.float64) - others, axis=-1)

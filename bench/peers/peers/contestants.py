@@ -1,5 +1,6 @@
 """Everybody who takes part, and why the others do not."""
 import importlib
+import json
 import os
 import subprocess
 
@@ -16,21 +17,26 @@ PEERS = {"ONNX Runtime fp32": ("onnxruntime_peer", "OnnxRuntimePeer", {}),
 BASELINE = "ONNX Runtime fp32"
 BASELINE_INT8 = "ONNX Runtime int8"
 PRECISIONS = ("fp32", "fp16", "int8")
-# As many rows as the peers' basis has, or as few as the stacked basis' numerical rank, which is exact but for rounding.
-RANKS = {"": "full", ", exact rank": "exact"}
+# What the converter is asked for, row by row. Of the seeded garment as many rows of the basis as the peers' has, or as few as
+# its numerical rank, which is exact but for rounding; of the trained one what it does unasked, which is that too, then with all
+# rows, and without the stage that this garment does without.
+SEEDED = [(f"dcloth {precision}{suffix}", precision, ("--rank", rank))
+          for suffix, rank in (("", "full"), (", exact rank", "exact")) for precision in PRECISIONS]
+TRAINED = [(f"dcloth {precision}", precision, ()) for precision in PRECISIONS]
+TRAINED += [("dcloth int8, whole basis", "int8", ("--rank", "full")),
+            ("dcloth int8, two stages", "int8", ("--stages", "skeleton"))]
 
 
-def engines(library, convert, bundle, sequence, folder):
+def engines(library, convert, bundle, sequence, folder, models):
     """{name: EnginePeer} of models converted here and now."""
     made = {}
-    for suffix, rank in RANKS.items():
-        for precision in PRECISIONS:
-            path = os.path.join(folder, f"{rank}-{precision}.dcloth")
-            command = [convert, "convert", bundle, "-o", path, "--precision", precision, "--rank", rank]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode:
-                raise RuntimeError(f"{' '.join(command)}: exit {done.returncode}\n{done.stderr}")
-            made[f"dcloth {precision}{suffix}"] = EnginePeer(library, path, sequence, precision)
+    for name, precision, asked in models:
+        path = os.path.join(folder, f"{len(made)}.dcloth")
+        command = [convert, "convert", bundle, "-o", path, "--precision", precision, "--json", *asked]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise RuntimeError(f"{' '.join(command)}: exit {done.returncode}\n{done.stderr}")
+        made[name] = EnginePeer(library, path, sequence, precision, json.loads(done.stdout)["basis"]["rank"])
     return made
 
 

@@ -45,8 +45,8 @@ class EnginePeer:
 
     name, note, tried = "dcloth", "", ()
 
-    def __init__(self, library, model, sequence, precision):
-        self._library, self.precision, self._times = library, precision, _Times()
+    def __init__(self, library, model, sequence, precision, basis_rows):
+        self._library, self.precision, self.basis_rows, self._times = library, precision, basis_rows, _Times()
         self._handle = library.open(str(model).encode(), str(sequence).encode())
         if not self._handle:
             raise RuntimeError(library.error().decode())

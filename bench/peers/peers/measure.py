@@ -13,9 +13,10 @@ WARM_TICKS = 2             # timed ticks a turn, after one that is not
 
 
 def compare(contestant, case):
-    """From a reset through the sequence -> {"mean", "max"} mm to float64, with `skinned_max` where a peer skins too."""
+    """From a reset through the sequence -> {"mean", "max"} mm to float64, with `skinned_max` where a peer skins too and
+    `simulation_mean` where the sequence has the simulation."""
     contestant.reset()
-    means, largest, skinned = [], [], []
+    means, largest, skinned, simulation = [], [], [], []
     for frame in range(case.frames):
         contestant.tick(frame)
         if isinstance(contestant, EnginePeer):
@@ -27,8 +28,11 @@ def compare(contestant, case):
         error = case.error_mm(frame, positions)
         means.append(float(error.mean()))
         largest.append(float(error.max()))
+        if case.simulated is not None:
+            simulation.append(float(case.simulation_error_mm(frame, positions).mean()))
     result = {"mean": float(np.mean(means)), "max": max(largest)}
-    return result | ({"skinned_max": max(skinned)} if skinned else {})
+    result |= {"skinned_max": max(skinned)} if skinned else {}
+    return result | ({"simulation_mean": float(np.mean(simulation))} if simulation else {})
 
 
 def refusal(error_mm, precision, displacement_mm):

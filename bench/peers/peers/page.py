@@ -8,7 +8,7 @@ from pages.markdown import bullets, ms, table
 from .contestants import BASELINE
 from .measure import FLOAT32_LIMIT_MM, INT8_LIMIT_SHARE
 from .peer import NETWORK
-from .verdicts import best_peers, floor_ms, goals, losses
+from .verdicts import TRAINED_GOALS, best_peers, floor_ms, goals, losses
 
 TEMPERATURES = ("warm", "cold")
 PAGE = """\
@@ -67,9 +67,10 @@ both at the rates above. {vectors}
 
 Whole frames of dcloth against the peer's network. **At the limit**: the ratio if dcloth's network took no longer than
 the core's limit above and its skinning and normals nothing: more cannot be had in float32 arithmetic without fewer
-weights. The weights are seeded, not trained: what a bound in millimetres allows beyond exact rewrites is measured on
-trained garments, by `dcloth evaluate`.
+weights. The weights are seeded, not trained: what a bound in millimetres allows beyond exact rewrites shows on a trained
+garment.
 
+{trained}
 ## Losses
 
 {losses}
@@ -87,6 +88,23 @@ The fastest of each stage runs; least of four calls, in cache.
 ## Left out
 
 {absent}
+"""
+
+TRAINED = """\
+## A trained garment
+
+`{bundle}` ({sizes}; {megabytes:.1f} MB of float32 weights in a tick) on `{sequence}`, {frames} frames that it was not
+trained on; compared, then timed as above, {warm_ticks} ticks a row warm, {cold_ticks} cold.
+
+{network}
+
+{goals}
+
+**E_d**: distance of vertices to the simulation, mean. Times of dcloth here are whole frames, with features, skinning and
+normals; those of peers are their network alone. dcloth's models are what `dcloth convert` writes unasked: the basis in as many
+rows as it has numerical rank. "Whole basis" keeps all of its rows (`--rank full`), as the peers do, which could be given fewer;
+"two stages" is without the mesh stage (`--stages skeleton`), which this garment does without.
+
 """
 
 
@@ -110,6 +128,7 @@ def network_rows(results):
                _ratio(results, row, "cold"), f"{floor / row['cold']['network']['p50']:.0%}" if floor else "–"]
 
 
+GOALS_HEADER = ["goal", "asked for", "warm", "cold", "at the limit, cold", ""]
 NETWORK_HEADER = ["", "MB", "mm mean", "mm max", "warm p50 / p95 / p99, ms", "cold p50 / p95 / p99, ms",
                   "least warm / cold", "ratio warm", "ratio cold", "limit"]
 
@@ -152,16 +171,45 @@ def _vectors(results):
 def _machine(results):
     m, limits, used = results["machine"], results["limits"], results["others_used_cores"]
     fma = ", ".join(f"{rate:.0f} GMAC/s in {bits}-bit vectors" for bits, rate in limits["fma_gmacs"].items())
-    sizes = ", ".join(f"{k} {v}" for k, v in results["garment"].items() if k != "parameters")
-    megabytes = 4e-6 * results["garment"]["parameters"]
     text = [f"{results['date']}, {m['cpu']}, core {m['core']} of {m['cores']}, {m['system']}; engine built by "
             f"{m['compiler']}, its kernels chose {m['isa']}; Python {m['python']}.",
             f"Limits of the core, measured in this run: {limits['read_gbps']:.1f} GB/s from memory, {fma}, float32.",
-            f"Garment: preset '{results['preset']}' of `dcloth_training.synthetic` ({sizes}; {megabytes:.1f} MB of "
-            "float32 weights in a tick), seeded weights, not trained: times and differences to float64 mean something, "
-            "looks do not."]
+            f"Garment: preset '{results['preset']}' of `dcloth_training.synthetic` ({_sizes(results)}; "
+            f"{_megabytes(results):.1f} MB of float32 weights in a tick), seeded weights, not trained: times and "
+            "differences to float64 mean something, looks do not."]
     text.append(machine.busy_text(used, m["cores"], results["seconds"]))
     return "\n".join(text)
+
+
+def _trained(results):
+    if "trained" not in results:
+        return ""
+    trained = results["trained"]
+    rows = []
+    for name, row in trained["rows"].items():
+        error, part = row["error_mm"], "frame" if row["engine"] else "network"
+        rows.append([name, row["basis_rows"], f"{row['weight_bytes'] / 1e6:.1f}", f"{error['mean']:.4f}", f"{error['max']:.4f}",
+                     f"{error['simulation_mean']:.2f}" if "simulation_mean" in error else "–",
+                     *(_three(row[t], part) for t in TEMPERATURES), *(_ratio(trained, row, t, part) for t in TEMPERATURES)])
+    header = ["", "rows", "MB", "to float64: mm mean", "mm max", "E_d, mm",
+              *(f"{t} p50 / p95 / p99, ms" for t in TEMPERATURES), "ratio warm", "ratio cold"]
+    ticks = _ticks(trained["rows"])
+    return TRAINED.format(
+        bundle=trained["bundle"], sequence=trained["sequence"], frames=trained["frames"], sizes=_sizes(trained),
+        megabytes=_megabytes(trained), network=table(header, rows), warm_ticks=ticks["warm"], cold_ticks=ticks["cold"],
+        goals=table(GOALS_HEADER, goals(trained, TRAINED_GOALS)))
+
+
+def _ticks(rows):
+    return {t: min((row[t]["ticks"] for row in rows.values()), default=0) for t in TEMPERATURES}
+
+
+def _sizes(results):
+    return ", ".join(f"{k} {v}" for k, v in results["garment"].items() if k != "parameters")
+
+
+def _megabytes(results):
+    return 4e-6 * results["garment"]["parameters"]
 
 
 def _tried(results):
@@ -175,14 +223,14 @@ def _tried(results):
 
 def markdown(results):
     rows = results["rows"]
-    ticks = {t: min((row[t]["ticks"] for row in rows.values()), default=0) for t in TEMPERATURES}
+    ticks = _ticks(rows)
     versions = [f"{name}: {row['version']}" + (f"; {row['note']}" if row["note"] else "")
                 for name, row in rows.items() if not row["engine"]]
     return PAGE.format(
         machine=_machine(results), network=table(NETWORK_HEADER, network_rows(results)), frame=_frames(results),
         stages=_stages(results), where=_where(results), vectors=_vectors(results), best=best_peers(results),
         losses=losses(results),
-        goals=table(["goal", "asked for", "warm", "cold", "at the limit, cold", ""], goals(results)), versions=bullets(versions),
+        goals=table(GOALS_HEADER, goals(results)), trained=_trained(results), versions=bullets(versions),
         tried=_tried(results), absent=bullets(f"{name}: {why}" for name, why in results["absent"].items()),
         evicted=results["machine"]["evicted_bytes"] / 1e6, core=results["machine"]["core"], frames=results["frames"],
         warm_ticks=ticks["warm"], cold_ticks=ticks["cold"], limit=FLOAT32_LIMIT_MM, share=INT8_LIMIT_SHARE,

@@ -1,0 +1,31 @@
+#include "converter/stages.h"
+
+#include <string>
+
+#include "converter/error.h"
+#include "dcloth/dcloth.h"
+
+namespace dcloth::converter {
+
+uint32_t StagesOf(const Bundle& bundle) {
+  return bundle.mesh ? DCLOTH_STAGES_MESH : bundle.skeleton ? DCLOTH_STAGES_SKELETON : DCLOTH_STAGES_STATIC;
+}
+
+const char* StagesName(uint32_t stages) {
+  return stages == DCLOTH_STAGES_MESH ? "mesh" : stages == DCLOTH_STAGES_SKELETON ? "skeleton" : "static";
+}
+
+Bundle KeepStages(const Bundle& bundle, uint32_t stages) {
+  const uint32_t all = StagesOf(bundle);
+  if (stages > all) {
+    throw Error({bundle.path, "", std::string("stages '") + StagesName(stages) + "' asked for",
+                 std::string("at most '") + StagesName(all) + "', which is what the bundle holds",
+                 "lower --stages, or train the stage"});
+  }
+  Bundle kept = bundle;
+  if (stages < DCLOTH_STAGES_MESH) kept.mesh.reset();
+  if (stages < DCLOTH_STAGES_SKELETON) kept.skeleton.reset();
+  return kept;
+}
+
+}  // namespace dcloth::converter
