@@ -47,21 +47,39 @@ CONVERTER = {"assemble": ["converter_assemble_test", *WHOLE], "attempts": ["conv
              "bundle": BUNDLE, "bundle_metadata": BUNDLE, "convert": WHOLE,
              "file": ["converter_file_test", "converter_file_fault_test"],
              "calibrate": ["converter_rank_test", "converter_convert_rank_test"],
+             "reduce": ["converter_reduce_test", "converter_rank_test"],
              "safetensors_header": ["converter_safetensors_test"],
              "tensor_reader": [*BUNDLE, "converter_sequence_test"]}
 
 
+def included(path, seen):
+    """Adds to `seen` the headers of kernels/ that a file includes, through others too."""
+    for name in re.findall(r'#include "(kernels/[^"]+\.h)"', (ROOT / path).read_text()):
+        if name not in seen:
+            seen.add(name)
+            included(name, seen)
+    return seen
+
+
 def owners():
+    """{file: [(source to compile, its tests)]}. A header of the kernels has all sources that include it."""
     found = {}
     for family, tests in KERNELS.items():
         for path in sorted((ROOT / "kernels" / family).glob("*.cc")):
-            found[str(path.relative_to(ROOT))] = tests
+            found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), tests)]
+    kernels = [home for homes in found.values() for home in homes]
+    for path in sorted((ROOT / "kernels").rglob("*.h")):
+        header = str(path.relative_to(ROOT))
+        homes = [home for home in kernels if header in included(home[0], set())]
+        if homes:
+            found[header] = sorted(homes, key=lambda home: not home[0].startswith(str(pathlib.Path(header).parent)))
     for path in sorted((ROOT / "engine/format").glob("*.cc")):
-        found[str(path.relative_to(ROOT))] = VERIFIER
+        found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), VERIFIER)]
     for name in ("state", "state_check", "state_layout"):
-        found[f"engine/src/{name}.cc"] = STATE
+        found[f"engine/src/{name}.cc"] = [(f"engine/src/{name}.cc", STATE)]
     for path in sorted((ROOT / "converter").glob("*.cc")):
-        found[str(path.relative_to(ROOT))] = CONVERTER.get(path.stem, [f"converter_{path.stem}_test"])
+        file = str(path.relative_to(ROOT))
+        found[file] = [(file, CONVERTER.get(path.stem, [f"converter_{path.stem}_test"]))]
     return found
 
 
@@ -110,20 +128,21 @@ class Build:
     def ninja(self, *arguments):
         return subprocess.run(["ninja", *arguments], cwd=self.folder, check=True, capture_output=True, text=True).stdout
 
-    def compile(self, file, text, folder, more=()):
-        """The object, or None where the compiler refuses."""
-        words = shlex.split(self.compiles[str(ROOT / file)])
+    def compile(self, source, file, text, folder, more=()):
+        """The object of `source` where `file`, itself or a header of it, is `text`; None where the compiler refuses."""
+        words = shlex.split(self.compiles[str(ROOT / source)])
         words = [w for w in words if not w.endswith("ccache") and w != "-Werror"]
-        source, target = folder / file, folder / "mutant.o"
-        source.parent.mkdir(parents=True, exist_ok=True)
-        source.write_text(text)
+        changed, target = folder / file, folder / "mutant.o"
+        changed.parent.mkdir(parents=True, exist_ok=True)
+        changed.write_text(text)
         words[words.index("-o") + 1] = str(target)
-        words[words.index("-c") + 1] = str(source)
+        if source == file:
+            words[words.index("-c") + 1] = str(changed)
         for flag in ("-MD", "-MF", "-MT"):
             if flag in words:
                 at = words.index(flag)
                 del words[at:at + (1 if flag == "-MD" else 2)]
-        # The folder first: sources that include themselves once per instruction set find the mutant.
+        # The folder first: what includes a header, or itself once per instruction set, finds the mutant.
         done = subprocess.run([words[0], f"-I{folder}", *words[1:], *more], cwd=self.folder, capture_output=True)
         return target if done.returncode == 0 else None
 
@@ -145,29 +164,31 @@ def notices(executable, limit_s=None):
         return True  # a hang is noticed
 
 
-def try_mutant(build, mutant, limits):
+def try_mutant(build, mutant, homes):
+    """`homes`: [(source, {test: seconds it may take})]."""
     lines = (ROOT / mutant.file).read_text().split("\n")
     lines[mutant.number] = mutant.after
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for more in ((), CHECKED):
-            mutated = build.compile(mutant.file, "\n".join(lines), folder, more)
-            if mutated is None:
-                return "does not compile"
-            for test, limit_s in limits.items():
-                if notices(build.link(test, mutated, folder), limit_s):
-                    return "killed with indices checked" if more else "killed"
+            for source, limits in homes:
+                mutated = build.compile(source, mutant.file, "\n".join(lines), folder, more)
+                if mutated is None:
+                    return "does not compile"
+                for test, limit_s in limits.items():
+                    if notices(build.link(test, mutated, folder), limit_s):
+                        return "killed with indices checked" if more else "killed"
     return "survived"
 
 
-def limits_of(build, file, tests):
+def limits_of(build, source, tests):
     """{test: seconds it may take}. The unchanged source passes: else every mutant would be killed by nothing."""
     limits = {}
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for more in ((), CHECKED):
-            same = build.compile(file, (ROOT / file).read_text(), folder, more)
-            assert same is not None, file
+            same = build.compile(source, source, (ROOT / source).read_text(), folder, more)
+            assert same is not None, source
             for test in tests:
                 executable, start = build.link(test, same, folder), time.monotonic()
                 assert not notices(executable), f"{test} fails without a mutant"
@@ -185,18 +206,22 @@ def run(options):
     explained = json.loads((HERE / "explained.json").read_text())
     tried = collections.Counter()
     survivors = []
-    for file, tests in owners().items():
+    timed = {}
+    for file, homes in owners().items():
         if not re.search(options.files, file):
             continue
         every = list(mutants_of(file))
         chosen = random.Random(options.seed).sample(every, min(options.sample, len(every)))
-        fresh = any(key_of(mutant) not in known for mutant in chosen)
-        limits = limits_of(build, file, tests) if fresh else {}
+        if any(key_of(mutant) not in known for mutant in chosen):
+            for source, tests in homes:
+                if source not in timed:
+                    timed[source] = limits_of(build, source, tests)
         for mutant in chosen:
             key = key_of(mutant)
             if key not in known:
+                verdict = try_mutant(build, mutant, [(source, timed[source]) for source, _ in homes])
                 known[key] = {"key": key, "file": file, "line": mutant.number + 1, "before": mutant.before.strip(),
-                              "after": mutant.after.strip(), "verdict": try_mutant(build, mutant, limits)}
+                              "after": mutant.after.strip(), "verdict": verdict}
                 with results.open("a") as out:
                     out.write(json.dumps(known[key]) + "\n")
                 print(f"{file}:{mutant.number + 1}: {known[key]['verdict']}: {mutant.after.strip()}", flush=True)
