@@ -187,7 +187,9 @@ ThresholdError Attempts::Missed() const {
   const MeshError& error = unseen || last.calibration.frame_count == 0 ? last.error : last.calibration;
   const bool reduced = last.rank != ranks_->full_rows();
   std::string mend = "raise --max-error-mm";
-  if (unseen) {
+  if (unseen && reduced && options_.rank.mode == RankMode::kSearch) {
+    mend = "calibrate on motion of that kind too, or pass --rank exact; a higher bound leaves fewer rows";
+  } else if (unseen) {
     mend += ", or calibrate on motion of that kind too";
   } else if (options_.rank.mode == RankMode::kFixed) {
     mend += " or --rank";

@@ -192,7 +192,8 @@ TEST(ConvertRankTest, UnseenMotionHasTheLastWord) {
     Convert(bundle, options);
   } catch (const ThresholdError& error) {
     threshold = true;
-    EXPECT_TRUE(Mentions(error.what(), "rank " + std::to_string(alone.rank.rank), "not calibrated on", "calibrate on"));
+    EXPECT_TRUE(Mentions(error.what(), "rank " + std::to_string(alone.rank.rank), "not calibrated on",
+                         "; calibrate on motion of that kind too, or pass --rank exact"));
   }
   EXPECT_TRUE(threshold);
   // Measured, not steered by: without a bound the same rank passes, and both figures are told.

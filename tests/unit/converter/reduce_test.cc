@@ -179,6 +179,14 @@ TEST(ReduceTest, SavesOnlyWhereHeadAndWiderMeshStageCostLess) {
   // In int8 the head's fp16 weighs double: 4224 against 3968.
   EXPECT_FALSE(ReductionSaves(bundle, 16, Precision::kInt8));
   EXPECT_TRUE(ReductionSaves(bundle, 14, Precision::kInt8));
+
+  // Without a mesh stage nothing but the head is added: 10 rows of 192 columns, none of them less.
+  spec.mesh = false;
+  EXPECT_FALSE(ReductionSaves(ParseBundle(spec), 10, Precision::kFp32));
+  // 16 rows of 64 against 8 of them and 15 x 32: 1024 and 992.
+  spec.vertices = 20;
+  spec.skeleton_basis = 15;
+  EXPECT_TRUE(ReductionSaves(ParseBundle(spec), 8, Precision::kFp32));
 }
 
 }  // namespace
