@@ -91,6 +91,10 @@ TEST(BundleTest, ABasisMayComeAsFactors) {
   RawFile wide = raw;
   wide.Replace("skeleton.readout", {6, 7}, std::vector<float>(42));
   EXPECT_TRUE(Mentions(Refusal(wide), "7 components"));
+  RawFile one = raw;  // component
+  one.Replace("skeleton.readout", {6, 1}, std::vector<float>(6, 0.5f));
+  one.Replace("skeleton.components", {1, spec.vertices, 3}, std::vector<float>(3 * spec.vertices, 0.25f));
+  EXPECT_EQ(ParseRawBundle(one).skeleton->basis(5, 7), 0.125f);
   RawFile huge = raw;
   huge.SetFloat("skeleton.readout", 0, 3e38f);
   huge.SetFloat("skeleton.components", 0, 3e38f);
@@ -134,6 +138,8 @@ TEST(BundleTest, MasksAreReadBothOrNone) {
   EXPECT_EQ(ParseRawBundle(raw).touches[0], 0x7FFFFFFFu);
   raw.SetInt("template.touches", 59, -1);
   EXPECT_TRUE(Mentions(Refusal(raw), "template.touches", "-1 at vertex 59", "from 0 up"));
+  raw.SetInt("template.touches", 0, INT32_MIN);
+  EXPECT_TRUE(Mentions(Refusal(raw), "template.touches", "-2147483648 at vertex 0"));
   raw.SetMasks("template.touches", std::vector<int32_t>(59, 5));
   EXPECT_TRUE(Mentions(Refusal(raw), "template.touches", "[59]", "[60]"));
   raw.Replace("template.touches", {60}, std::vector<float>(60, 1.0f));

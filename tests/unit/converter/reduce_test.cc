@@ -47,6 +47,12 @@ TEST(BasisRankTest, FindsTheRankBehindFloatsAndHalves) {
     }
   }
   EXPECT_EQ(BasisRank(ParseBundle({})).rank(), kRows);
+  BundleSpec wide;
+  wide.skeleton_basis = 6;
+  wide.mesh_basis = 11;
+  Bundle bundle = ParseBundle(wide);
+  LowerRank(&bundle, 4);
+  EXPECT_EQ(BasisRank(bundle).rank(), 4u) << "more rows below than above";
 }
 
 // What halves cannot hold is noise in a half-float bundle and a direction of its own in a float one. A row that is
@@ -187,6 +193,8 @@ TEST(ReduceTest, SavesOnlyWhereHeadAndWiderMeshStageCostLess) {
   spec.vertices = 20;
   spec.skeleton_basis = 15;
   EXPECT_TRUE(ReductionSaves(ParseBundle(spec), 8, Precision::kFp32));
+  spec.skeleton_basis = 16;
+  EXPECT_FALSE(ReductionSaves(ParseBundle(spec), 8, Precision::kFp32)) << "1024 either way";
 }
 
 }  // namespace

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <set>
+#include <string>
 
 #include "converter/safetensors_header.h"
 #include "tests/unit/converter/bundle_builder.h"
@@ -53,6 +55,20 @@ TEST(SafetensorsTest, ReadsWhatItWrites) {
   EXPECT_EQ(file.Find("z"), nullptr);
   EXPECT_TRUE(Mentions(ErrorText([&] { file.Require("z"); }), "tensor z: found no such tensor"));
   EXPECT_TRUE(Mentions(ErrorText([&] { file.RequireMetadata("z"); }), "no metadata 'z'"));
+}
+
+// Data start on eight bytes whatever the header says.
+TEST(SafetensorsTest, HeadersAreMultiplesOfEight) {
+  const float one = 1;
+  const auto bytes = std::as_bytes(std::span(&one, 1));
+  std::set<size_t> spaces;
+  for (size_t length = 1; length <= 8; ++length) {
+    const SafeTensor tensor[] = {{std::string(length, 'n'), SafeType::kF32, {1}, bytes}};
+    const std::string header = SafeHeader(tensor, {});
+    EXPECT_EQ(header.size() % 8, 0u);
+    spaces.insert(header.size() - header.find_last_not_of(' '));
+  }
+  EXPECT_EQ(spaces.size(), 8u) << "no more than needed";
 }
 
 TEST(SafetensorsTest, HalvesBecomeFloats) {
@@ -231,6 +247,13 @@ TEST(SafetensorsTest, WriterRefusesWhatTheReaderWould) {
   EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(twice, {}); }), "the name twice"));
   const SafeTensor wrong[] = {{"a", SafeType::kF32, {3}, bytes}};
   EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(wrong, {}); }), "8 bytes, expected those of F32 [3]"));
+  Shape deepest(kMaxDimensions, 1);
+  deepest[0] = 2;
+  SafeTensor deep[] = {{"a", SafeType::kF32, deepest, bytes}};
+  const std::string header = SafeHeader(deep, {});
+  EXPECT_EQ(SafeFile::Parse(File(header, 8), "f").Require("a").shape, deepest);
+  deep[0].shape.push_back(1);
+  EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(deep, {}); }), "expected those of F32 [2, 1"));
   const SafeTensor reserved[] = {{"__metadata__", SafeType::kF32, {2}, bytes}};
   EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(reserved, {}); }), "reserved"));
   const SafeTensor latin[] = {{"\xE9", SafeType::kF32, {2}, bytes}};
