@@ -34,6 +34,7 @@ using dcloth::testing::PlayedCloth;
 using dcloth::testing::PlayedModel;
 
 constexpr int kParts = 20;
+constexpr int kOwnMapping = 128 << 10;  // bytes from which a block has a mapping of its own
 constexpr size_t kHeapCaches = 4096;  // bytes that an allocator may hold for itself, over the whole run
 constexpr float kLargestReach = 10;   // metres from one end of a garment to the other
 constexpr size_t kControlEvery = 11;  // instances; odd, so that each of two threads has its share
@@ -244,6 +245,8 @@ Options Parse(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options options = Parse(argc, argv);
+  // Or else the allocator keeps the memory of a large garment's controls, after how many parts is its own affair.
+  mallopt(M_MMAP_THRESHOLD, kOwnMapping);
   const PlayedModel played(options.model, options.poses);
   std::vector<std::unique_ptr<Instance>> instances;
   for (size_t i = 0; i < options.instances; ++i) instances.push_back(std::make_unique<Instance>(played, i));
@@ -290,7 +293,8 @@ int main(int argc, char** argv) {
     if (options.fault == "busy") all = Always(later ? 36 : 12), control = all;
     if (later && options.fault == "leak") *static_cast<volatile char*>(std::malloc(1024)) = 1;
     const unsigned long long canary = Canary(played, later && options.fault == "canary");
-    const size_t heap = mallinfo2().uordblks, resident = ResidentBytes();
+    const struct mallinfo2 memory = mallinfo2();
+    const size_t heap = memory.uordblks + memory.hblkhd, resident = ResidentBytes();
     last_p99 = all.Percentile(0.99);
     last_control = control.Percentile(0.99);
     std::printf(
