@@ -39,6 +39,8 @@ KERNELS["matvec"] = [f"kernels_{kind}_test"
 VERIFIER = ["attack_ladder_test", "attack_every_tensor_test", "attack_odd_files_test", "engine_diagnostic_test",
             "engine_format_test", "engine_format_body_test", "engine_format_head_test", "engine_scan_test"]
 STATE = ["attack_state_test", "engine_state_test", "engine_state_check_test", "engine_hot_swap_test"]
+# Headers that hold arithmetic. What the others hold, sizes and bounds, the tests take from them too.
+ARITHMETIC = re.compile(r"(-inl|_scalar|_accumulate|/coarse_tanh|/half|/quantize|/scalar_math)\.h$")
 # Sources of the converter that have not just the test of their name; every other one has.
 WHOLE = ["converter_convert_test", "converter_convert_auto_test", "converter_convert_rank_test"]
 BUNDLE = ["converter_bundle_test", "converter_bundle_fault_test", "converter_bundle_limits_test"]
@@ -71,7 +73,7 @@ def owners():
     for path in sorted((ROOT / "kernels").rglob("*.h")):
         header = str(path.relative_to(ROOT))
         homes = [home for home in kernels if header in included(home[0], set())]
-        if homes:
+        if homes and ARITHMETIC.search(header):
             found[header] = sorted(homes, key=lambda home: not home[0].startswith(str(pathlib.Path(header).parent)))
     for path in sorted((ROOT / "engine/format").glob("*.cc")):
         found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), VERIFIER)]
