@@ -41,6 +41,8 @@ VERIFIER = ["attack_ladder_test", "attack_every_tensor_test", "attack_odd_files_
 STATE = ["attack_state_test", "engine_state_test", "engine_state_check_test", "engine_hot_swap_test"]
 # Headers that hold arithmetic. What the others hold, sizes and bounds, the tests take from them too.
 ARITHMETIC = re.compile(r"(-inl|_scalar|_accumulate|/coarse_tanh|/half|/quantize|/scalar_math)\.h$")
+# A test that looks at all of a header, and is compiled with the mutant itself.
+DIRECT = {"kernels/half.h": [("tests/unit/kernels/half_test.cc", ["kernels_half_test"])]}
 # Sources of the converter that have not just the test of their name; every other one has.
 WHOLE = ["converter_convert_test", "converter_convert_auto_test", "converter_convert_rank_test"]
 BUNDLE = ["converter_bundle_test", "converter_bundle_fault_test", "converter_bundle_limits_test"]
@@ -55,9 +57,10 @@ CONVERTER = {"assemble": ["converter_assemble_test", *WHOLE], "attempts": ["conv
 
 
 def included(path, seen):
-    """Adds to `seen` the headers of kernels/ that a file includes, through others too."""
-    for name in re.findall(r'#include "(kernels/[^"]+\.h)"', (ROOT / path).read_text()):
-        if name not in seen:
+    """Adds to `seen` the headers of kernels/ that a file includes, through others and its own header too."""
+    own = str(pathlib.Path(path).with_suffix(".h"))
+    for name in re.findall(r'#include "([^"]+\.h)"', (ROOT / path).read_text()):
+        if name not in seen and (name.startswith("kernels/") or name == own):
             seen.add(name)
             included(name, seen)
     return seen
@@ -69,12 +72,6 @@ def owners():
     for family, tests in KERNELS.items():
         for path in sorted((ROOT / "kernels" / family).glob("*.cc")):
             found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), tests)]
-    kernels = [home for homes in found.values() for home in homes]
-    for path in sorted((ROOT / "kernels").rglob("*.h")):
-        header = str(path.relative_to(ROOT))
-        homes = [home for home in kernels if header in included(home[0], set())]
-        if homes and ARITHMETIC.search(header):
-            found[header] = sorted(homes, key=lambda home: not home[0].startswith(str(pathlib.Path(header).parent)))
     for path in sorted((ROOT / "engine/format").glob("*.cc")):
         found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), VERIFIER)]
     for name in ("state", "state_check", "state_layout"):
@@ -82,6 +79,13 @@ def owners():
     for path in sorted((ROOT / "converter").glob("*.cc")):
         file = str(path.relative_to(ROOT))
         found[file] = [(file, CONVERTER.get(path.stem, [f"converter_{path.stem}_test"]))]
+    sources = [home for homes in found.values() for home in homes]
+    for path in sorted((ROOT / "kernels").rglob("*.h")):
+        header = str(path.relative_to(ROOT))
+        homes = [home for home in sources if header in included(home[0], set())]
+        if homes and ARITHMETIC.search(header):
+            homes.sort(key=lambda home: not home[0].startswith(str(pathlib.Path(header).parent)))
+            found[header] = DIRECT.get(header, []) + homes
     return found
 
 

@@ -79,6 +79,18 @@ TEST_P(QuantizeTest, TheSumMayReachItsLimitButNotPassIt) {
   EXPECT_EQ(Check(x, {}), 2.0f);
 }
 
+// What a coarser step is proven by: ((sum + 513) >> 1) + 1 + 513 may be the limit, for 1,025 rows.
+TEST_P(QuantizeTest, TheStepIsTheFinestThatIsProven) {
+  const int64_t most = 2 * (kQuantizedSumLimit - 1 - 513) + 1 - 513;
+  std::vector<float> x(1025, 32767.0f);
+  x[1024] = 0;
+  x[1023] = static_cast<float>(most - 1023 * 32767);
+  ASSERT_TRUE(x[1023] > 0 && x[1023] < 32767);
+  EXPECT_EQ(Check(x, {}), 2.0f);
+  x[1024] = 1;
+  EXPECT_EQ(Check(x, {}), 4.0f);
+}
+
 TEST_P(QuantizeTest, NoSumOverflowsAtTheExtremes) {
   for (size_t rows : {513, 1025, 7952, 65535}) {
     Check(std::vector<float>(rows, -32767.0f), {});
