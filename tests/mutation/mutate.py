@@ -152,12 +152,14 @@ class Build:
         done = subprocess.run([words[0], f"-I{folder}", *words[1:], *more], cwd=self.folder, capture_output=True)
         return target if done.returncode == 0 else None
 
-    def link(self, test, mutant, folder):
+    def link(self, test, source, mutant, folder):
+        """`test` with the object `mutant` before the libraries, for that of `source` where it is the test's own."""
         command = self.ninja("-t", "commands", "-s", test).strip().split("\n")[-1]
         words = shlex.split(command.replace(": && ", "", 1).split(" && ")[0])
         at = words.index("-o")
         words[at + 1] = str(folder / test)
         words.insert(at, str(mutant))
+        words = [word for word in words if not word.endswith(f"/{pathlib.Path(source).name}.o")]
         subprocess.run(words, cwd=self.folder, check=True, capture_output=True)
         return folder / test
 
@@ -182,7 +184,7 @@ def try_mutant(build, mutant, homes):
                 if mutated is None:
                     return "does not compile"
                 for test, limit_s in limits.items():
-                    if notices(build.link(test, mutated, folder), limit_s):
+                    if notices(build.link(test, source, mutated, folder), limit_s):
                         return "killed with indices checked" if more else "killed"
     return "survived"
 
@@ -196,7 +198,7 @@ def limits_of(build, source, tests):
             same = build.compile(source, source, (ROOT / source).read_text(), folder, more)
             assert same is not None, source
             for test in tests:
-                executable, start = build.link(test, same, folder), time.monotonic()
+                executable, start = build.link(test, source, same, folder), time.monotonic()
                 assert not notices(executable), f"{test} fails without a mutant"
                 limits[test] = HANG * (1 + time.monotonic() - start)
     return dict(sorted(limits.items(), key=lambda item: item[1]))  # most mutants die in the quickest
