@@ -81,6 +81,12 @@ def limits(library):
             "fma_gmacs": {bits: rate for bits, rate in fma.items() if rate}}
 
 
+def higher(one, other):
+    """The higher rates of two measurements."""
+    return {"read_gbps": max(one["read_gbps"], other["read_gbps"]),
+            "fma_gmacs": {bits: max(rate, other["fma_gmacs"][bits]) for bits, rate in one["fma_gmacs"].items()}}
+
+
 def quiet(used_cores):
     return used_cores <= QUIET_CORES
 

@@ -94,21 +94,23 @@ def run(options):
     core = machine.pin(options.core)
     from dcloth_training import synthetic
     say("limits of the core")
-    neighbours, limits = machine.Neighbours(), machine.limits(library)
+    neighbours, before = machine.Neighbours(), machine.limits(library)
     say(f"making a garment of preset '{options.preset}'")
     folder = empty_folder(options.work, options.preset)
     made = synthetic.write(folder, synthetic.PRESETS[options.preset], options.frames)
     case, results = garment(options, library, *made, contestants.SEEDED, folder)
+    limits = machine.higher(before, machine.limits(library))    # a shared machine's memory is not equally fast all the time
     peak = max(limits["fma_gmacs"].values(), default=float("inf"))
     results["floor_ms"] = {p: measure.floor_ms(case.weights, bits, limits["read_gbps"], peak)
                            for p, bits in (("fp32", 32), ("fp16", 16), ("int8", 8))}
     results["preset"] = options.preset
+    results["limits"] = limits
     if options.trained:
         say(f"a trained garment: {options.trained[0]}")
         _, trained = garment(options, library, *options.trained, contestants.TRAINED, empty_folder(options.work, "trained"))
         results["trained"] = trained | {"bundle": options.trained[0], "sequence": options.trained[1]}
     return results | {"date": time.strftime("%Y-%m-%d", time.gmtime(started)), "seconds": time.time() - started,
-                      "machine": machine.describe(library, core, options.build), "limits": limits,
+                      "machine": machine.describe(library, core, options.build),
                       "others_used_cores": neighbours.share()}
 
 
