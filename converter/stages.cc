@@ -15,6 +15,13 @@ const char* StagesName(uint32_t stages) {
   return stages == DCLOTH_STAGES_MESH ? "mesh" : stages == DCLOTH_STAGES_SKELETON ? "skeleton" : "static";
 }
 
+uint32_t ParseStages(const std::string& name) {
+  for (uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
+    if (name == StagesName(stages)) return stages;
+  }
+  throw Error({"", "", "stages '" + name + "'", "static, skeleton or mesh", ""});
+}
+
 Bundle KeepStages(const Bundle& bundle, uint32_t stages) {
   const uint32_t all = StagesOf(bundle);
   if (stages > all) {

@@ -3,6 +3,7 @@
 #define DCLOTH_CONVERTER_STAGES_H_
 
 #include <cstdint>
+#include <string>
 
 #include "converter/bundle.h"
 
@@ -13,6 +14,7 @@ uint32_t StagesOf(const Bundle& bundle);
 
 // "static", "skeleton" or "mesh": the last of `stages`, which are DCLOTH_STAGES_*.
 const char* StagesName(uint32_t stages);
+uint32_t ParseStages(const std::string& name);  // of such a name; throws Error
 
 // The bundle without what comes after `stages` (DCLOTH_STAGES_*): no approximation of it, the network stops there. Throws
 // Error where the bundle does not hold them.

@@ -11,11 +11,11 @@
 
 #include "converter/error.h"
 #include "converter/file.h"
+#include "converter/stages.h"
 #include "tools/commands.h"
 #include "tools/convert_output.h"
 #include "tools/number_check.h"
 #include "tools/path_check.h"
-#include "tools/playback.h"
 #include "tools/progress.h"
 #include "tools/rank_output.h"
 
@@ -65,7 +65,7 @@ int RunConvert(const Options& options) {
   for (const std::filesystem::path& path : options.calibration) calibration.push_back(converter::ReadSequence(path));
   converter::ConvertOptions convert;
   convert.rank = ParseRank(options.rank, options.bounded, calibrated);
-  if (!options.stages.empty()) convert.stages = ParseStages(options.stages);
+  if (!options.stages.empty()) convert.stages = converter::ParseStages(options.stages);
   convert.calibration = calibration;
   convert.precision = converter::ParsePrecision(options.precision);
   if (options.bounded) convert.max_error_mm = options.max_error_mm;

@@ -21,14 +21,6 @@ converter::OpenModel OpenModelFile(const std::filesystem::path& path) {
   return converter::OpenModel(std::move(bytes), path);
 }
 
-uint32_t ParseStages(const std::string& name) {
-  for (uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
-    if (name == StagesName(stages)) return stages;
-  }
-  throw converter::Error(
-      {.path = {}, .tensor = {}, .found = "stages '" + name + "'", .expected = "static, skeleton or mesh", .mend = {}});
-}
-
 double TickRate(const converter::OpenModel& model) {
   // tick_seconds is a float: 1 / 30 comes back as 30.0000005. A rate is good to six digits.
   return std::round(1e4 / static_cast<double>(model.info().tick_seconds)) / 1e4;

@@ -16,8 +16,8 @@ namespace dcloth::tools {
 
 converter::OpenModel OpenModelFile(const std::filesystem::path& path);
 
+using converter::ParseStages;
 using converter::StagesName;
-uint32_t ParseStages(const std::string& name);       // what StagesName says; throws converter::Error
 double TickRate(const converter::OpenModel& model);  // Hz, rounded to the float's own precision
 
 // Drives the one cloth of `model`, which must outlive this. Stages are at most what the model holds; throws otherwise.

@@ -49,6 +49,7 @@ TEST(StagesTest, KeepsWhatTheBundleHoldsAndNoMore) {
   for (const uint32_t held : kStages) {
     const Bundle bundle = Holding(held);
     EXPECT_EQ(StagesOf(bundle), held);
+    EXPECT_EQ(ParseStages(StagesName(held)), held);
     for (const uint32_t asked : kStages) {
       if (asked <= held) {
         EXPECT_EQ(StagesOf(KeepStages(bundle, asked)), asked);
