@@ -188,7 +188,7 @@ ThresholdError Attempts::Missed() const {
   const bool reduced = last.rank != ranks_->full_rows();
   std::string mend = "raise --max-error-mm";
   if (unseen && reduced && options_.rank.mode == RankMode::kSearch) {
-    mend = "calibrate on motion of that kind too, or pass --rank exact; a higher bound leaves fewer rows";
+    mend = "calibrate on motion of that kind too, or pass --rank exact";  // a higher bound leaves fewer rows
   } else if (unseen) {
     mend += ", or calibrate on motion of that kind too";
   } else if (options_.rank.mode == RankMode::kFixed) {
