@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # Fuzzes every reader of untrusted bytes with clang's libFuzzer under AddressSanitizer and
-# UndefinedBehaviorSanitizer. `fuzz.sh [SECONDS [TARGET...]]`: 60 seconds each of model, bundle, sequence and state
-# when nothing is said, as many at a time as there are cores. Corpora grow in out/fuzz/corpus and are taken up again.
-# An input that breaks something lies in out/fuzz/findings, and the script fails.
+# UndefinedBehaviorSanitizer. `fuzz.sh [SECONDS [TARGET...]]`: 60 seconds each of model, bundle, sequence, state and,
+# where assimp is installed (install_dependencies.sh import), scene when nothing is said, as many at a time as there are
+# cores. Corpora grow in out/fuzz/corpus and are taken up again. An input that breaks something lies in
+# out/fuzz/findings, and the script fails.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-60}
 shift || true
-targets=${*:-model bundle sequence state}
+targets=${*:-}
 if ! [[ $seconds =~ ^[1-9][0-9]*$ ]]; then
   echo "fuzz: found SECONDS '$seconds'; allowed: a whole number from 1" >&2
   exit 2
@@ -16,7 +17,9 @@ folder=build-sanitize
 scripts/build_sanitized.sh "$folder" fuzzers
 
 mkdir -p out/fuzz/corpus out/fuzz/findings
+rm -rf out/fuzz/seeds
 "$folder/fuzz_write_seeds" out/fuzz/seeds >&2
+[ -n "$targets" ] || targets=$(ls out/fuzz/seeds)  # a folder for each target that could be built
 
 # Runs one target and says what came of it in a line; fails on a finding.
 fuzz() {
@@ -25,6 +28,7 @@ fuzz() {
     -artifact_prefix="out/fuzz/findings/$target-")
   case $target in
     model | state) options+=(-max_len=32768) ;;
+    scene) options+=(-max_len=4096) ;;
     *) options+=(-max_len=65536 -dict=tests/fuzz/safetensors.dict) ;;
   esac
   mkdir -p "$corpus"

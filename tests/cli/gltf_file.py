@@ -34,8 +34,9 @@ def animated(times, positions, nodes=None):
     return glb(*animation(times, positions, nodes))
 
 
-def skinned(pose=0.0, weights=(1, 0)):
-    """Two bones under a root that turns Z up to Y up and centimetres to metres; `pose` turns the lower one at rest.
+def skin(pose=0.0, weights=(1, 0)):
+    """A triangle on two bones, as the document and its buffer. Above them is a root that turns Z up to Y up and
+    centimetres to metres; `pose` turns the lower one at rest.
     `weights`: of each vertex, to its own bone and to the other one."""
     points = np.array([[0, 0, 100], [10, 0, 50], [-10, 0, 50]], "<f4")      # the mesh's own space
     bind = np.tile(np.eye(4), (2, 1, 1))
@@ -47,12 +48,18 @@ def skinned(pose=0.0, weights=(1, 0)):
         views.append({"buffer": 0, "byteOffset": at, "byteLength": len(part)})
         at += len(part)
     kinds = [(5126, 3, "VEC3"), (5123, 3, "SCALAR"), (5121, 3, "VEC4"), (5126, 3, "VEC4"), (5126, 2, "MAT4")]
-    return glb({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "buffers": [{"byteLength": at}],
-                "bufferViews": views,
-                "accessors": [{"bufferView": i, "componentType": c, "count": n, "type": t} for i, (c, n, t) in enumerate(kinds)],
-                "nodes": [{"name": "Root", "rotation": [-np.sqrt(0.5), 0, 0, np.sqrt(0.5)], "scale": [0.01] * 3, "children": [1, 3]},
-                          {"name": "Hips", "translation": [0, 0, 100], "children": [2]},
-                          {"name": "Leg", "translation": [0, 0, -50], "rotation": [np.sin(pose / 2), 0, 0, np.cos(pose / 2)]},
-                          {"name": "Skin", "mesh": 0, "skin": 0}],
-                "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}, "indices": 1}]}],
-                "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}]}, b"".join(parts))
+    document = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "buffers": [{"byteLength": at}],
+        "bufferViews": views,
+        "accessors": [{"bufferView": i, "componentType": c, "count": n, "type": t} for i, (c, n, t) in enumerate(kinds)],
+        "nodes": [{"name": "Root", "rotation": [-np.sqrt(0.5), 0, 0, np.sqrt(0.5)], "scale": [0.01] * 3, "children": [1, 3]},
+                  {"name": "Hips", "translation": [0, 0, 100], "children": [2]},
+                  {"name": "Leg", "translation": [0, 0, -50], "rotation": [np.sin(pose / 2), 0, 0, np.cos(pose / 2)]},
+                  {"name": "Skin", "mesh": 0, "skin": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}, "indices": 1}]}],
+        "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}]}
+    return document, b"".join(parts)
+
+
+def skinned(pose=0.0, weights=(1, 0)):
+    return glb(*skin(pose, weights))

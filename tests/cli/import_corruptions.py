@@ -1,9 +1,11 @@
-"""Named corruptions of glTF and BVH files: what a damaged disk, a broken exporter or an attacker makes of an animation.
-One list for each format; every entry is a name and the bytes of a file."""
+"""Named corruptions of glTF and BVH files: what a damaged disk, a broken exporter or an attacker makes of an animation or
+a skin. One list for each; every entry is a name and the bytes of a file."""
 import copy
 import struct
 
-from gltf_file import animation, glb
+import numpy as np
+
+from gltf_file import animation, glb, skin
 
 TIMES, PATH = [0, 1], [[0, 0, 0], [1, 0, 0]]
 HUGE = [-1, 2**32, 1e300]
@@ -75,17 +77,71 @@ def documents():
                   {"node": 0, "path": "rotation"}, {"node": 0, "path": "weights"}, {"path": "translation"})
 
 
-def broken_gltf():
-    yield from broken_containers()
-    for path, value in documents():
-        document, binary = animation(TIMES, PATH)
-        document = copy.deepcopy(document)
-        place = document
+def changed(document, binary, fields):
+    """The document with each of `fields`, (path, value), changed alone."""
+    for path, value in fields:
+        one = copy.deepcopy(document)
+        place = one
         for step in path[:-1]:
             place = place[step]
         place[path[-1]] = value
         text = repr(value)
-        yield ".".join(map(str, path)) + "=" + (text if len(text) < 30 else text[:27] + "..."), glb(document, binary)
+        yield ".".join(map(str, path)) + "=" + (text if len(text) < 30 else text[:27] + "..."), glb(one, binary)
+
+
+def broken_gltf():
+    yield from broken_containers()
+    yield from changed(*animation(TIMES, PATH), documents())
+
+
+def skin_fields():
+    def at(path, *values):
+        for value in values:
+            yield path, value
+    big = HUGE
+    helper = "Leg_$AssimpFbx$_Rotation"
+    yield from at(["nodes", 2, "name"], helper, "Hips", "", "x" * 3000, 5)
+    yield from at(["nodes", 0, "scale"], [0] * 3, [1e30] * 3, [1e-30] * 3, [-0.01, 0.01, 0.01], [1e9] * 3)
+    yield from at(["nodes", 1, "translation"], [0, 0, 1e9], [1e30] * 3, [0, 0])
+    yield from at(["nodes", 1, "children"], [], [1], [0], [2, 2], [3, 2], [99], *big)
+    yield from at(["nodes", 3], {"name": "Skin"}, {"name": "Hips", "mesh": 0, "skin": 0}, {"mesh": 0}, {"skin": 0}, None)
+    yield from at(["skins"], [], None, [{}], [{"joints": []}], [{"joints": [1, 2]}])
+    yield from at(["skins", 0, "joints"], [1], [2, 1], [1, 1], [1, 99], [0, 1, 2, 3] * 5, [-1, 1], None, 3)
+    yield from at(["skins", 0, "inverseBindMatrices"], 0, 3, 5, *big)
+    yield from at(["meshes", 0, "primitives"], [], None, [{}], [{"attributes": {}}])
+    for name in ("POSITION", "JOINTS_0", "WEIGHTS_0"):
+        yield from at(["meshes", 0, "primitives", 0, "attributes", name], 0, 1, 2, 3, 4, 5, *big)
+    yield from at(["meshes", 0, "primitives", 0, "indices"], 0, 2, 3, 4, 5, *big)
+    yield from at(["meshes", 0, "primitives", 0, "mode"], 0, 1, 5, 6, 7, -1)
+    for accessor in range(5):
+        yield from at(["accessors", accessor, "count"], 0, 1, 2, 4, 1000, *big)
+        yield from at(["accessors", accessor, "componentType"], 5120, 5121, 5123, 5125, 5126, 0)
+        yield from at(["accessors", accessor, "type"], "SCALAR", "VEC2", "VEC3", "VEC4", "MAT4", 3)
+
+
+def skin_numbers():
+    """Each part of the buffer, its numbers replaced: places, corners, bones of a vertex, weights, bind matrices."""
+    document, binary = skin()
+    values = {"zero": 0.0, "nan": np.nan, "inf": np.inf, "1e30": 1e30, "3e38": 3e38, "1e-42": 1e-42, "-1": -1.0}
+    for part, name in ((0, "places"), (3, "weights"), (4, "binds")):
+        view = document["bufferViews"][part]
+        for word, value in values.items():
+            for first in (True, False):   # one number, or all
+                start, count = view["byteOffset"], 1 if first else view["byteLength"] // 4
+                broken = bytearray(binary)
+                broken[start:start + 4 * count] = np.full(count, value, "<f4").tobytes()
+                yield f"{'first_of' if first else 'all'}_{name}_{word}", glb(document, bytes(broken))
+    for part, name in ((1, "corners"), (2, "bones")):
+        view = document["bufferViews"][part]
+        for value in (0, 2, 3, 0x7F, 0xFF):
+            broken = bytearray(binary)
+            broken[view["byteOffset"]:view["byteOffset"] + view["byteLength"]] = bytes([value]) * view["byteLength"]
+            yield f"all_{name}_{value}", glb(document, bytes(broken))
+
+
+def broken_skins():
+    yield from changed(*skin(), skin_fields())
+    yield from skin_numbers()
 
 
 def broken_bvh(text):

@@ -1,5 +1,6 @@
-"""poses on named corruptions of glTF and BVH: refused by name without a file, or a sequence of finite matrices; never a
-signal, also where the third-party reader crashes, and memory in proportion to the file, whatever it claims to hold."""
+"""poses and body on named corruptions of glTF and BVH: refused by name without a file, or a sequence of finite matrices
+and a body of shares; never a signal, also where the third-party reader crashes, and memory in proportion to the file,
+whatever it claims to hold."""
 import os
 import subprocess
 import tempfile
@@ -14,7 +15,7 @@ import safetensors_file
 from test_poses import importing  # noqa: F401
 
 DATA = Path(__file__).parent / "data"
-# What a command may have in memory at most: itself, the reader's allowance (tools/import/memory_limit.cc) and room.
+# What a command may have in memory at most: itself, the reader's allowance (tools/character/memory_limit.cc) and room.
 PEAK_BYTES, PEAK_BYTES_PER_BYTE = 512 << 20, 128
 
 
@@ -34,15 +35,29 @@ def measured(binary):
     return call
 
 
-def complaint(dcloth, folder, index, extension, blob):
+def check_sequence(tensors):
+    assert tensors["joint_matrices"].size > 0 and np.isfinite(tensors["joint_matrices"]).all()
+
+
+def check_body(tensors):
+    vertices, weights = tensors["body_vertices"], tensors["body_weights"]
+    assert np.isfinite(vertices).all() and np.isfinite(tensors["joint_bind"]).all()
+    assert weights.shape == (len(vertices), len(tensors["joint_bind"])) and weights.min() >= 0
+    assert np.abs(weights.sum(1) - 1).max() < 1e-5
+    assert tensors["body_faces"].size > 0 and 0 <= tensors["body_faces"].min() <= tensors["body_faces"].max() < len(vertices)
+
+
+CHECKS = {"poses": check_sequence, "body": check_body}
+
+
+def complaint(dcloth, command, folder, index, extension, blob):
     """None where `blob` is taken, the message where it is refused. What breaks a promise is raised."""
     file, out = folder / f"{index}.{extension}", folder / f"{index}.safetensors"
     file.write_bytes(blob)
-    result = dcloth("poses", file, "-o", out)  # fails by itself where a signal ends the command
+    result = dcloth(command, file, "-o", out)  # fails by itself where a signal ends the command
     assert result.peak_bytes <= PEAK_BYTES + PEAK_BYTES_PER_BYTE * len(blob), f"{result.peak_bytes >> 20} MiB"
     if result.returncode == 0:
-        matrices = safetensors_file.read(out)[0]["joint_matrices"]
-        assert matrices.size > 0 and np.isfinite(matrices).all()
+        CHECKS[command](safetensors_file.read(out)[0])
         return None
     assert result.returncode == 2 and result.stdout == "", (result.returncode, result.stdout)
     assert file.name in result.stderr and "found " in result.stderr and ", expected " in result.stderr, result.stderr
@@ -50,26 +65,30 @@ def complaint(dcloth, folder, index, extension, blob):
     return result.stderr
 
 
-def complaints(dcloth, folder, extension, cases):
+def complaints(dcloth, command, folder, extension, cases):
     def one(entry):
         index, (name, blob) = entry
         try:
-            return complaint(dcloth, folder, index, extension, blob)
+            return complaint(dcloth, command, folder, index, extension, blob)
         except AssertionError as error:
-            raise AssertionError(f"{extension} {name}: {error}") from error
+            raise AssertionError(f"{command} {extension} {name}: {error}") from error
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(one, enumerate(cases)))
 
 
-@pytest.mark.parametrize("extension", ["glb", "bvh"])
-def test_named_corruptions(extension, measured, importing, tmp_path):  # noqa: F811
-    text = (DATA / "walker.bvh").read_text()
-    cases = list(import_corruptions.broken_gltf() if extension == "glb" else import_corruptions.broken_bvh(text))
-    answers = complaints(measured, tmp_path, extension, cases)
+@pytest.mark.parametrize("command, extension, least", [("poses", "glb", 200), ("poses", "bvh", 60), ("body", "glb", 180)])
+def test_named_corruptions(command, extension, least, measured, importing, tmp_path):  # noqa: F811
+    if command == "body":
+        cases = list(import_corruptions.broken_skins())
+    elif extension == "glb":
+        cases = list(import_corruptions.broken_gltf())
+    else:
+        cases = list(import_corruptions.broken_bvh((DATA / "walker.bvh").read_text()))
+    answers = complaints(measured, command, tmp_path, extension, cases)
     refused = [answer for answer in answers if answer is not None]
     crashes = sum("the reader crashed" in answer for answer in refused)
-    print(f"{extension}: {len(answers)} corruptions, {len(refused)} refused, {crashes} because the reader crashed")
-    assert len(answers) == len(cases) >= {"glb": 200, "bvh": 60}[extension]
+    print(f"{command} {extension}: {len(answers)} corruptions, {len(refused)} refused, {crashes} because the reader crashed")
+    assert len(answers) == len(cases) >= least
     assert len(answers) // 2 < len(refused) < len(answers)    # neither everything nor little
 
 
@@ -86,4 +105,4 @@ def test_a_broken_promise_is_noticed(tmp_path):
     for command in (lambda *a: Result(0), lambda *a: Result(1, words), lambda *a: Result(2, "no"), leaves_a_file,
                     lambda *a: Result(2, words, 2 * PEAK_BYTES)):
         with pytest.raises((AssertionError, OSError)):
-            complaint(command, tmp_path, 0, "bvh", b"")
+            complaint(command, "poses", tmp_path, 0, "bvh", b"")

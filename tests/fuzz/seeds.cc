@@ -116,6 +116,7 @@ std::vector<Seed> SequenceSeeds() {
 std::vector<Seed> Seeds(const std::string& target) {
   if (target == "model") return ModelSeeds();
   if (target == "state") return StateSeeds();
+  if (target == "scene") return SceneSeeds();
   return target == "bundle" ? BundleSeeds() : SequenceSeeds();
 }
 

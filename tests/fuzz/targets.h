@@ -27,12 +27,19 @@ Verdict FuzzSequence(const uint8_t* bytes, size_t size);
 // A saved state in a cloth of one of the small models: restored, run beside a twin, saved, reset.
 Verdict FuzzState(const uint8_t* bytes, size_t size);
 
+// What assimp could hand over, see scene_bytes.h: read, sampled as a sequence, gathered as a body. In builds with assimp.
+Verdict FuzzScene(const uint8_t* bytes, size_t size);
+
 struct FuzzTarget {
   const char* name;
   Verdict (*run)(const uint8_t* bytes, size_t size);
 };
 inline constexpr FuzzTarget kFuzzTargets[] = {
-    {"model", FuzzModel}, {"bundle", FuzzBundle}, {"sequence", FuzzSequence}, {"state", FuzzState}};
+    {"model", FuzzModel}, {"bundle", FuzzBundle}, {"sequence", FuzzSequence}, {"state", FuzzState},
+#ifdef DCLOTH_FUZZ_SCENE
+    {"scene", FuzzScene},
+#endif
+};
 
 struct Seed {
   std::string name;
@@ -44,8 +51,9 @@ struct Seed {
 // files.
 std::vector<Seed> Seeds(const std::string& target);
 
-// The part of it for "state".
+// The parts of it for "state" and "scene".
 std::vector<Seed> StateSeeds();
+std::vector<Seed> SceneSeeds();
 
 }  // namespace dcloth::testing
 

@@ -1,5 +1,4 @@
-// Writes the seed corpora: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle, FOLDER/sequence and
-// FOLDER/state.
+// Writes the seed corpora: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle and so on.
 #include <cstdio>
 #include <filesystem>
 #include <fstream>

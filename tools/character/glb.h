@@ -1,6 +1,6 @@
 // Binary glTF: whether the container's lengths can be true. Readers allocate what a length claims before they read it.
-#ifndef DCLOTH_TOOLS_IMPORT_GLB_H_
-#define DCLOTH_TOOLS_IMPORT_GLB_H_
+#ifndef DCLOTH_TOOLS_CHARACTER_GLB_H_
+#define DCLOTH_TOOLS_CHARACTER_GLB_H_
 
 #include <cstddef>
 #include <filesystem>
@@ -14,4 +14,4 @@ void CheckGlbLengths(const std::filesystem::path& path, std::span<const std::byt
 
 }  // namespace dcloth::tools
 
-#endif  // DCLOTH_TOOLS_IMPORT_GLB_H_
+#endif  // DCLOTH_TOOLS_CHARACTER_GLB_H_

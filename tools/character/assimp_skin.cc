@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "tools/import/assimp_reader.h"
+#include "tools/character/assimp_reader.h"
 
 namespace dcloth::tools {
 namespace {

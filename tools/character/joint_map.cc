@@ -1,4 +1,4 @@
-#include "tools/import/joint_map.h"
+#include "tools/character/joint_map.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -81,10 +81,20 @@ std::vector<std::string> JointsOf(const CharacterFile& file, const JointMap& map
     }
   }
   std::vector<std::string> joints;
+  std::map<std::string, std::string> node_of;
   for (size_t i = 0; i < file.nodes.size(); ++i) {
-    const auto named = joint_of.find(file.nodes[i].name);
+    const std::string& node = file.nodes[i].name;
+    const auto named = joint_of.find(node);
     if ((!wanted[i] && named == joint_of.end()) || file.nodes[i].helper) continue;
-    joints.push_back(named == joint_of.end() ? file.nodes[i].name : named->second);
+    joints.push_back(named == joint_of.end() ? node : named->second);
+    const auto [other, fresh] = node_of.emplace(joints.back(), node);
+    if (fresh || other->second == node) continue;
+    throw converter::Error({.path = file.path,
+                            .tensor = {},
+                            .found = "two joints '" + joints.back() + "', by the map: the nodes '" + other->second +
+                                     "' and '" + node + "'",
+                            .expected = "a name of its own for each joint",
+                            .mend = "map both nodes, or choose another name in --map"});
   }
   return joints;
 }

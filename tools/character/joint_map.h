@@ -1,13 +1,13 @@
 // Which node of a file is which joint of a garment.
-#ifndef DCLOTH_TOOLS_IMPORT_JOINT_MAP_H_
-#define DCLOTH_TOOLS_IMPORT_JOINT_MAP_H_
+#ifndef DCLOTH_TOOLS_CHARACTER_JOINT_MAP_H_
+#define DCLOTH_TOOLS_CHARACTER_JOINT_MAP_H_
 
 #include <map>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "tools/import/character.h"
+#include "tools/character/character.h"
 
 namespace dcloth::tools {
 
@@ -17,7 +17,7 @@ using JointMap = std::map<std::string, std::string>;  // joint of the garment ->
 JointMap ReadJointMap(const std::filesystem::path& path);
 
 // Joints of a file in its own words: the bones of the skin, without a skin the animated nodes; with the map's joints in
-// place of the nodes they stand for.
+// place of the nodes they stand for. Throws converter::Error where the map calls a node like another joint.
 std::vector<std::string> JointsOf(const CharacterFile& file, const JointMap& map);
 
 // For each joint its node: the map's, otherwise the node of the same name. Throws converter::Error with every joint
@@ -31,4 +31,4 @@ std::string JsonList(std::span<const std::string> names);
 
 }  // namespace dcloth::tools
 
-#endif  // DCLOTH_TOOLS_IMPORT_JOINT_MAP_H_
+#endif  // DCLOTH_TOOLS_CHARACTER_JOINT_MAP_H_

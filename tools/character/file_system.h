@@ -1,13 +1,13 @@
 // What assimp may open: regular files of bounded size in one folder. Each adds to the memory it may take.
-#ifndef DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_
-#define DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_
+#ifndef DCLOTH_TOOLS_CHARACTER_FILE_SYSTEM_H_
+#define DCLOTH_TOOLS_CHARACTER_FILE_SYSTEM_H_
 
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
 #include <filesystem>
 #include <set>
 
-#include "tools/import/memory_limit.h"
+#include "tools/character/memory_limit.h"
 
 namespace dcloth::tools {
 
@@ -30,4 +30,4 @@ class FolderFileSystem : public Assimp::IOSystem {
 
 }  // namespace dcloth::tools
 
-#endif  // DCLOTH_TOOLS_IMPORT_FILE_SYSTEM_H_
+#endif  // DCLOTH_TOOLS_CHARACTER_FILE_SYSTEM_H_

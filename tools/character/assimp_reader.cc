@@ -1,4 +1,4 @@
-#include "tools/import/assimp_reader.h"
+#include "tools/character/assimp_reader.h"
 
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
@@ -9,9 +9,9 @@
 
 #include "converter/error.h"
 #include "converter/file.h"
-#include "tools/import/file_system.h"
-#include "tools/import/glb.h"
-#include "tools/import/memory_limit.h"
+#include "tools/character/file_system.h"
+#include "tools/character/glb.h"
+#include "tools/character/memory_limit.h"
 
 namespace dcloth::tools {
 namespace {

@@ -1,7 +1,7 @@
 // An animated, skinned character as a file tells it: nodes, keys, the skin's bind pose. In the file's own axes and
 // unit.
-#ifndef DCLOTH_TOOLS_IMPORT_CHARACTER_H_
-#define DCLOTH_TOOLS_IMPORT_CHARACTER_H_
+#ifndef DCLOTH_TOOLS_CHARACTER_CHARACTER_H_
+#define DCLOTH_TOOLS_CHARACTER_CHARACTER_H_
 
 #include <Eigen/Geometry>
 #include <cstddef>
@@ -67,4 +67,4 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes);
 
 }  // namespace dcloth::tools
 
-#endif  // DCLOTH_TOOLS_IMPORT_CHARACTER_H_
+#endif  // DCLOTH_TOOLS_CHARACTER_CHARACTER_H_

@@ -1,4 +1,4 @@
-#include "tools/import/character_pose.h"
+#include "tools/character/character_pose.h"
 
 #include <algorithm>
 
@@ -59,13 +59,6 @@ Eigen::Matrix4d Local(const CharacterNode& node, const NodeChannel& channel, dou
 }
 
 }  // namespace
-
-Eigen::Matrix4d CharacterSpace::World(const Eigen::Matrix4d& matrix) const {
-  Eigen::Matrix4d out = matrix;
-  out.topLeftCorner<3, 3>() = upright * matrix.topLeftCorner<3, 3>();
-  out.topRightCorner<3, 1>() = Point(matrix.topRightCorner<3, 1>());
-  return out;
-}
 
 std::vector<Eigen::Matrix4d> WorldMatrices(const CharacterFile& file, const CharacterClip* clip, double seconds) {
   std::vector<Eigen::Matrix4d> world(file.nodes.size());

@@ -1,6 +1,6 @@
 // In place of character_assimp.cc where assimp was not found.
 #include "converter/error.h"
-#include "tools/import/character.h"
+#include "tools/character/character.h"
 
 namespace dcloth::tools {
 

@@ -1,13 +1,11 @@
 // Joint frames of a file to those of a garment: tools of artists lay a bone's axes as they like.
-#ifndef DCLOTH_TOOLS_IMPORT_RETARGET_H_
-#define DCLOTH_TOOLS_IMPORT_RETARGET_H_
+#ifndef DCLOTH_TOOLS_CHARACTER_RETARGET_H_
+#define DCLOTH_TOOLS_CHARACTER_RETARGET_H_
 
 #include <span>
-#include <string>
 #include <vector>
 
-#include "tools/import/character_pose.h"
-#include "tools/import/target.h"
+#include "tools/character/skeleton.h"
 
 namespace dcloth::tools {
 
@@ -15,10 +13,9 @@ namespace dcloth::tools {
 // position part. Without a target's bind B is R with axes of length 1. Posed as at rest, a joint gets its bind's frame.
 class Retarget {
  public:
-  // `rest` [joints], metres, +Y up. Throws converter::Error where the two skeletons, placed on one another, are more
-  // than 0.3 m apart: another unit, another up axis or another pose.
-  Retarget(const CharacterFile& file, std::span<const std::string> joints, std::span<const Eigen::Matrix4d> rest,
-           const Target& target);
+  // `bind` [joints], world, metres; or empty. Throws converter::Error where the two skeletons, placed on one another, are
+  // more than 0.3 m apart: another unit, another up axis or another pose.
+  Retarget(const CharacterFile& file, const Skeleton& skeleton, std::span<const Eigen::Matrix4d> bind);
 
   Eigen::Matrix4d Joint(size_t joint, const Eigen::Matrix4d& world) const;
 
@@ -34,4 +31,4 @@ class Retarget {
 
 }  // namespace dcloth::tools
 
-#endif  // DCLOTH_TOOLS_IMPORT_RETARGET_H_
+#endif  // DCLOTH_TOOLS_CHARACTER_RETARGET_H_

@@ -1,4 +1,4 @@
-#include "tools/import/glb.h"
+#include "tools/character/glb.h"
 
 #include <cstdint>
 #include <cstring>

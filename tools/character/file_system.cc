@@ -1,4 +1,4 @@
-#include "tools/import/file_system.h"
+#include "tools/character/file_system.h"
 
 #include <algorithm>
 #include <cstring>

@@ -1,4 +1,4 @@
-#include "tools/import/retarget.h"
+#include "tools/character/retarget.h"
 
 #include <cmath>
 #include <cstdio>
@@ -12,8 +12,9 @@ constexpr double kOtherSkeleton = 0.3;  // metres: people of one kind differ by 
 
 }  // namespace
 
-Retarget::Retarget(const CharacterFile& file, std::span<const std::string> joints,
-                   std::span<const Eigen::Matrix4d> rest, const Target& target) {
+Retarget::Retarget(const CharacterFile& file, const Skeleton& skeleton, std::span<const Eigen::Matrix4d> bind) {
+  const std::vector<Eigen::Matrix4d>& rest = skeleton.rest;
+  const std::vector<std::string>& joints = skeleton.joints;
   Eigen::Vector3d apart = Eigen::Vector3d::Zero();
   for (size_t j = 0; j < rest.size(); ++j) {
     const Eigen::Matrix3d linear = rest[j].topLeftCorner<3, 3>();
@@ -25,16 +26,16 @@ Retarget::Retarget(const CharacterFile& file, std::span<const std::string> joint
                               .expected = "joints with a frame",
                               .mend = "undo the bone's scale of zero in the rest pose and export again"});
     }
-    if (target.bind.empty()) {
+    if (bind.empty()) {
       turn_.emplace_back(length.cwiseInverse().asDiagonal());
     } else {
-      turn_.emplace_back(linear.inverse() * target.bind[j].topLeftCorner<3, 3>());
-      apart += (rest[j] - target.bind[j]).topRightCorner<3, 1>() / static_cast<double>(rest.size());
+      turn_.emplace_back(linear.inverse() * bind[j].topLeftCorner<3, 3>());
+      apart += (rest[j] - bind[j]).topRightCorner<3, 1>() / static_cast<double>(rest.size());
     }
   }
-  if (target.bind.empty()) return;
+  if (bind.empty()) return;
   for (size_t j = 0; j < rest.size(); ++j) {
-    const double distance = ((rest[j] - target.bind[j]).topRightCorner<3, 1>() - apart).norm();
+    const double distance = ((rest[j] - bind[j]).topRightCorner<3, 1>() - apart).norm();
     if (distance > farthest_) {
       farthest_ = distance;
       farthest_joint_ = j;

@@ -1,6 +1,6 @@
 // How much memory a third-party reader may take: a few bytes of a file can claim gigabytes.
-#ifndef DCLOTH_TOOLS_IMPORT_MEMORY_LIMIT_H_
-#define DCLOTH_TOOLS_IMPORT_MEMORY_LIMIT_H_
+#ifndef DCLOTH_TOOLS_CHARACTER_MEMORY_LIMIT_H_
+#define DCLOTH_TOOLS_CHARACTER_MEMORY_LIMIT_H_
 
 #include <cstdint>
 
@@ -27,4 +27,4 @@ class MemoryLimit {
 
 }  // namespace dcloth::tools
 
-#endif  // DCLOTH_TOOLS_IMPORT_MEMORY_LIMIT_H_
+#endif  // DCLOTH_TOOLS_CHARACTER_MEMORY_LIMIT_H_

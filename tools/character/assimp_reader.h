@@ -1,13 +1,13 @@
 // What the parts of the assimp reader share: checked numbers, nodes by name.
-#ifndef DCLOTH_TOOLS_IMPORT_ASSIMP_READER_H_
-#define DCLOTH_TOOLS_IMPORT_ASSIMP_READER_H_
+#ifndef DCLOTH_TOOLS_CHARACTER_ASSIMP_READER_H_
+#define DCLOTH_TOOLS_CHARACTER_ASSIMP_READER_H_
 
 #include <assimp/scene.h>
 
 #include <string>
 #include <unordered_map>
 
-#include "tools/import/character.h"
+#include "tools/character/character.h"
 
 namespace dcloth::tools {
 
@@ -41,4 +41,4 @@ class AssimpReader {
 
 }  // namespace dcloth::tools
 
-#endif  // DCLOTH_TOOLS_IMPORT_ASSIMP_READER_H_
+#endif  // DCLOTH_TOOLS_CHARACTER_ASSIMP_READER_H_

@@ -1,4 +1,4 @@
-#include "tools/import/memory_limit.h"
+#include "tools/character/memory_limit.h"
 
 #if defined(__linux__)
 #include <sys/resource.h>

@@ -1,0 +1,33 @@
+// Bytes as a scene that a reader of artists' files could hand over, and what a user asks of it.
+#ifndef DCLOTH_TESTS_FUZZ_SCENE_BYTES_H_
+#define DCLOTH_TESTS_FUZZ_SCENE_BYTES_H_
+
+#include <assimp/scene.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tools/character/character_space.h"
+#include "tools/character/joint_map.h"
+
+namespace dcloth::testing {
+
+struct SceneRequest {
+  std::string format;  // "glTF", "FBX" or "BVH"
+  std::unique_ptr<aiScene> scene;
+  tools::SpaceOptions space;
+  tools::JointMap map;
+  std::vector<std::string> wanted;    // joints, each once; empty: all
+  std::vector<Eigen::Matrix4d> bind;  // of `wanted`, finite and with a volume, as ReadTarget's are; or empty
+};
+
+// Every byte string is one; where it ends, zeros follow. Sizes, indices within arrays and pointers are sound, as a
+// reader's are that did not crash; names, references by name, numbers and the indices that a file holds need not be.
+SceneRequest DecodeScene(const uint8_t* bytes, size_t size);
+
+}  // namespace dcloth::testing
+
+#endif  // DCLOTH_TESTS_FUZZ_SCENE_BYTES_H_
