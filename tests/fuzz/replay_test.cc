@@ -3,12 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <random>
 
+#include "tests/fuzz/kept.h"
 #include "tests/fuzz/targets.h"
 
 namespace dcloth::testing {
@@ -73,16 +71,23 @@ TEST_P(ReplayTest, SeedsKeepEveryPromise) {
   EXPECT_GT(sound, 2u);
 }
 
-TEST_P(ReplayTest, KeptInputsKeepEveryPromise) {
-  size_t kept = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(DCLOTH_KEPT_INPUTS)) {
-    if (!entry.path().filename().string().starts_with(GetParam().name + std::string("-"))) continue;
-    std::ifstream file(entry.path(), std::ios::binary);
-    const Bytes bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-    EXPECT_EQ(Feed(GetParam(), bytes).broken_promise, "") << entry.path();
-    ++kept;
+TEST_P(ReplayTest, FindingsStayMended) {
+  const std::vector<KeptInput> findings = Findings(GetParam().name);
+  for (const KeptInput& input : findings) EXPECT_EQ(Feed(GetParam(), input.bytes).broken_promise, "") << input.name;
+  std::cout << GetParam().name << ": " << findings.size() << " findings\n";
+}
+
+TEST_P(ReplayTest, PackedInputsKeepEveryPromise) {
+  const std::vector<KeptInput> inputs = PackedInputs(GetParam().name);
+  size_t accepted = 0;
+  for (const KeptInput& input : inputs) {
+    const Verdict verdict = Feed(GetParam(), input.bytes);
+    EXPECT_EQ(verdict.broken_promise, "") << input.name;
+    accepted += verdict.accepted;
   }
-  std::cout << GetParam().name << ": " << kept << " kept inputs\n";
+  EXPECT_GT(inputs.size(), 50u);
+  EXPECT_GT(accepted, 0u);
+  std::cout << GetParam().name << ": " << accepted << " of " << inputs.size() << " packed inputs accepted\n";
 }
 
 TEST_P(ReplayTest, MutatedSeedsKeepEveryPromise) {

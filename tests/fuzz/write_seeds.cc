@@ -1,30 +1,48 @@
-// Writes the seed corpora: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle and so on.
+// Writes what the fuzzers start from: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle and so on with seeds made
+// by code and what earlier fuzzing left.
 #include <cstdio>
+#include <exception>
 #include <filesystem>
 #include <fstream>
+#include <stdexcept>
 
+#include "tests/fuzz/kept.h"
 #include "tests/fuzz/targets.h"
+
+namespace {
+
+void Write(const std::filesystem::path& path, const std::vector<uint8_t>& bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  if (!file.flush()) throw std::runtime_error(path.string() + " cannot be written");
+}
+
+void WriteSeeds(const std::filesystem::path& folder, const std::string& target) {
+  std::filesystem::create_directories(folder);
+  const std::vector<dcloth::testing::Seed> seeds = dcloth::testing::Seeds(target);
+  for (const dcloth::testing::Seed& seed : seeds) Write(folder / seed.name, seed.bytes);
+  size_t kept = 0;
+  for (const auto& inputs : {dcloth::testing::Findings(target), dcloth::testing::PackedInputs(target)}) {
+    for (const dcloth::testing::KeptInput& input : inputs) Write(folder / input.name, input.bytes);
+    kept += inputs.size();
+  }
+  std::printf("%s: %zu seeds, %zu kept inputs\n", folder.c_str(), seeds.size(), kept);
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   if (argc != 2) {
     std::fprintf(stderr, "usage: %s FOLDER\n", argv[0]);
     return 2;
   }
-  for (const dcloth::testing::FuzzTarget& target : dcloth::testing::kFuzzTargets) {
-    const std::filesystem::path folder = std::filesystem::path(argv[1]) / target.name;
-    std::filesystem::create_directories(folder);
-    size_t count = 0;
-    for (const dcloth::testing::Seed& seed : dcloth::testing::Seeds(target.name)) {
-      std::ofstream file(folder / seed.name, std::ios::binary);
-      file.write(reinterpret_cast<const char*>(seed.bytes.data()),
-                 static_cast<std::streamsize>(seed.bytes.size()));
-      if (!file.flush()) {
-        std::fprintf(stderr, "%s: cannot be written\n", (folder / seed.name).c_str());
-        return 1;
-      }
-      ++count;
+  try {
+    for (const auto& target : dcloth::testing::kFuzzTargets) {
+      WriteSeeds(std::filesystem::path(argv[1]) / target.name, target.name);
     }
-    std::printf("%s: %zu seeds\n", folder.c_str(), count);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "fuzz_write_seeds: %s\n", error.what());
+    return 1;
   }
   return 0;
 }
