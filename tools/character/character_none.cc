@@ -1,4 +1,4 @@
-// In place of character_assimp.cc where assimp was not found.
+// In place of assimp_reader.cc where assimp was not found.
 #include "converter/error.h"
 #include "tools/character/character.h"
 
