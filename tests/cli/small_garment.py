@@ -15,7 +15,7 @@ BONES = ["hips", "thigh_l", "shin_l", "thigh_r", "shin_r"]
 FEATURES = ["hips", "thigh_l", "shin_l", "thigh_r", "shin_r"]
 RINGS, COLUMNS = 18, 28
 VERTICES = RINGS * COLUMNS
-K_SKELETON, K_MESH, WIDTH, HIDDEN = 12, 10, 8, 24
+K_SKELETON, K_MESH, HIDDEN = 12, 10, 24
 
 
 def rotation(axis, angle):
@@ -100,8 +100,8 @@ def skin(points, weights, names, poses):
     return np.einsum("nj,fjab,nb->fna", weights, matrices[:, :, :3], homogeneous)
 
 
-def bundle_tensors(seed=1):
-    random = np.random.default_rng(seed)
+def bundle_tensors(width=8):
+    random = np.random.default_rng(1)
     points, faces = skirt()
     skin_points, skin_faces = body()
     d, m, n = 9 * len(FEATURES) + 4, len(BONES), VERTICES
@@ -129,23 +129,23 @@ def bundle_tensors(seed=1):
          "skeleton.gru.bias_ih": np.zeros(3 * K_SKELETON), "skeleton.gru.bias_hh": np.zeros(3 * K_SKELETON),
          "skeleton.basis": basis(K_SKELETON, 12), "mesh.input_mean": np.array([0, -0.3, 0]),
          "mesh.input_deviation": np.array([0.15, 0.3, 0.15]),
-         "mesh.embed.weight": dense(1, WIDTH), "mesh.embed.bias": np.zeros(1),
+         "mesh.embed.weight": dense(1, width), "mesh.embed.bias": np.zeros(1),
          "mesh.mlp.0.weight": dense(HIDDEN, n), "mesh.mlp.0.bias": np.zeros(HIDDEN),
          "mesh.mlp.2.weight": dense(K_MESH, HIDDEN), "mesh.mlp.2.bias": np.zeros(K_MESH), "mesh.basis": basis(K_MESH, 4)}
     for layer in range(2):
-        inputs = 3 if layer == 0 else WIDTH
-        t[f"mesh.layers.{layer}.w_p"] = dense(inputs, WIDTH)
+        inputs = 3 if layer == 0 else width
+        t[f"mesh.layers.{layer}.w_p"] = dense(inputs, width)
         for name in ("w_z", "w_r", "w", "u_z", "u_r", "u", "w_o"):
-            t[f"mesh.layers.{layer}.{name}"] = dense(WIDTH, WIDTH)
+            t[f"mesh.layers.{layer}.{name}"] = dense(width, width)
         for name in ("b", "b_o", "norm.bias"):
-            t[f"mesh.layers.{layer}.{name}"] = np.zeros(WIDTH)
-        t[f"mesh.layers.{layer}.norm.weight"] = np.ones(WIDTH)
+            t[f"mesh.layers.{layer}.{name}"] = np.zeros(width)
+        t[f"mesh.layers.{layer}.norm.weight"] = np.ones(width)
         t[f"mesh.layers.{layer}.prelu"] = np.array([0.25])
     return {k: v.astype(np.int32 if k.endswith("faces") else np.float32) for k, v in t.items()}
 
 
-def write_bundle(path, drop=(), changes=None):
-    tensors = {k: v for k, v in bundle_tensors().items() if not any(k.startswith(p) for p in drop)}
+def write_bundle(path, drop=(), changes=None, width=8):
+    tensors = {k: v for k, v in bundle_tensors(width).items() if not any(k.startswith(p) for p in drop)}
     tensors.update(changes or {})
     safetensors_file.write(path, tensors, {
         "format": "dcloth-bundle", "format_version": "1", "garment": "cone skirt", "tick_rate": "30",
