@@ -123,14 +123,15 @@ class Walk {
 
   ClosestPoint Result() const {
     ClosestPoint result = {};
+    result.faces_seen = faces_seen_;
     result.found = found_;
     if (!found_) return result;
     const double distance = std::sqrt(squared_), side = square_on_ < 0 ? -1 : 1;
     const bool touching = squared_ <= kTouching * extent_;
     const Vec direction = touching ? normal_ : (side / distance) * away_;
     const Vec point = closest_;
-    result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, corners_,
-              true};
+    result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, faces_seen_,
+              corners_, true};
     return result;
   }
 
@@ -158,8 +159,10 @@ class Walk {
     if (HasSeen(vertex)) return false;
     if (seen_count_ < kMostSeen) seen_[seen_count_++] = vertex;
     const format::BodyView& body = *posed_.body;
+    const uint32_t begin = body.row_starts[vertex], end = body.row_starts[vertex + 1];
+    faces_seen_ += end - begin;
     bool nearer = false;
-    for (uint32_t i = body.row_starts[vertex]; i < body.row_starts[vertex + 1]; ++i) nearer |= LookAt(body.columns[i]);
+    for (uint32_t i = begin; i < end; ++i) nearer |= LookAt(body.columns[i]);
     return nearer;
   }
 
@@ -211,7 +214,7 @@ class Walk {
   const PosedBody& posed_;
   Vec point_, closest_ = {}, away_ = {}, normal_ = {};
   double squared_ = 0, square_on_ = 0, extent_ = 0;
-  uint32_t face_ = 0;
+  uint32_t face_ = 0, faces_seen_ = 0;
   uint8_t corners_ = 0;
   bool found_ = false;
   size_t seen_count_ = 0;
@@ -230,7 +233,9 @@ ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second,
   other.From(second);
   const ClosestPoint found = other.Result();
   const bool nearer = found.found && (!closest.found || std::fabs(found.distance) < std::fabs(closest.distance));
-  return nearer ? found : closest;
+  ClosestPoint result = nearer ? found : closest;
+  result.faces_seen = closest.faces_seen + found.faces_seen;
+  return result;
 }
 
 ClosestPoint SearchWholeBody(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists,

@@ -22,6 +22,7 @@ struct ClosestPoint {
   double direction[3];  // unit, outward: of the point from the surface, or of the face where they touch
   double distance;      // below 0 under the surface
   uint32_t face;
+  uint32_t faces_seen;  // on the way, each as often as it was looked at: what the search took
   uint8_t corners;      // of the face that the point lies between, bit by bit: one, two along an edge, or all
   bool found;           // false where all faces looked at have no area
 };

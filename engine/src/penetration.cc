@@ -69,7 +69,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   job.clearance = static_cast<float>(clearance);
   job.nearest = nearest;
   job.suspect = suspect;
-  uint32_t whole_searches = kMostWholeSearches;
+  SearchBudget budget = SearchBudgetOf(model.vertex_count);
   for (size_t c = 0; c < ClassCount(model); ++c) {
     const TouchClass touch = ClassAt(model, memory.touch, c);
     if (touch.vertex_count == 0 || touch.group_count == 0) continue;
@@ -83,7 +83,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
       for (size_t i = 0; i < job.points_count; ++i) {
         if (suspect[i] == kernels::kNoSite) continue;
         auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
-        PushOut(posed, job, memory.touch, i, clearance, &whole_searches, reinterpret_cast<float*>(bytes));
+        PushOut(posed, job, memory.touch, i, clearance, &budget, reinterpret_cast<float*>(bytes));
       }
     }
   }

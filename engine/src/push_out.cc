@@ -22,17 +22,18 @@ double SquaredDistance(const double* a, const float* b) {
 }  // namespace
 
 void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i, double clearance,
-             uint32_t* whole_searches, float* position) {
+             SearchBudget* budget, float* position) {
   const auto nearest = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.nearest[i]));
   const auto suspect = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.suspect[i]));
   const double far = kFarPush * clearance;
   double v[3] = {static_cast<double>(position[0]), static_cast<double>(position[1]), static_cast<double>(position[2])};
   bool moved = false;
-  for (int push = 0; push < kMaxPushes; ++push) {
-    const bool whole = moved && *whole_searches != 0 && SquaredDistance(v, position) > far * far;
-    if (whole) --*whole_searches;
+  for (int push = 0; push < kMaxPushes && budget->faces != 0; ++push) {
+    const bool whole = moved && budget->whole_searches != 0 && SquaredDistance(v, position) > far * far;
+    if (whole) --budget->whole_searches;
     const ClosestPoint closest =
         whole ? SearchWholeBody(posed, job, lists, suspect, v) : SearchBody(posed, suspect, nearest, v);
+    budget->faces -= closest.faces_seen < budget->faces ? closest.faces_seen : budget->faces;
     const double height = kShare[push] * clearance;
     if (!closest.found || closest.distance >= kPushed * height || EndsAt(posed, closest)) break;
     for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + height * closest.direction[c];

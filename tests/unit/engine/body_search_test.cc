@@ -47,5 +47,24 @@ TEST(BodySearchTest, TheWholeBodyIsSearchedWhereAWalkEnds) {
   EXPECT_GT(further, 100u) << "walks alone would do";
 }
 
+// The only face around a corner, then that around the other two; nothing leads to another face.
+TEST(BodySearchTest, FacesAreCountedAsOftenAsTheyAreLookedAt) {
+  const LooseFaces body({0, 0, 0, 1, 0, 0, 0, 1, 0,    //
+                         0, 0, 1, 1, 0, 1, 0, 1, 1,    //
+                         5, 5, 5, 5, 5, 5, 5, 5, 5});  // no area
+  const double point[3] = {0.2, 0.2, 0.1};
+  const auto seen = [&](uint32_t first, uint32_t second) {
+    return engine::SearchBody(body.posed(), first, second, point).faces_seen;
+  };
+  EXPECT_EQ(seen(0, 0), 3u);
+  EXPECT_EQ(seen(0, 2), 3u) << "the second walk is spared";
+  EXPECT_EQ(seen(0, 3), 6u);
+  EXPECT_EQ(seen(3, 0), 6u) << "the nearer walk's and the other's";
+  EXPECT_EQ(seen(6, 6), 1u) << "nothing found";
+  EXPECT_EQ(seen(6, 0), 4u);
+  EXPECT_EQ(engine::SearchWholeBody(body.posed(), body.job(), body.lists(), 0, point).faces_seen, 3u)
+      << "the slack of the others' corners leaves them out";
+}
+
 }  // namespace
 }  // namespace dcloth::testing
