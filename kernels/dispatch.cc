@@ -11,19 +11,29 @@
 #endif
 
 namespace dcloth::kernels {
+namespace {
+
+constexpr char kReproducible[] = "reproducible";
+
+constexpr bool SameText(const char* a, const char* b) {
+  while (*a != '\0' && *a == *b) ++a, ++b;
+  return *a == *b;
+}
+
+}  // namespace
 
 #define DCLOTH_KERNEL_ENTRY(Function, member) Function,
 // Highway names the namespaces; the vector sources define the functions.
-#define DCLOTH_KERNEL_TABLE(space, label)                                      \
-  namespace space {                                                            \
-  DCLOTH_KERNEL_LIST(DCLOTH_DECLARE_KERNEL)                                    \
-  constexpr KernelTable kTable = {label, DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
+#define DCLOTH_KERNEL_TABLE(space, label)                                                                           \
+  namespace space {                                                                                                 \
+  DCLOTH_KERNEL_LIST(DCLOTH_DECLARE_KERNEL)                                                                         \
+  constexpr KernelTable kTable = {label, SameText(label, kReproducible), DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
   }
-// The functions of `of` under another name.
-#define DCLOTH_KERNEL_ALIAS(of, space, label)                                      \
-  namespace space {                                                                \
-  using namespace of;                                                              \
-  constexpr KernelTable kTable = {label, DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
+// The functions of `of` as the reproducible ones.
+#define DCLOTH_KERNEL_ALIAS(of, space)                                                            \
+  namespace space {                                                                               \
+  using namespace of;                                                                             \
+  constexpr KernelTable kTable = {kReproducible, true, DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
   }
 
 #if HWY_TARGETS & HWY_AVX3
@@ -45,13 +55,13 @@ DCLOTH_KERNEL_TABLE(scalar, "scalar")
 // 128-bit vectors, nothing fused: the same operations in the same order everywhere (multiply_add-inl.h). Where a build has
 // none of these, the scalar references, whose bits differ in one kernel alone (gsgru_strands.cc).
 #if HWY_TARGETS & HWY_SSE4
-DCLOTH_KERNEL_ALIAS(N_SSE4, reproducible, "reproducible")
+DCLOTH_KERNEL_ALIAS(N_SSE4, reproducible)
 #elif (HWY_TARGETS & HWY_NEON) && HWY_ARCH_ARM_A64
-DCLOTH_KERNEL_TABLE(N_NEON_SPLIT, "reproducible")
+DCLOTH_KERNEL_TABLE(N_NEON_SPLIT, kReproducible)
 #elif HWY_TARGETS & HWY_WASM
-DCLOTH_KERNEL_ALIAS(N_WASM, reproducible, "reproducible")
+DCLOTH_KERNEL_ALIAS(N_WASM, reproducible)
 #else
-DCLOTH_KERNEL_ALIAS(scalar, strands, "reproducible")
+DCLOTH_KERNEL_ALIAS(scalar, strands)
 #define DCLOTH_REPRODUCIBLE_IS_SCALAR
 #endif
 
@@ -91,11 +101,6 @@ constexpr Choice kChoices[] = {
     {kCpuScalar, &strands::kTable},
 #endif
 };
-
-bool SameText(const char* a, const char* b) {
-  while (*a != '\0' && *a == *b) ++a, ++b;
-  return *a == *b;
-}
 
 }  // namespace
 

@@ -21,6 +21,7 @@
 
 namespace {
 
+using dcloth::engine::ActiveSubnormals;
 using dcloth::engine::CheckStorage;
 using dcloth::engine::Cloth;
 using dcloth::engine::FloatEnvironment;
@@ -239,6 +240,7 @@ dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, 
   const ModelView& model = *ClothOf(cloth)->model;
   if (!FrameIsUsable(frame, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
   if (output != nullptr && !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
+  const FloatEnvironment arithmetic(ActiveSubnormals());
   return dcloth::engine::UpdateCloth(ClothOf(cloth), *pose, *frame, output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 
@@ -260,6 +262,7 @@ dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, ui
   if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& model = *ClothOf(cloth)->model;
   if (!StagesAreUsable(stages, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
+  const FloatEnvironment arithmetic(ActiveSubnormals());
   return dcloth::engine::TickCloth(ClothOf(cloth), *pose, stages, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 
@@ -270,6 +273,7 @@ dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, fl
   const ModelView& model = *ClothOf(cloth)->model;
   const volatile float asked = blend;  // volatile: compared inside the environment, where a NaN does not trap
   if (!(asked >= 0.0f && asked <= 1.0f) || !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
+  const FloatEnvironment arithmetic(ActiveSubnormals());
   return dcloth::engine::SkinCloth(ClothOf(cloth), *pose, blend, *output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 

@@ -246,6 +246,7 @@ uint64_t TickItems(const ModelView& model, const TickPlan& plan, TickPart part) 
 
 // The integers of a product are made anew from its input, which it does not change.
 void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done) {
+  const FloatEnvironment arithmetic(ActiveSubnormals());
   cloth->work = {part, items_done, 1.0f};
   if (IsProduct(part) && items_done != 0)
     cloth->work.input_scale = QuantizeInput(ActiveKernels(), ProductOf(*cloth, part));

@@ -158,6 +158,43 @@ INSTANTIATE_TEST_SUITE_P(EveryPrecision, EnvironmentTest,
                          ::testing::Values(format::DType_F32, format::DType_F16, format::DType_I8),
                          [](const auto& test) { return format::EnumNameDType(test.param); });
 
+// Subnormals, which can take a hundred times as long, count for nothing in ticks and frames but in the reproducible mode;
+// told from within by a timer's clock.
+TEST_P(EnvironmentTest, TicksAndFramesFlushSubnormals) {
+  struct Clock {
+    size_t calls = 0, flushed = 0;
+  };
+  Clock clock;
+  dcloth_timer timer = {};
+  timer.struct_size = sizeof(timer);
+  timer.context = &clock;
+  timer.now = [](void* context) {
+    volatile float tiny = 1e-40f, large = 1e30f;
+    auto* told = static_cast<Clock*>(context);
+    ++told->calls;
+    told->flushed += tiny * large == 0;
+    return uint64_t{0};
+  };
+  for (const std::string& isa : UsableIsas()) {
+    ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
+    OwnedCloth cloth(opened_);
+    std::vector<float> positions(3 * model_.numbers.n);
+    const std::vector<float> matrices = Pose(0);
+    const dcloth_pose pose = OwnedCloth::Pose(matrices);
+    const dcloth_frame frame = {sizeof(dcloth_frame), DCLOTH_STAGES_MESH, 1 / 60.0f, 0};
+    const dcloth_output output = FloatOutput(model_.numbers.n, positions.data(), 12, nullptr);
+    for (const HostEnvironment& host : kEnvironments) {
+      clock = {};
+      In(host, [&] { return dcloth_cloth_tick(cloth.get(), &pose, DCLOTH_STAGES_MESH, &timer); });
+      In(host, [&] { return dcloth_cloth_skin(cloth.get(), &pose, 1, &output, &timer); });
+      In(host, [&] { return dcloth_cloth_update(cloth.get(), &pose, &frame, &output, &timer); });
+      EXPECT_GT(clock.calls, 10u);
+      EXPECT_EQ(clock.flushed, isa == "reproducible" ? 0 : clock.calls) << isa << ", " << host.name;
+    }
+  }
+  dcloth_isa_select(nullptr);
+}
+
 // The verdict on a file is the same too, and NaN in it does not trap.
 TEST(Environment, NeitherChangesVerdicts) {
   const auto poke = [](float value) {

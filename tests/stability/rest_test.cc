@@ -99,7 +99,8 @@ TEST_P(RestTest, SubnormalStates) {
   record({"largest difference to zero states", worst_mm, "mm", Allowed::kAtMost, 1e3 * 0x1p-21});
   record({"farthest vertex / garment size", small.worst_reach_m() / garment().size_m, "", Allowed::kAtMost,
           kLargestReach});
-  record({"tick time / that from zero states", Quantile(first_ms, 0.5) / Quantile(plain_ms, 0.5), ""});
+  // Ticks took 12 to 18 times as long before they flushed such numbers; medians of twenty in turns differ by a few percent.
+  record({"tick time / that from zero states", Quantile(first_ms, 0.5) / Quantile(plain_ms, 0.5), "", Allowed::kAtMost, 3});
 }
 
 DCLOTH_STABILITY_SUITE(RestTest);

@@ -9,8 +9,8 @@
  * share one model; calls on different cloths may run on different threads at once, calls on one cloth may not.
  *
  * Rounding mode, flushing of subnormals and trapping exceptions that the host has set neither change a result nor
- * are changed: each call sets them aside, a timer's clock runs in the default environment, and all is restored,
- * sticky flags included (x86, AArch64; WebAssembly has none).
+ * are changed: each call sets them aside, a timer's clock runs in the engine's, and all is restored, sticky flags
+ * included (x86, AArch64; WebAssembly has none). Ticks and frames flush subnormals, which else could take minutes.
  *
  * Every struct_size is at least sizeof of the struct in this header; a larger one, of a later header, is accepted.
  * Any weights pass dcloth_model_open, even NaN: they give NaN vertices until the next reset, never a fault.
@@ -204,9 +204,9 @@ enum {
 /* What is done to a frame's vertices before they go out. */
 enum {
   /* Move vertices that lie under the character's skin, or less than the model's clearance (2 mm) above it, along the
-   * normal of the closest point of the posed skin until they are outside by the clearance; all others stay. Each frame
-   * on its own, the network's state knows nothing of it. Only skin counts that the vertex collided with in training.
-   * Does nothing where the model holds none (dcloth_model_body_vertex_count). */
+   * normal of the closest point of the posed skin until they are outside by the clearance. All others stay, and so do
+   * some in poses that no body takes: a frame's search is bounded. Each frame on its own, the network's state knows
+   * nothing of it. Only skin counts that the vertex collided with in training; dcloth_model_body_vertex_count. */
   DCLOTH_OUTPUT_OUTSIDE_BODY = 1
 };
 
@@ -264,8 +264,9 @@ DCLOTH_API const char* dcloth_isa_name(void);
 
 /* Chooses the instruction set for the whole process: a name dcloth_isa_name may return on this CPU ("scalar" always),
  * or null for the best; call it while no cloth is running. "reproducible", for lockstep games and replays, gives the
- * same bits from the same model file and calls on x86 with SSE4.2, AArch64 and WebAssembly, in about twice AVX2's
- * time. Between others, for tests alone, vertices differ by less than 0.01 mm (int8: their mean).
+ * same bits from the same model file and calls on x86 with SSE4.2, AArch64 and WebAssembly, in about twice AVX2's time;
+ * it flushes no subnormals, as WebAssembly cannot: there, a stranger's model may take minutes for a tick. Between
+ * others, for tests alone, vertices differ by less than 0.01 mm (int8: their mean).
  * Memory: none. Thread: one at a time. Errors: ARGUMENT when the CPU or the build lacks it. Cost: none. */
 DCLOTH_API dcloth_status dcloth_isa_select(const char* name);
 
@@ -377,9 +378,8 @@ DCLOTH_API dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth
 /* The next two are update's halves, for hosts with a clock of their own at the tick rate.
  *
  * Advances the network by one tick of dcloth_model_info.tick_seconds with the pose at the tick's end.
- * `stages` is one of DCLOTH_STAGES_*, at most what the model holds. A tick that an update left in work is
- * completed first, and update's next tick is due one tick later. A refused pose leaves the state
- * untouched.
+ * `stages` is one of DCLOTH_STAGES_*, at most what the model holds. A tick that an update left in work is completed
+ * first, and update's next tick is due one tick later. A refused pose leaves the state untouched.
  * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: the network; see `dcloth profile`. */
 DCLOTH_API dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages,
                                            dcloth_timer* timer);

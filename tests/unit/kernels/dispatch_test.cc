@@ -18,6 +18,7 @@ TEST(Dispatch, TablesAreCompleteDistinctAndEndWithScalar) {
     ASSERT_NE(table, nullptr);
     EXPECT_TRUE(names.insert(table->name).second) << table->name;
     EXPECT_EQ(FindKernels(table->name), table);
+    EXPECT_EQ(table->counts_subnormals, std::string(table->name) == "reproducible") << table->name;
 #define DCLOTH_EXPECT_ENTRY(Function, member) EXPECT_NE(table->member, nullptr) << table->name << " lacks " #Function;
     DCLOTH_KERNEL_LIST(DCLOTH_EXPECT_ENTRY)
 #undef DCLOTH_EXPECT_ENTRY

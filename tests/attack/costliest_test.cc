@@ -1,0 +1,178 @@
+// How long one call can keep the host's thread, whatever a file that passes the checks asks for: files that are at every
+// limit at once, each dear in its own way. Products are small in all of them, as their time is that of reading the file.
+#include <algorithm>
+#include <ctime>
+#include <functional>
+#include <iostream>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "tests/attack/corruption.h"
+#include "tests/unit/engine/all_finite.h"
+#include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/engine/tensor_writer.h"
+
+namespace dcloth::testing {
+namespace {
+
+using M = format::ModelT;
+
+// Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2; before subnormals were flushed 1.4e-6.
+constexpr double kMostSecondsPerByte = 2e-7;
+// Of a tick's time, what keeping the dearest garment outside of the dearest body may take. Measured: a twentieth to a
+// quarter; before the search had a budget twice the tick's.
+constexpr double kMostOutside = 1;
+
+struct CostlyFile {
+  const char* name;
+  bool integer_layers;
+  std::function<void(M*, std::mt19937*)> spoil;
+};
+void PrintTo(const CostlyFile& file, std::ostream* out) { *out << file.name; }
+
+// As many neighbours as a file may have, each in another line of the cache.
+void FillTheGraph(M* m, std::mt19937* random) {
+  constexpr uint32_t kMostEdges = 1u << 24;
+  TensorWriter writer(format::DType_F32, 1, &m->weights);
+  const uint32_t n = m->garment->vertices, row = kMostEdges / n;
+  std::vector<uint32_t> starts(n + 1);
+  for (uint32_t i = 0; i <= n; ++i) starts[i] = i * row;
+  std::vector<uint16_t> columns(starts[n]);
+  for (uint16_t& column : columns) column = static_cast<uint16_t>((*random)() % n);
+  m->mesh_stage->row_starts = writer.Add(format::DType_U32, {n + 1}, starts);
+  m->mesh_stage->columns = writer.Add(format::DType_U16, {starts[n]}, columns);
+}
+
+// Numbers that many processors need 100 cycles for.
+void MakeLayersSubnormal(M* m, std::mt19937*) {
+  for (const auto& layer : m->mesh_stage->layers) {
+    for (const auto* matrix : {&layer->input_gates, &layer->hidden_gates, &layer->hidden_candidate, &layer->output}) {
+      const format::TensorT& tensor = **matrix;
+      std::fill_n(Data<float>(m, tensor), size_t{tensor.shape[0]} * tensor.shape[1], 1e-40f);
+    }
+  }
+}
+
+// Faces at random all through the garment, so that every vertex is under some and each push leads under others. A few
+// vertices have all of the faces, as many each as a file may give them; the others lie far away. Which faces are said to
+// be around a vertex has nothing to do with its own.
+void AddTangledBody(M* m, std::mt19937* random) {
+  constexpr uint32_t kVertices = 8192, kFaces = 16384, kRing = 32, kBusy = (3 * kFaces - kVertices) / (kRing - 1);
+  TensorWriter writer(format::DType_F32, 1, &m->weights);
+  const auto between = [&](float low, float high) { return std::uniform_real_distribution<float>(low, high)(*random); };
+  std::vector<float> positions;
+  std::vector<uint32_t> starts = {0};
+  for (uint32_t i = 0; i < kVertices; ++i) {
+    const bool busy = i < kBusy;
+    for (const float half : {0.6f, 0.0f, 0.6f}) {
+      const float place = half != 0 ? between(-half, half) : between(-0.1f, 1.1f);
+      positions.push_back(busy ? place : 50);
+    }
+    const uint32_t others = kVertices - i - 1;  // a face each, at least
+    starts.push_back(busy ? starts.back() + kRing : 3 * kFaces - others);
+  }
+  std::vector<uint16_t> faces, columns;
+  for (uint32_t i = 0; i < 3 * kFaces; ++i) {
+    faces.push_back(static_cast<uint16_t>((*random)() % kBusy));
+    columns.push_back(static_cast<uint16_t>((*random)() % kFaces));
+  }
+  m->body = std::make_unique<format::BodyT>();
+  m->body->influences = 1;
+  m->body->positions = writer.Add(format::DType_F32, {kVertices, 3}, positions);
+  m->body->joints = writer.Add(format::DType_U8, {kVertices, 1}, std::vector<uint8_t>(kVertices, 0));
+  m->body->weights = writer.Add(format::DType_F32, {kVertices, 1}, std::vector<float>(kVertices, 1.0f));
+  m->body->faces = writer.Add(format::DType_U16, {kFaces, 3}, faces);
+  m->body->row_starts = writer.Add(format::DType_U32, {kVertices + 1}, starts);
+  m->body->columns = writer.Add(format::DType_U16, {3 * kFaces}, columns);
+  m->body->clearance = 0.1f;
+  m->body->reach = 10;
+}
+
+// Eight classes of cloth, each kept out of all.
+void AddClasses(M* m, std::mt19937* random) {
+  TensorWriter writer(format::DType_F32, 1, &m->weights);
+  std::vector<uint8_t> classes(m->garment->vertices), touched(m->body->positions->shape[0], 0xFF);
+  for (uint8_t& each : classes) each = static_cast<uint8_t>((*random)() % 8);
+  m->body->touch_classes = writer.Add(format::DType_U8, {m->garment->vertices}, classes);
+  m->body->touched_by = writer.Add(format::DType_U8, {m->body->positions->shape[0]}, touched);
+}
+
+std::vector<CostlyFile> CostlyFiles() {
+  return {{"most_neighbours", false, FillTheGraph},
+          {"most_neighbours_integer_layers_classes", true,
+           [](M* m, std::mt19937* random) {
+             FillTheGraph(m, random);
+             AddClasses(m, random);
+           }},
+          {"subnormal_layers", false, MakeLayersSubnormal}};
+}
+
+class CostliestTest : public ::testing::TestWithParam<CostlyFile> {
+ protected:
+  static TestModel Build() {
+    ModelSpec spec;
+    spec.rings = 255;
+    spec.segments = 257;  // 65,535 vertices
+    spec.joints = spec.bones = 256;
+    spec.influences = spec.body_influences = 8;
+    spec.layers = 8;
+    spec.feature_width = 64;
+    spec.units = spec.mesh_basis = spec.mesh_width = spec.static_width = 1;
+    spec.integer_layers = GetParam().integer_layers;
+    TestModel model = BuildModel(spec);
+    std::mt19937 random(7);
+    AddTangledBody(model.tables.get(), &random);
+    GetParam().spoil(model.tables.get(), &random);
+    return model;
+  }
+
+  // Processor time, which others on the machine have no part in.
+  double Seconds(const std::string& call, const std::function<void()>& make) {
+    const std::clock_t begin = std::clock();
+    make();
+    const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+    std::cout << call << ' ' << 1e3 * seconds << " ms\n";
+    EXPECT_LE(seconds, kMostSecondsPerByte * static_cast<double>(bytes_.size())) << call;
+    return seconds;
+  }
+
+  TestModel model_ = Build();
+  AlignedBytes bytes_ = model_.Bytes();
+};
+
+TEST_P(CostliestTest, NoCallTakesLongerThanItsFileExplains) {
+  std::cout << GetParam().name << ", " << bytes_.size() << " bytes, " << dcloth_isa_name() << '\n';
+  std::unique_ptr<OpenedModel> opened;
+  Seconds("open", [&] { opened = std::make_unique<OpenedModel>(bytes_); });
+  ASSERT_EQ(opened->status(), DCLOTH_OK) << opened->error().text;
+  std::unique_ptr<OwnedCloth> cloth;
+  Seconds("create", [&] { cloth = std::make_unique<OwnedCloth>(*opened); });
+  const std::vector<float> matrices = PoseAt(model_.numbers, 0);
+  const double tick =
+      Seconds("tick", [&] { ASSERT_EQ(cloth->Tick(matrices, DCLOTH_STAGES_MESH), DCLOTH_OK); });
+  Seconds("draw", [&] { ASSERT_EQ(cloth->Skin(matrices, 1), DCLOTH_OK); });
+  std::vector<float> positions(cloth->positions().size()), normals(positions.size());
+  dcloth_output output = FloatOutput(positions.size() / 3, positions.data(), 12, normals.data());
+  output.flags = DCLOTH_OUTPUT_OUTSIDE_BODY;
+  const dcloth_pose pose = OwnedCloth::Pose(matrices);
+  const double outside = Seconds("draw outside of the body", [&] {
+    ASSERT_EQ(dcloth_cloth_skin(cloth->get(), &pose, 1, &output, nullptr), DCLOTH_OK);
+  });
+  EXPECT_LE(outside, kMostOutside * tick);
+  EXPECT_TRUE(AllFinite(positions));
+  EXPECT_NE(positions, cloth->positions()) << "nothing was under the body";
+  std::vector<uint8_t> state(dcloth_cloth_state_size(cloth->get()));
+  Seconds("save", [&] {
+    ASSERT_EQ(dcloth_cloth_save(cloth->get(), state.data(), state.size(), nullptr), DCLOTH_OK);
+  });
+  Seconds("restore", [&] {
+    ASSERT_EQ(dcloth_cloth_restore(cloth->get(), state.data(), state.size(), 0, nullptr), DCLOTH_OK);
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(Every, CostliestTest, ::testing::ValuesIn(CostlyFiles()),
+                         [](const auto& test) { return test.param.name; });
+
+}  // namespace
+}  // namespace dcloth::testing
