@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
 # Builds the web package and page and tests them: `test_web.sh`, or `test_web.sh --only PATTERN` for the tests whose
 # files match (grep -E): module, api, types, output (against the native command line, in Node), page (in Chromium), and
-# picture, the hashes of the reproducible mode with SIMD and scalar, in Node (tests/picture).
+# picture, the hashes of the reproducible mode with SIMD and scalar, in Node (tests/picture), or simd_picture, those of SIMD
+# alone in a fifth of the time.
 # DCLOTH_TOOL names a built `dcloth`; without it, it is built. Pictures of the page: build-web/pictures.
-# Not part of scripts/test.sh: two more builds of the engine, and three.js and TypeScript come from npm.
+# Not part of scripts/test.sh: two more builds of the engine, and three.js and TypeScript come from npm. Continuous
+# integration (.ci/run) runs all but page and the scalar pictures.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -31,7 +33,10 @@ done
 
 picture=tests/picture/test_same_picture.py
 mapfile -t tests < <(printf '%s\n' tests/web/*_test.js | grep -E "tests/web/.*($pattern).*_test")
-[[ ! picture =~ $pattern ]] || tests+=("$picture")
+declare -A labels=([simd]=wasm [scalar]=wasm-scalar)
+modules=()
+if [[ picture =~ $pattern ]]; then modules=(simd scalar); elif [[ simd_picture =~ $pattern ]]; then modules=(simd); fi
+[ ${#modules[@]} -eq 0 ] || tests+=("$picture")
 [ ${#tests[@]} -gt 0 ] || { echo "test_web: no test's file matches '$pattern'" >&2; exit 2; }
 failed=()
 for test in "${tests[@]}"; do
@@ -40,12 +45,12 @@ for test in "${tests[@]}"; do
     node --expose-gc --test-reporter spec "$test" || failed+=("$test")
     continue
   fi
-  for variant in simd scalar; do
-    ninja -C "$folder/$variant" dcloth_picture >"$folder/picture.log" 2>&1 || { cat "$folder/picture.log" >&2; exit 1; }
+  others=
+  for module in "${modules[@]}"; do
+    ninja -C "$folder/$module" dcloth_picture >"$folder/picture.log" 2>&1 || { cat "$folder/picture.log" >&2; exit 1; }
+    others+="${labels[$module]}=node $PWD/$folder/$module/dcloth_picture.js"$'\n'
   done
-  DCLOTH_BIN=$(realpath "${DCLOTH_TOOL:-build/dcloth}") \
-    DCLOTH_PICTURE_OTHERS="wasm=node $PWD/$folder/simd/dcloth_picture.js
-wasm-scalar=node $PWD/$folder/scalar/dcloth_picture.js" \
+  DCLOTH_BIN=$(realpath "${DCLOTH_TOOL:-build/dcloth}") DCLOTH_PICTURE_OTHERS=$others \
     /usr/bin/python3 -m pytest -q -rP -p no:cacheprovider "$picture" || failed+=("$test")
 done
 [ ${#failed[@]} -eq 0 ] || { echo "test_web: failed: ${failed[*]}" >&2; exit 1; }
