@@ -26,21 +26,10 @@ size_t Utf8Length(const std::string& text, size_t at) {
   return 0;
 }
 
-// Bytes that are not UTF-8 and control characters become '?': names come out of untrusted files and go to terminals.
-std::string Printable(const std::string& raw) {
-  std::string text;
-  for (size_t at = 0; at < raw.size();) {
-    const size_t length = Utf8Length(raw, at);
-    const auto byte = static_cast<uint8_t>(raw[at]);
-    if (length == 0 || byte < 0x20 || byte == 0x7F) {
-      text += '?';
-      ++at;
-    } else {
-      text.append(raw, at, length);
-      at += length;
-    }
-  }
-  return text;
+// Of the character at `at`, `length` bytes long: U+0000 to U+001F and U+007F to U+009F, which terminals take for orders.
+bool IsControl(const std::string& text, size_t at, size_t length) {
+  const auto lead = static_cast<uint8_t>(text[at]);
+  return lead < 0x20 || lead == 0x7F || (length == 2 && lead == 0xC2 && static_cast<uint8_t>(text[at + 1]) < 0xA0);
 }
 
 std::string Compose(const ErrorParts& parts) {
@@ -48,7 +37,7 @@ std::string Compose(const ErrorParts& parts) {
   auto join = [&](const char* separator, const char* label, const std::string& more) {
     if (more.empty()) return;
     if (!text.empty()) text.append(separator);
-    text.append(label).append(Printable(more));
+    text.append(label).append(PrintableText(more));
   };
   join(": ", "tensor ", parts.tensor);
   join(": ", "found ", parts.found);
@@ -59,6 +48,20 @@ std::string Compose(const ErrorParts& parts) {
 
 }  // namespace
 
+std::string PrintableText(const std::string& raw) {
+  std::string text;
+  for (size_t at = 0; at < raw.size();) {
+    const size_t length = Utf8Length(raw, at);
+    if (length == 0 || IsControl(raw, at, length)) {
+      text += '?';
+    } else {
+      text.append(raw, at, length);
+    }
+    at += length == 0 ? 1 : length;
+  }
+  return text;
+}
+
 std::string PathText(const std::filesystem::path& path) {
 #if defined(_WIN32)
   const std::u8string wide = path.u8string();
@@ -66,7 +69,7 @@ std::string PathText(const std::filesystem::path& path) {
 #else
   const std::string& raw = path.native();
 #endif
-  return Printable(raw);
+  return PrintableText(raw);
 }
 
 Error::Error(ErrorParts parts) : std::runtime_error(Compose(parts)), parts_(std::move(parts)) {}

@@ -32,8 +32,11 @@ class ThresholdError : public Error {
   using Error::Error;
 };
 
-// The path as UTF-8 for messages; control characters and bytes that are not UTF-8 become '?'. what() treats every part
-// so.
+// Text out of an untrusted file for a terminal or a log: control characters, those beyond ASCII too, and bytes that are not
+// UTF-8 become '?'. what() treats every part so.
+std::string PrintableText(const std::string& raw);
+
+// The path as such text.
 std::string PathText(const std::filesystem::path& path);
 
 }  // namespace dcloth::converter

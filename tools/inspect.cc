@@ -43,7 +43,7 @@ int Inspect(const Options& options) {
     PrintJson(json);
     return kExitGood;
   }
-  const auto text = [&](const char* key) { return json[key].get<std::string>(); };
+  const auto text = [&](const char* key) { return converter::PrintableText(json[key].get<std::string>()); };
   std::printf("%s\n", text("path").c_str());
   std::printf("  garment    %s, %u vertices, %u triangles\n", text("garment").c_str(), model.info().vertex_count,
               model.info().triangle_count);
@@ -62,7 +62,7 @@ int Inspect(const Options& options) {
       std::printf("\n            ");
       column = 0;
     }
-    std::printf(" %s", name.c_str());
+    std::printf(" %s", converter::PrintableText(name).c_str());
     column += name.size() + 1;
   }
   std::printf("\n");

@@ -17,7 +17,7 @@ void Append(Number value, std::string* text) {
 }  // namespace
 
 std::string ObjText(const std::string& name, std::span<const float> positions, std::span<const uint16_t> triangles) {
-  std::string text = "# metres, +Y up, +Z front\no " + converter::PathText(name) + "\n";
+  std::string text = "# metres, +Y up, +Z front\no " + converter::PrintableText(name) + "\n";
   for (size_t i = 0; i + 2 < positions.size(); i += 3) {
     text += 'v';
     for (size_t a = 0; a < 3; ++a) Append(positions[i + a], &text);

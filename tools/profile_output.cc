@@ -84,8 +84,9 @@ Json ProfileJson(const Profile& profile) {
 }
 
 void PrintProfile(const Profile& profile) {
-  std::printf("%s, %s, %.3f MB, %.1f KiB per instance\n", profile.garment.c_str(), profile.precision.c_str(),
-              static_cast<double>(profile.model_bytes) / 1e6, static_cast<double>(profile.instance_bytes) / 1024);
+  std::printf("%s, %s, %.3f MB, %.1f KiB per instance\n", converter::PrintableText(profile.garment).c_str(),
+              converter::PrintableText(profile.precision).c_str(), static_cast<double>(profile.model_bytes) / 1e6,
+              static_cast<double>(profile.instance_bytes) / 1024);
   std::printf("%s, %s, core %s, %s caches%s, %zu frames at %g Hz, ticks at %g Hz\n\n", CpuName().c_str(),
               dcloth_isa_name(), profile.core < 0 ? "not pinned" : std::to_string(profile.core).c_str(),
               profile.cold ? "cold" : "warm", profile.contend ? ", a busy neighbour" : "", profile.frames.size(),

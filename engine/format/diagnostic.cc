@@ -10,6 +10,15 @@ Text& Text::Add(const char* text) {
   return *this;
 }
 
+Text& Text::AddName(const char* name) {
+  for (; *name != '\0' && left_ > 1; ++name, --left_) {
+    const auto byte = static_cast<unsigned char>(*name);
+    *out_++ = byte < 0x20 || byte == 0x7F ? '?' : *name;
+  }
+  *out_ = '\0';
+  return *this;
+}
+
 Text& Text::Add(uint64_t value) {
   char digits[21];
   char* first = digits + sizeof(digits) - 1;

@@ -28,6 +28,7 @@ class Text {
  public:
   Text(char* out, size_t size) : out_(out), left_(size) {}
   Text& Add(const char* text);
+  Text& AddName(const char* name);  // of a file: ASCII control characters become '?', as it may go to a terminal or a log
   Text& Add(uint64_t value);
   Text& Add(const Path& path);
   Text& AddNumber(double value);  // six significant digits

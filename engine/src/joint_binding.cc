@@ -26,7 +26,7 @@ void ListMissing(const format::ModelView& model, const char* const* names, uint3
     const char* name = format::JointName(model, j);
     if (Find(name, names, count) != kMissing) continue;
     if (std::strlen(text) + std::strlen(name) + 4 + kRoomForRest > size) break;
-    out.Add(listed == 0 ? " '" : ", '").Add(name).Add("'");
+    out.Add(listed == 0 ? " '" : ", '").AddName(name).Add("'");
     ++listed;
   }
   if (listed < missing) out.Add(listed == 0 ? " " : ", and ").Add(uint64_t{missing - listed}).Add(" more");

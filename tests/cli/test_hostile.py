@@ -1,4 +1,7 @@
 """Broken and wrong inputs: refused by name, never a crash, nothing left behind."""
+import json
+import unicodedata
+
 import numpy as np
 import pytest
 
@@ -141,3 +144,24 @@ def test_weights_that_diverged(dcloth, files, tmp_path):
     for name in ("x.pc2", "x.html", "x.safetensors"):
         refused(dcloth("run", model, files.bare, "-o", tmp_path / name), model, "NaN or infinity", "frame 0")
     assert leftovers(tmp_path, {"b.safetensors", "m.dcloth"}) == []
+
+
+def test_names_give_no_orders_to_a_terminal(dcloth, tmp_path):
+    """ESC [ 2 J clears a screen, ESC ] 0 ; renames a window, U+009B is ESC [ in one; a line break forges a line of a log."""
+    garment, joint = "cone\x1b[2J\nskirt\u009b31m", "head\x1b]0;mine\x07\x7f"
+    names = [joint if name == "head" else name for name in small_garment.JOINTS]
+    bundle, model, sequence = tmp_path / "b.safetensors", tmp_path / "m.dcloth", tmp_path / "s.safetensors"
+    small_garment.write_bundle(bundle)
+    tensors, metadata = safetensors_file.read(bundle)
+    safetensors_file.write(bundle, tensors, {**metadata, "garment": garment, "joint_names": json.dumps(names)})
+    small_garment.write_sequence(sequence, small_garment.motion(10, 30), names=names)
+    assert dcloth("convert", bundle, "-o", model).returncode == 0
+    for arguments in (["inspect", model], ["profile", model, sequence], ["run", model, sequence, "-o", tmp_path / "x.pc2"],
+                      ["evaluate", bundle, sequence, "--precision", "int8"]):
+        done = dcloth(*arguments)
+        assert done.returncode == 0
+        said = (done.stdout + done.stderr).replace("\n", "")
+        assert [c for c in said if unicodedata.category(c) == "Cc"] == [], arguments[0]
+    assert "cone?[2J?skirt?31m" in dcloth("inspect", model).stdout
+    described = json.loads(dcloth("inspect", model, "--json").stdout)
+    assert described["garment"] == garment and joint in described["joints"]  # data stay as they are

@@ -75,12 +75,13 @@ int Poses(const Options& options) {
                                {"kind", "dynamic"}});
   std::fprintf(stderr, "%s: %zu frames at %g Hz, %zu joints, from clip '%s' of a %s file with %g m in a unit\n",
                converter::PathText(options.output).c_str(), matrices.frame_count, fps, skeleton.nodes.size(),
-               converter::PathText(clip.name).c_str(), file.format.c_str(), skeleton.space.metres_per_unit);
+               converter::PrintableText(clip.name).c_str(), file.format.c_str(), skeleton.space.metres_per_unit);
   if (retarget.farthest_metres() > kWorthAWord) {
     std::fprintf(stderr,
                  "note: at rest joint '%s' is %.0f mm from its place in the garment's bind pose; the garment learned "
                  "another body\n",
-                 skeleton.joints[retarget.farthest_joint()].c_str(), 1e3 * retarget.farthest_metres());
+                 converter::PrintableText(skeleton.joints[retarget.farthest_joint()]).c_str(),
+                 1e3 * retarget.farthest_metres());
   }
   return kExitGood;
 }

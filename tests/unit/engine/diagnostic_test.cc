@@ -32,6 +32,20 @@ TEST(DiagnosticText, FillsItsMemoryAndEndsIt) {
   EXPECT_STREQ(out, "fourfiv");
 }
 
+// A name out of a file goes to terminals and logs, where control characters are orders.
+TEST(DiagnosticText, NamesGiveNoOrders) {
+  char out[32];
+  Text(out, sizeof(out)).AddName("\x01 a\x1B[2J\n~\x7F\xC3\xA9\x1F");
+  EXPECT_STREQ(out, "? a?[2J?~?\xC3\xA9?");
+  const std::string whole = "thigh_l";
+  for (size_t size = 1; size <= whole.size() + 2; ++size) {
+    std::vector<char> small(size + 1, '#');
+    Text(small.data(), size).AddName(whole.c_str());
+    EXPECT_EQ(std::string(small.data()), whole.substr(0, size - 1)) << size;
+    EXPECT_EQ(small[size], '#') << size;
+  }
+}
+
 TEST(DiagnosticText, WritesWholeNumbers) {
   for (const uint64_t value : {uint64_t{0}, uint64_t{7}, uint64_t{10}, uint64_t{99}, uint64_t{65536}, UINT64_MAX}) {
     char out[32];

@@ -209,6 +209,13 @@ TEST_F(HostTest, MissingJointsAreListed) {
   EXPECT_EQ(dcloth_cloth_bind_joints(cloth.get(), nullptr, 7, &error), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(dcloth_cloth_bind_joints(nullptr, some, 7, &error), DCLOTH_ERROR_ARGUMENT);
 
+  TestModel rude = BuildModel({});
+  rude.tables->character->joint_names[3] = "\x1B[2Jjoint\n";
+  const OpenedModel named(rude);
+  OwnedCloth told(named);
+  EXPECT_EQ(dcloth_cloth_bind_joints(told.get(), some, 7, &error), DCLOTH_ERROR_JOINTS);
+  EXPECT_NE(std::string(error.text).find("'joint_1', '?[2Jjoint?'; "), std::string::npos) << error.text;
+
   ModelSpec spec;
   spec.joints = 100;
   const OpenedModel large(BuildModel(spec));
