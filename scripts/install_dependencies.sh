@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_windows] [unity] [web] [npm] [import] [bench]`; "build" when nothing is said.
+# [cross_windows] [unity] [web] [npm] [import] [bench]`; "build" when nothing is said. "test" and "train" also install
+# training/requirements.txt from PyPI into .venv, a virtual environment that sees Debian's Python packages too.
 set -euo pipefail
 
 declare -A groups=(
@@ -16,7 +17,8 @@ declare -A groups=(
   [import]="libassimp-dev"
   [bench]="libbenchmark-dev libxnnpack-dev libpthreadpool-dev python3-venv python3-numpy python3-scipy python3-torch
            libopenblas0-pthread"
-  [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread"
+  [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread
+           python3-venv"
 )
 packages=()
 for group in "${@:-build}"; do
@@ -30,14 +32,20 @@ for name in "${packages[@]}"; do
   status=$(dpkg-query -W -f='${Status}' "$name" 2>/dev/null || true)
   [ "$status" = "install ok installed" ] || missing+=("$name")
 done
-[ ${#missing[@]} -gt 0 ] || exit 0
-
-command -v apt-get >/dev/null || { echo "install_dependencies: apt-get not found; install by hand: ${missing[*]}" >&2; exit 1; }
-as_root=()
-if [ "$(id -u)" -ne 0 ]; then
-  command -v sudo >/dev/null || { echo "install_dependencies: root or sudo is needed to install: ${missing[*]}" >&2; exit 1; }
-  as_root=(sudo)
+if [ ${#missing[@]} -gt 0 ]; then
+  command -v apt-get >/dev/null || { echo "install_dependencies: apt-get not found; install by hand: ${missing[*]}" >&2; exit 1; }
+  as_root=()
+  if [ "$(id -u)" -ne 0 ]; then
+    command -v sudo >/dev/null || { echo "install_dependencies: root or sudo is needed to install: ${missing[*]}" >&2; exit 1; }
+    as_root=(sudo)
+  fi
+  echo "installing: ${missing[*]}" >&2
+  "${as_root[@]}" apt-get update -qq
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
-echo "installing: ${missing[*]}" >&2
-"${as_root[@]}" apt-get update -qq
-"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+
+case " $* " in *" test "* | *" train "*) ;; *) exit 0 ;; esac
+# No dependencies: pip would replace Debian's numpy by one that Debian's torch cannot use.
+venv=$(dirname "$0")/../.venv requirements=$(dirname "$0")/../training/requirements.txt
+[ -x "$venv/bin/pip" ] || /usr/bin/python3 -m venv --system-site-packages "$venv"
+"$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps -r "$requirements"

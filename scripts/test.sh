@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.."
 
 scripts/install_dependencies.sh build test unity import
 scripts/build.sh build -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON \
-  -DPython3_EXECUTABLE=/usr/bin/python3
+  -DPython3_EXECUTABLE="$PWD/.venv/bin/python"
 scripts/build_sanitized.sh build-sanitize
 
 # No job runs beside another where times are measured; the rest shares the cores.
