@@ -19,6 +19,8 @@ _TRAINED = {"static.mlp.": "static.mlp.", "static.residual_weights": "static.res
             "mesh.embed.": "mesh.embed.", "mesh.mlp.": "mesh.mlp.", "mesh.basis": "mesh.basis"}
 # Directions below this share of a basis' strongest are rounding: they move no vertex by a micrometre.
 _SMALLEST_DIRECTION = 1e-6
+# Rig.root_motion -> metadata "root_motion"; "true" and "false" are older than the choice.
+_ROOT_MOTION = {"none": "false", "hips": "true", "air": "air"}
 _GRU = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
 
 
@@ -95,7 +97,7 @@ def write(path, net, fitted, character, training, garment=None, half=True):
         "tick_rate": f"{rig.rate:g}", "joint_names": json.dumps(list(names)),
         "hips": names[rig.hips],
         "feature_joints": json.dumps([names[j] for j in rig.feature_joints]),
-        "root_motion": "true" if rig.root_motion else "false",
+        "root_motion": _ROOT_MOTION[rig.root_motion],
         "bones": json.dumps([names[b] for b in rig.bones]), "training": json.dumps(training)})
 
 
@@ -105,11 +107,14 @@ def _rig(path, tensors, metadata):
                           f"{metadata.get('format_version')!r}, expected 'dcloth-bundle' '1'")
     try:
         names = json.loads(metadata["joint_names"])
+        kinds = {text: kind for kind, text in _ROOT_MOTION.items()}
+        if metadata["root_motion"] not in kinds:
+            raise ValueError(f"root_motion {metadata['root_motion']!r}, expected {', '.join(kinds)}")
         return Rig(names, tensors["character.bind"].astype(np.float64),
                    names.index(metadata["hips"]),
                    [names.index(j) for j in json.loads(metadata["feature_joints"])],
                    [names.index(b) for b in json.loads(metadata["bones"])],
-                   float(metadata["tick_rate"]), metadata["root_motion"] == "true")
+                   float(metadata["tick_rate"]), kinds[metadata["root_motion"]])
     except (KeyError, ValueError) as error:
         raise BundleError(f"{path}: metadata or character.bind missing or malformed: "
                           f"{error}") from None

@@ -3,6 +3,9 @@ import json
 
 import numpy as np
 
+# Behind the feature joints' names, by a bundle's metadata "root_motion".
+_ROOT_MOTION = {"false": "", "true": " and root motion", "air": " and the air around the hips"}
+
 LEVELS = ("rigid hips", "plain skinning", "stage 1", "stages 1-2", "stages 1-3")
 COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 WIDTH = 125
@@ -30,7 +33,7 @@ def network(tensors, metadata, size_bytes):
     text = (f"{n:,} vertices, {len(tensors['template.faces']):,} triangles, {metadata['tick_rate']} Hz; "
             f"{size_bytes / 1e6:.1f} MB. "
             f"Cloth bones: {', '.join(bones)} ({len(bones)}). Features: {', '.join(joints)}"
-            f"{' and root motion' if metadata['root_motion'] == 'true' else ''} ({d}). "
+            f"{_ROOT_MOTION[metadata['root_motion']]} ({d}). "
             f"Static MLP {d}-{shape('static.mlp.0.bias')[0]}-{shape('static.mlp.2.bias')[0]}, {len(residuals)} "
             f"residual weight matrices, at most {int((weights > 0).sum(1).max())} bones a vertex")
     units = tensors.get("skeleton.gru.weight_hh")

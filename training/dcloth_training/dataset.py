@@ -76,10 +76,10 @@ class Clip:
 
 
 def load_pose(item, rig, joint_mirror, mirrored):
-    matrices = item.joint_matrices.astype(np.float64)
+    matrices, wind = item.joint_matrices.astype(np.float64), item.wind
     if mirrored:
-        matrices = features.mirror_pose(matrices, joint_mirror)
-    return network.pose_of(matrices, rig, torch.float32)
+        matrices, wind = features.mirror_pose(matrices, joint_mirror), features.mirror_wind(wind)
+    return network.pose_of(matrices, rig, torch.float32, wind=wind)
 
 
 def load_truth(path, mirrored, vertex_mirror):
@@ -191,15 +191,19 @@ class Window:
         return self.clip.sampled(self.ticks(frames), rows)
 
     def x(self, standardise, frames, reset=True, velocity=None):
-        """Features; after a reset the first tick has no root motion. velocity [3]: features.carried."""
+        """Features; after a reset the hips' motion is unknown. velocity [3]: features.carried, root motion "hips"."""
         x = self.raw(frames)
-        if x.shape[1] % 9:
-            if velocity is not None:
-                x = torch.from_numpy(features.carried(x.numpy(), velocity, self.clip.rate))
-                x[0, -4:-1] += torch.as_tensor(velocity, dtype=x.dtype)
-            if reset and not self.fresh:
-                x[0, -4:] = 0
+        if velocity is not None and x.shape[1] % 9 == features.ROOT_NUMBERS["hips"]:
+            x = torch.from_numpy(features.carried(x.numpy(), velocity, self.clip.rate))
+            x[0, -4:-1] += torch.as_tensor(velocity, dtype=x.dtype)
+        if reset and not self.fresh:
+            features.begin(x, self.first_wind())
         return standardise(x)
+
+    def first_wind(self):
+        """[3] of the first tick, in its heading frame, m/s; None where the pose does not know it."""
+        wind = self.clip.pose.wind
+        return None if wind is None else wind[self.first]
 
 
 class Still(Window):
@@ -207,10 +211,10 @@ class Still(Window):
     fresh = False
 
     def raw(self, frames):
-        x = self.clip.pose.x[self.first].repeat(frames, 1)
-        if x.shape[1] % 9:
-            x[:, -4:] = 0
-        return x
+        return features.at_rest(self.clip.pose.x[self.first].repeat(frames, 1))
+
+    def first_wind(self):
+        return torch.zeros(3)
 
     def linear(self, frames):
         return self.clip.pose.linear[self.first].expand(frames, -1, -1, -1)

@@ -26,9 +26,9 @@ def skinned(net, rig, pose, weights):
     return torch.stack([static.skin(static.blend(b, weights)) for b in bones])
 
 
-def levels(net, rig, matrices):
-    """Yields (level, positions [T, n, 3]) from the simplest to the whole network."""
-    pose = network.pose_of(matrices, rig, net.static.template.dtype)
+def levels(net, rig, item, path="sequence"):
+    """Yields (level, positions [T, n, 3]) of a sequence, from the simplest to the whole network."""
+    pose = reference.pose_for(item, rig, net.static.template.dtype, path)
     rigid = torch.zeros_like(net.static.initial_weights)
     if rig.hips in rig.bones:
         rigid[:, rig.bones.index(rig.hips)] = 1
@@ -45,9 +45,8 @@ def evaluate(net, rig, faces, item, path="sequence"):
     if item.truth.shape[1] != len(net.static.template):
         raise ValueError(f"{path}: truth of {item.truth.shape[1]} vertices, the bundle's garment has "
                          f"{len(net.static.template)}")
-    matrices = reference.matrices_for(item, rig, path)
     return {level: metrics.summary(positions.double().numpy(), item.truth, faces)
-            for level, positions in levels(net, rig, matrices)}
+            for level, positions in levels(net, rig, item, path)}
 
 
 def table(results):

@@ -14,6 +14,12 @@ import torch
 from . import assemble, bundle, checkpoint, command, rig, safetensors_io, sequence
 
 
+def root_motion_of(options):
+    """Of a training's options; those of before --root-motion knew two kinds."""
+    before = "none" if getattr(options, "no_root_motion", False) else "hips"
+    return getattr(options, "root_motion", before)
+
+
 def load_trained(folder, data):
     """The finished network of a training folder -> (network, fitted, character, provenance)."""
     path = os.path.join(folder, "network.safetensors")
@@ -22,7 +28,7 @@ def load_trained(folder, data):
         raise FileNotFoundError(f"{path}: not found; train.py writes it when it ends")
     options = argparse.Namespace(**json.loads(saved["options"]))
     character = rig.read_character(os.path.join(data, "character.safetensors"))
-    fitted = rig.fit(character, root_motion=not options.no_root_motion)
+    fitted = rig.fit(character, root_motion=root_motion_of(options))
     there, here = tuple(saved["state"]["static.initial_weights"].shape), fitted.initial_weights.shape
     if there != here:
         raise ValueError(f"{path}: a garment of {there[0]} vertices on {there[1]} bones; {data} holds one of {here[0]} on "
@@ -42,6 +48,8 @@ def compact(item, hips="Hips"):
         origin = tensors["joint_matrices"][:, names.index(hips) if hips in names else 0, :3, 3].copy()
         tensors["truth"] = (item.truth - origin[:, None]).astype(np.float16)
         tensors["truth_origin"] = origin
+    if item.wind is not None:
+        tensors["wind"] = np.asarray(item.wind, np.float32)
     return tensors, {"joint_names": json.dumps(list(item.joint_names)), "fps": f"{item.fps:g}",
                      "clip": item.clip, "kind": item.kind}
 

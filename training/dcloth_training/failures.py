@@ -48,7 +48,7 @@ class Case:
         if item.truth is None:
             raise ValueError(f"{path}: no truth to compare with")
         matrices = reference.matrices_for(item, rig, path)
-        pose = network.pose_of(matrices, rig, net.static.template.dtype)
+        pose = reference.pose_for(item, rig, net.static.template.dtype, path)
         predicted = net.run(pose, stages).double().numpy()
         if predicted.shape != item.truth.shape:
             raise ValueError(f"{path}: truth {list(item.truth.shape)}, the network makes {list(predicted.shape)}")

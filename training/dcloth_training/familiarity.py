@@ -1,10 +1,8 @@
 """How far a motion is from all that a network learned from: the nearest third of a second, feature by feature."""
-import json
-
 import numpy as np
 import torch
 
-from . import dataset, network, reference, safetensors_io, sequence
+from . import dataset, reference, sequence
 
 STEPS, STRIDE = 3, 5      # a window: this frame, 5 and 10 frames before it
 KEPT_EVERY = 2            # training frames: neighbours are alike
@@ -28,12 +26,10 @@ class Training:
         self.net, self.clips, found = net, [], []
         for folder in folders:
             for path in dataset.find(folder, "dynamic", apart):
-                tensors, metadata = safetensors_io.read(path, ("joint_matrices",))
-                item = sequence.Sequence(tensors["joint_matrices"], None, json.loads(metadata["joint_names"]), rig.rate,
-                                         metadata.get("clip", path), "dynamic")
-                pose = network.pose_of(reference.matrices_for(item, rig, path), rig, torch.float32)
+                item = sequence.read(path, truth=False)
+                pose = reference.pose_for(item, rig, torch.float32, path)
                 found.append(windows(net, pose)[::KEPT_EVERY])
-                self.clips += [item.clip] * len(found[-1])
+                self.clips += [item.clip or path] * len(found[-1])
         if not found:
             raise ValueError(f"{', '.join(folders)}: no clips but held-out and validation ones; --training wants "
                              f"ground truth that the network learned from")

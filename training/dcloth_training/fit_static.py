@@ -5,7 +5,7 @@ stores a few influences a vertex loses nothing.
 """
 import torch
 
-from . import dataset, losses, loop
+from . import dataset, features, losses, loop
 
 BATCH = 8
 HELD_EVERY = 7    # one drape in seven validates, together with its mirror image
@@ -21,23 +21,23 @@ class Drapes:
         self.truth = torch.cat([torch.from_numpy(dataset.load_truth(c.path, c.mirrored,
                                                                     character.mirror))
                                 for c in clips])
-        if self.x.shape[1] % 9:
-            self.x[:, -4:] = 0    # each drape is a pose of its own, at rest
+        features.at_rest(self.x)    # each drape is a pose of its own
         number = torch.cat([torch.arange(len(c)) for c in clips])
         self.held = number % HELD_EVERY == HELD_EVERY - 1
 
 
 @torch.no_grad()
 def still(static, x):
-    """Make pivots blind to root motion: in drapes x [N, d] its four features never change.
+    """Make pivots blind to root motion: in drapes x [N, d] its features never change.
 
     Their weights stay as they were drawn, and a run would read them: on mocap/run stage 1 was 173 mm
     off, plain skinning 120. What the constant columns added moves into the bias.
     """
-    if x.shape[1] % 9:
+    numbers = x.shape[1] % 9
+    if numbers:
         first = static.mlp[0]
-        first.bias += first.weight[:, -4:] @ x[0, -4:]
-        first.weight[:, -4:] = 0
+        first.bias += first.weight[:, -numbers:] @ x[0, -numbers:]
+        first.weight[:, -numbers:] = 0
 
 
 def train(static, standardise, drapes, options, folder, log=print):

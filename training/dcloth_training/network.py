@@ -11,22 +11,24 @@ STAGES = ("static", "skeleton", "mesh")
 class Pose:
     """What the stages read of a sequence, as tensors; see pose_of()."""
 
-    def __init__(self, x, linear, posed, body_frame):
+    def __init__(self, x, linear, posed, body_frame, wind=None):
         self.x = x                    # [T, d] raw features
         self.linear = linear          # [T, m, 3, 3] R_j
         self.posed = posed            # [T, m, 3] p_j
         self.body_frame = body_frame  # [T, J, 3, 4] H^-1 G_j B_j^-1
+        self.wind = wind              # [T, 3] in the heading frame, m/s; None: not known
 
     def __len__(self):
         return len(self.x)
 
 
-def pose_of(matrices, rig, dtype=torch.float64, device="cpu"):
-    """Joint matrices [T, J, 4, 4] -> Pose, one sequence from a reset; computed in float64."""
+def pose_of(matrices, rig, dtype=torch.float64, device="cpu", wind=None):
+    """Joint matrices [T, J, 4, 4] and wind [T, 3] -> Pose, one sequence from a reset; computed in float64."""
     relative = pose_features.relative(matrices, rig.bind)
     rotation, origin, _ = pose_features.heading_frames(matrices, rig.bind, rig.hips)
     x = pose_features.raw(matrices, rig.bind, rig.hips, rig.feature_joints, rig.rate,
-                          rig.root_motion)
+                          rig.root_motion, wind)
+    wind = pose_features.in_heading(rotation, pose_features.calm(len(x)) if wind is None else wind)
     pivots = np.asarray(rig.bind, np.float64)[rig.bones, :3, 3]
     of_bones = relative[:, rig.bones]
     linear, shift = of_bones[..., :3, :3], of_bones[..., :3, 3]
@@ -35,7 +37,7 @@ def pose_of(matrices, rig, dtype=torch.float64, device="cpu"):
     shifted[..., 3] -= origin[:, None]
     frame = np.einsum("tji,tkjl->tkil", rotation, shifted)
     return Pose(*(torch.as_tensor(v).to(dtype=dtype, device=device)
-                  for v in (x, linear, posed, frame)))
+                  for v in (x, linear, posed, frame, wind)))
 
 
 class BodyPoints(nn.Module):

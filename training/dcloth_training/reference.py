@@ -22,10 +22,15 @@ def matrices_for(item, rig, path="sequence"):
     return item.joint_matrices[:, [item.joint_names.index(n) for n in rig.joint_names]]
 
 
-def run(net, rig, matrices, stages=None, intermediates=None):
-    """Positions [T, n, 3] of joint matrices [T, J, 4, 4] in the network's own dtype."""
+def pose_for(item, rig, dtype, path="sequence"):
+    """The network's Pose of a sequence, its wind included."""
+    return network.pose_of(matrices_for(item, rig, path), rig, dtype, wind=item.wind)
+
+
+def run(net, rig, matrices, stages=None, intermediates=None, wind=None):
+    """Positions [T, n, 3] of joint matrices [T, J, 4, 4] and wind [T, 3] in the network's own dtype."""
     dtype = net.static.template.dtype
-    return net.run(network.pose_of(matrices, rig, dtype), stages, intermediates)
+    return net.run(network.pose_of(matrices, rig, dtype, wind=wind), stages, intermediates)
 
 
 def main(argv=None):
@@ -46,9 +51,11 @@ def write(options):
     command.folder_of(options.output)
     net, rig, _, _ = bundle.read(options.bundle,
                                  torch.float32 if options.float32 else torch.float64)
-    matrices = matrices_for(sequence.read(options.sequence), rig, options.sequence)
+    item = sequence.read(options.sequence)
+    matrices, wind = matrices_for(item, rig, options.sequence), item.wind
     notes = {}
-    positions = run(net, rig, matrices[:options.frames], options.stages, notes)
+    positions = run(net, rig, matrices[:options.frames], options.stages, notes,
+                    None if wind is None else wind[:options.frames])
     out = {"positions": positions.float().numpy()}
     if options.intermediates:
         out.update({name: value.float().numpy() for name, value in notes.items()})

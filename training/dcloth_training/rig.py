@@ -17,7 +17,7 @@ class Rig:
     feature_joints: list
     bones: list
     rate: float = 30.0
-    root_motion: bool = True
+    root_motion: str = "hips"   # one of features.ROOT_NUMBERS
 
 
 @dataclass
@@ -99,7 +99,7 @@ class Fit:
     initial_weights: np.ndarray     # [n, m] W_I
 
 
-def fit(character, hips=None, feature_joints=None, root_motion=True, rate=30.0, threshold=0.05):
+def fit(character, hips=None, feature_joints=None, root_motion="hips", rate=30.0, threshold=0.05):
     """Nearest points on the collider part of the skin, cloth bones and W_I."""
     names, hips = character.joint_names, hips or character.hips
     feature_joints = feature_joints or character.feature_joints

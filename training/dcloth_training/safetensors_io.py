@@ -116,8 +116,8 @@ def _check(path, name, entry, data_bytes):
     return offsets[0], offsets[1], _DTYPES[dtype], shape
 
 
-def read(path, names=None):
-    """Read a file -> ({name: array}, metadata). `names` limits what is loaded."""
+def read(path, names=None, without=()):
+    """Read a file -> ({name: array}, metadata). `names` limits what is loaded; what `without` names is not."""
     with open(path, "rb") as file:
         header, metadata, start, data_bytes = _read_header(path, file)
         spans = {name: _check(path, name, entry, data_bytes) for name, entry in header.items()}
@@ -131,6 +131,8 @@ def read(path, names=None):
             raise SafetensorsError(f"{path}: tensors end at byte {at}, file's data at {data_bytes}")
         out = {}
         for name in spans if names is None else names:
+            if name in without:
+                continue
             if name not in spans:
                 raise SafetensorsError(f"{path}: no tensor '{name}', found {sorted(spans)}")
             begin, end, dtype, shape = spans[name]

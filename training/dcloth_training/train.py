@@ -22,6 +22,8 @@ from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, e
 # What --freeze keeps from training: pivots start at D = 0, weights at the nearest-point weights.
 FROZEN = {"pivots": "mlp", "weights": "residual_weights"}
 
+ROOT_MOTION_TEXT = {"none": "", "hips": " and root motion", "air": " and the air around the hips"}
+
 
 def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -39,7 +41,9 @@ def arguments(argv=None):
     add("--rate", type=float, default=1e-3)
     add("--stages", choices=network.STAGES, default="mesh", help="last stage to train")
     add("--freeze", choices=sorted(FROZEN), help="ablation: leave this part of stage 1 as it starts")
-    add("--no-root-motion", action="store_true")
+    add("--root-motion", choices=tuple(features.ROOT_NUMBERS), default="hips",
+        help="what the network reads of the hips' way: nothing, their velocity, or the velocity of the air around them "
+             "and their acceleration (for clips simulated in air that stands still or blows; see --data's wind)")
     add("--static-width", type=int, default=256)
     add("--static-epochs", type=int, default=60)
     add("--influences", type=int, default=4, help="bones a vertex, at most")
@@ -88,7 +92,7 @@ def body_statistics(fitted, clips, every=10):
 def feature_rows(clips, options):
     """Features [N, d] of all clips as they are and, with root motion, as windows are carried."""
     rows = [c.pose.x.double().numpy() for c in clips]
-    if options.carried and not options.no_root_motion:
+    if options.carried and options.root_motion == "hips":
         generator = np.random.default_rng(options.seed)
         deviation = options.carried * np.array(augment.CARRIED)
         rows += [features.carried(x, deviation * generator.standard_normal(3), c.rate)
@@ -114,7 +118,7 @@ def images_of(character):
 def prepare(options, log):
     """Character, fit and clips -> (character, fitted, static clips, training, validation)."""
     character = rig.read_character(os.path.join(options.data, "character.safetensors"))
-    fitted = rig.fit(character, root_motion=not options.no_root_motion)
+    fitted = rig.fit(character, root_motion=options.root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
     static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
     if not static:
@@ -171,7 +175,7 @@ def by_folder(clips):
 
 def told(rig):
     """A rig's features in words."""
-    return ", ".join(rig.joint_names[j] for j in rig.feature_joints) + (" and root motion" if rig.root_motion else "")
+    return ", ".join(rig.joint_names[j] for j in rig.feature_joints) + (ROOT_MOTION_TEXT[rig.root_motion])
 
 
 def learned(provenance):

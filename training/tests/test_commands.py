@@ -121,7 +121,7 @@ def test_other_sizes_and_other_input_in_a_folder_that_was_begun(tiny, tmp_path, 
 
 
 def test_a_start_with_other_features_is_told_by_them(tiny, trained, tmp_path, capsys):
-    assert train_command(tiny, tmp_path, "--start", str(trained[1]), "--no-root-motion") == 2
+    assert train_command(tiny, tmp_path, "--start", str(trained[1]), "--root-motion", "none") == 2
     assert re.search(r"found k_S = 16 over Hips, .* and root motion; expected k_S = 16 over Hips, [^;]*RightLeg;",
                      told := capsys.readouterr().err), told
 

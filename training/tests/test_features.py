@@ -10,9 +10,9 @@ JOINTS = [0, 1, 2, 3, 4]
 RATE = 30.0
 
 
-def by_hand(matrices, bind):
-    """Features of every tick, written as scalars from NETWORK.md's text."""
-    rows, last, before = [], 0.0, None
+def by_hand(matrices, bind, wind=None):
+    """Features of every tick, written as scalars from NETWORK.md's text; with `wind` root motion "air"."""
+    rows, last, before, places = [], 0.0, None, []
     for pose in matrices:
         relative = [pose[j] @ np.linalg.inv(bind[j]) for j in range(len(bind))]
         x, z = relative[0][0, 0], relative[0][2, 0]
@@ -22,15 +22,21 @@ def by_hand(matrices, bind):
         assert np.allclose(heading[:, 0], [np.cos(last), 0, -np.sin(last)])
         row = [v for j in JOINTS for v in (heading.T @ relative[j][:3, :3]).ravel()]
         here = pose[0, :3, 3]
-        if before is None:
-            row += [0, 0, 0, 0]
-        else:
+        velocity, turn = np.zeros(3), 0.0
+        if before is not None:
             turn = last - before[1]
             while turn > np.pi:
                 turn -= 2 * np.pi
             while turn < -np.pi:
                 turn += 2 * np.pi
-            row += [*(heading.T @ (here - before[0]) * RATE), turn * RATE]
+            velocity = (here - before[0]) * RATE
+        places.append(here)
+        if wind is None:
+            row += [*(heading.T @ velocity), turn * RATE]
+        else:
+            row += [*(heading.T @ (wind[len(rows)] - velocity)), turn * RATE]
+            change = places[-1] - 2 * places[-2] + places[-3] if len(places) > 2 else np.zeros(3)
+            row += [*(heading.T @ change * RATE * RATE)]
         before = (here.copy(), last)
         rows.append(row)
     return np.array(rows)
@@ -47,6 +53,62 @@ def test_features_match_the_written_definition(seed):
     assert np.abs(got - by_hand(matrices, bind)).max() < 1e3 * 30 * np.finfo(float).eps
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_air_features_match_the_written_definition(seed):
+    generator = np.random.default_rng(seed)
+    matrices, bind = poses(50, generator), bind_pose()
+    spin = np.stack([rigid(rotation([0, 1, 0], 0.4 * t), [0.002 * t * t, 0, 0]) for t in range(50)])
+    matrices = spin[:, None] @ matrices
+    wind = generator.normal(0, 4, (50, 3))
+    got = features.raw(matrices, bind, 0, JOINTS, RATE, "air", wind)
+    assert got.shape == (50, 45 + 7)
+    # As above, with 900 times a second difference.
+    assert np.abs(got - by_hand(matrices, bind, wind)).max() < 1e3 * 900 * np.finfo(float).eps
+    assert np.abs(got[2:, -3:]).max() > 1 and np.abs(got[:, -7:-4] - wind).max() > 1
+    # Velocities and the yaw rate are those of the older kind where no wind blows.
+    calm = features.raw(matrices, bind, 0, JOINTS, RATE, "air")
+    hips = features.raw(matrices, bind, 0, JOINTS, RATE, "hips")
+    assert np.allclose(calm[:, :-3] * ([1] * 45 + [-1, -1, -1, 1]), hips, atol=1e-12)
+
+
+def test_air_of_the_first_ticks():
+    matrices = poses(4, np.random.default_rng(2))
+    wind = np.tile([3.0, -1.0, 2.0], (4, 1))
+    got = features.raw(matrices, bind_pose(), 0, JOINTS, RATE, "air", wind)[:, -7:]
+    turned = features.heading_frames(matrices, bind_pose(), 0)[0][0].T @ wind[0]
+    assert np.allclose(got[0], [*turned, 0, 0, 0, 0])
+    assert np.all(got[1, 4:] == 0) and np.abs(got[1, :4] - got[0, :4]).max() > 0.1
+    assert np.abs(got[2, 4:]).max() > 1e-3
+    still = np.repeat(matrices[:1], 4, 0)
+    assert np.all(features.raw(still, bind_pose(), 0, JOINTS, RATE, "air")[:, -7:] == 0)
+
+
+def test_running_through_air_is_standing_in_wind():
+    matrices = poses(40, np.random.default_rng(8))
+    velocity = np.array([1.5, 0.0, -4.0])
+    running = matrices.copy()
+    running[:, :, :3, 3] += velocity * np.arange(40)[:, None, None] / RATE
+    through = features.raw(running, bind_pose(), 0, JOINTS, RATE, "air")
+    against = features.raw(matrices, bind_pose(), 0, JOINTS, RATE, "air", np.tile(-velocity, (40, 1)))
+    assert np.allclose(through[1:], against[1:], atol=1e-9)
+
+
+def test_a_window_begins_as_after_a_reset():
+    matrices, wind = poses(30, np.random.default_rng(9)), np.random.default_rng(9).normal(0, 4, (30, 3))
+    for root in ("hips", "air", "none"):
+        whole = features.raw(matrices, bind_pose(), 0, JOINTS, RATE, root, wind)
+        later = features.raw(matrices[11:], bind_pose(), 0, JOINTS, RATE, root, wind[11:])
+        heading = features.heading_frames(matrices, bind_pose(), 0)[0]
+        assert np.allclose(features.begin(whole[11:].copy(), heading[11].T @ wind[11]), later, atol=1e-9)
+        rest = features.at_rest(whole.copy())
+        assert np.all(rest[:, :45] == whole[:, :45]) and np.all(rest[:, 45:] == 0)
+
+
+def test_root_motion_of_an_unknown_kind_is_refused():
+    with pytest.raises(ValueError, match="'hip', allowed are none, hips, air"):
+        features.raw(poses(3, np.random.default_rng(1)), bind_pose(), 0, [0], RATE, "hip")
+
+
 def test_features_ignore_where_the_character_stands_and_faces():
     matrices = poses(30, np.random.default_rng(1))
     moved = rigid(rotation([0, 1, 0], 2.0), [5, 0.3, -2]) @ matrices
@@ -55,7 +117,7 @@ def test_features_ignore_where_the_character_stands_and_faces():
 
 
 def test_without_root_motion_there_are_nine_numbers_a_joint():
-    got = features.raw(poses(3, np.random.default_rng(1)), bind_pose(), 0, [0, 3], RATE, False)
+    got = features.raw(poses(3, np.random.default_rng(1)), bind_pose(), 0, [0, 3], RATE, "none")
     assert got.shape == (3, 18)
 
 
@@ -88,6 +150,10 @@ def test_mirrored_motion_gives_mirrored_features():
     assert np.allclose(other[:, :45], (flip @ expected @ flip).reshape(-1, 45), atol=1e-12)
     assert np.allclose(other[:, 45:], plain[:, 45:] * [-1, 1, 1, -1], atol=1e-10)
     assert np.allclose(features.mirror_pose(mirrored, MIRROR), matrices)
+    wind = np.random.default_rng(6).normal(0, 4, (40, 3))
+    air = features.raw(matrices, bind, 0, JOINTS, RATE, "air", wind)[:, 45:]
+    image = features.raw(mirrored, bind, 0, JOINTS, RATE, "air", features.mirror_wind(wind))[:, 45:]
+    assert np.allclose(image, air * [-1, 1, 1, -1, -1, 1, 1], atol=1e-9)
 
 
 def test_standardise_clamps_to_the_widened_training_range():

@@ -145,7 +145,7 @@ def test_takes_are_left_out_by_their_names_too(tiny, tmp_path):
 def test_windows_begin_with_a_reset(tiny):
     class Clip:
         name, rate = "c", 30.0
-        pose = type("P", (), {"x": torch.ones(40, 13), "__len__": lambda s: 40})()
+        pose = type("P", (), {"x": torch.ones(40, 13), "wind": None, "__len__": lambda s: 40})()
 
         def __len__(self):
             return 40

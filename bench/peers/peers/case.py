@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from dcloth_training import bundle, network, reference, sequence
+from dcloth_training import bundle, reference, sequence
 
 
 @dataclass
@@ -97,7 +97,7 @@ class Case:
     def __init__(self, bundle_path, sequence_path):
         net, rig, _, _ = bundle.read(str(bundle_path))
         item = sequence.read(str(sequence_path))
-        pose = network.pose_of(reference.matrices_for(item, rig, sequence_path), rig)
+        pose = reference.pose_for(item, rig, torch.float64, sequence_path)
         with torch.no_grad():
             self.truth = net.run(pose).numpy()
             points = (net.body_points(pose.body_frame).transpose(0, 1) - net.mesh.input_mean) / net.mesh.input_deviation

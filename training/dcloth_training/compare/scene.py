@@ -5,7 +5,7 @@ import os
 import numpy as np
 import torch
 
-from .. import bundle, dataset, export, network, reference, rig, safetensors_io, train
+from .. import bundle, dataset, export, reference, rig, safetensors_io, train
 from ..stages.static_stage import StaticStage
 
 NOT_OPTIONS = ("data", "more_data", "out", "export", "threads", "freeze")
@@ -103,7 +103,7 @@ class Scene:
 
     def pose(self, item, path):
         """What a tick reads of a sequence, in float32."""
-        return network.pose_of(reference.matrices_for(item, self.rig, path), self.rig, torch.float32)
+        return reference.pose_for(item, self.rig, torch.float32, path)
 
     def base(self, name):
         """A static stage that is linear blend skinning alone: "plain" or "hips" weights, D = 0."""
