@@ -14,7 +14,7 @@ namespace dcloth::kernels {
 struct KernelTable {
   const char* name;  // "scalar", "sse4", "avx2", "avx3", "neon", "wasm" or "reproducible"
   // Whether subnormal numbers are worth what IEEE 754 says, as they are where nothing can flush them (WebAssembly):
-  // "reproducible" alone. The others' callers take them for zero, see engine/src/float_environment.h.
+  // "reproducible" alone. The others' callers take them for zero, see engine/src/base/arithmetic.h.
   bool counts_subnormals;
 #define DCLOTH_KERNEL_MEMBER(Function, member) void (*member)(const Function##Job& job);
   DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_MEMBER)

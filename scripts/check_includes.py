@@ -19,10 +19,42 @@ FORMAT_FOR_ENGINE = {"engine/format/view.h", "engine/format/verify.h", "engine/f
                      "engine/format/checksum.h"}
 PACKING = re.compile(r"kernels/(half|kernels|kernel_list|scalar_math)\.h|kernels/\w+/\w+(?<!-inl)\.h")
 ROOMS = ("engine/", "kernels/", "converter/", "tools/", "platforms/", "tests/", "bench/")
+# The rooms of engine/src, each with those that it may see; "" is what lies in no room, the cloth that is made of them.
+ENGINE_ROOMS = {
+    "base": set(),
+    "pose": {"base"},
+    "network": {"base", "pose", "time", ""},
+    "time": {"base", "pose", "network", ""},
+    "draw": {"base", "pose"},
+    "body": {"base", "pose", "draw"},
+    "": {"base", "pose", "network", "time", "draw", "body"},
+    "state": {"base", "pose", "network", "time", ""},
+    "scene": {"base", "network", "time", ""},
+    "api": {"base", "pose", "network", "time", "draw", "body", "state", "scene", ""},
+}
+ENGINE_FILE = re.compile(r"engine/src/(?:(\w+)/)?\w+\.(?:h|cc)")
 
 
 def room(name, *rooms):
     return any(name.startswith(r) for r in rooms)
+
+
+def engine_room(path):
+    """The room of a file of the engine: "" for one in none, None for other files."""
+    match = ENGINE_FILE.fullmatch(path)
+    return match and (match.group(1) or "")
+
+
+def engine_fault(path, name):
+    """Why a file of one room of the engine may not include one of another, or None."""
+    here, there = engine_room(path), engine_room(name)
+    if here is None or there is None:
+        return None
+    for unknown in {here, there} - set(ENGINE_ROOMS):
+        return f"ENGINE_ROOMS in check_includes.py does not say what the room {unknown!r} sees"
+    if here != there and there not in ENGINE_ROOMS[here]:
+        return f"the room {here!r} of the engine sees only " + ", ".join(sorted(filter(None, ENGINE_ROOMS[here])))
+    return None
 
 
 def fault(path, name):
@@ -54,6 +86,8 @@ def fault(path, name):
         return "the format knows nothing of the engine"
     if room(path, "engine/src/") and name.startswith("engine/format/") and name not in FORMAT_FOR_ENGINE:
         return "the engine sees of the format only " + ", ".join(sorted(FORMAT_FOR_ENGINE))
+    if engine_fault(path, name):
+        return engine_fault(path, name)
     if room(path, "converter/") and (room(name, "engine/src/", "tools/", "tests/", "bench/") or
                                      (name.startswith("kernels/") and not PACKING.fullmatch(name))):
         return "the converter sees the format, the public header, and the kernels' packing and references"

@@ -3,14 +3,12 @@
 #include <cstring>
 #include <new>
 
-#include "engine/src/coefficients.h"
-#include "engine/src/displacement.h"
-#include "engine/src/idle.h"
-#include "engine/src/isa.h"
-#include "engine/src/normals.h"
-#include "engine/src/skinning.h"
-#include "engine/src/static_stage.h"
-#include "engine/src/tangents.h"
+#include "engine/src/network/displacement.h"
+#include "engine/src/time/idle.h"
+#include "engine/src/base/arithmetic.h"
+#include "engine/src/draw/normals.h"
+#include "engine/src/draw/skinning.h"
+#include "engine/src/network/pose_stages.h"
 
 namespace dcloth::engine {
 namespace {

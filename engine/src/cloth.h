@@ -1,18 +1,18 @@
 // One garment on one character: the memory of an instance, its reset, and a frame's skinning. Ticks are in
-// tick_work.h, time in update.h.
+// network/tick_work.h, time in update.h.
 #ifndef DCLOTH_ENGINE_SRC_CLOTH_H_
 #define DCLOTH_ENGINE_SRC_CLOTH_H_
 
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/src/frame_clock.h"
-#include "engine/src/mesh_stage.h"
-#include "engine/src/penetration.h"
-#include "engine/src/pose.h"
-#include "engine/src/skeleton_stage.h"
-#include "engine/src/stopwatch.h"
-#include "engine/src/tick_plan.h"
+#include "engine/src/time/frame_clock.h"
+#include "engine/src/network/mesh_stage.h"
+#include "engine/src/body/penetration.h"
+#include "engine/src/pose/pose.h"
+#include "engine/src/network/pose_stages.h"
+#include "engine/src/base/stopwatch.h"
+#include "engine/src/network/tick_plan.h"
 
 namespace dcloth::engine {
 
@@ -53,7 +53,7 @@ struct Cloth {
   Affine* pose_before;  // [joint_count], the pose of the last update
   Affine* pose_now;     // [joint_count], the pose of this one
   Affine* idle_pose;    // [joint_count], of the tick since which the pose has not moved
-  float* idle_start;    // D and basis coefficients of the first of the idle ticks, see idle.h
+  float* idle_start;    // D and basis coefficients of the first of the idle ticks, see time/idle.h
   float* matrices;      // [m, 12], scratch of a frame
   float* features;      // x [d], kept from tick to tick
   float* hidden;        // [padded width] of the static stage
@@ -62,7 +62,7 @@ struct Cloth {
   MeshMemory mesh;
   BodyMemory body;      // scratch of a frame
   float* mesh_before;   // Q [k_M] that the mesh stage made last; at half rate only
-  float* coefficients;              // see coefficients.h; P is the skeleton stage's state
+  float* coefficients;              // see network/displacement.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
   float* displacement[kTickSlots];  // delta of a tick; null without a basis
   uint32_t newest;      // slot of the newest complete tick; older ones lie before it, around the corner

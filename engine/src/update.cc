@@ -3,9 +3,9 @@
 #include <cstring>
 #include <utility>
 
-#include "engine/src/idle.h"
-#include "engine/src/pose_blend.h"
-#include "engine/src/tick_work.h"
+#include "engine/src/time/idle.h"
+#include "engine/src/time/pose_blend.h"
+#include "engine/src/network/tick_work.h"
 
 namespace dcloth::engine {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "engine/format/checksum.h"
-#include "engine/src/state.h"
+#include "engine/src/state/state.h"
 #include "tests/attack/variants.h"
 #include "tests/fuzz/targets.h"
 #include "tests/unit/engine/aligned_bytes.h"

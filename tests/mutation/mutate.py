@@ -75,7 +75,7 @@ def owners():
     for path in sorted((ROOT / "engine/format").glob("*.cc")):
         found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), VERIFIER)]
     for name in ("state", "state_check", "state_layout"):
-        found[f"engine/src/{name}.cc"] = [(f"engine/src/{name}.cc", STATE)]
+        found[f"engine/src/state/{name}.cc"] = [(f"engine/src/state/{name}.cc", STATE)]
     for path in sorted((ROOT / "converter").glob("*.cc")):
         file = str(path.relative_to(ROOT))
         found[file] = [(file, CONVERTER.get(path.stem, [f"converter_{path.stem}_test"]))]

@@ -15,7 +15,7 @@
 #include <random>
 
 #include "dcloth/dcloth.hpp"
-#include "engine/src/pose_blend.h"
+#include "engine/src/time/pose_blend.h"
 #include "tests/scene/smooth_motion.h"
 #include "tests/stability/garment.h"
 

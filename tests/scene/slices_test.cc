@@ -13,7 +13,7 @@
 #include "converter/model_work.h"
 #include "dcloth/dcloth.hpp"
 #include "engine/src/cloth.h"
-#include "engine/src/tick_work.h"
+#include "engine/src/network/tick_work.h"
 #include "tests/stability/stability_case.h"
 
 namespace dcloth::stability {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "engine/src/body_search.h"
-#include "engine/src/body_sites.h"
+#include "engine/src/body/body_search.h"
+#include "engine/src/body/body_sites.h"
 
 namespace dcloth::testing {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "engine/format/checksum.h"
-#include "engine/src/state.h"
+#include "engine/src/state/state.h"
 #include "tests/unit/engine/cloth_fixture.h"
 
 namespace dcloth::testing {

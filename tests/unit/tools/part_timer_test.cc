@@ -6,7 +6,7 @@
 #include <numeric>
 #include <vector>
 
-#include "engine/src/stopwatch.h"
+#include "engine/src/base/stopwatch.h"
 
 namespace dcloth::tools {
 namespace {

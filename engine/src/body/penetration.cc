@@ -1,0 +1,128 @@
+#include "engine/src/body/penetration.h"
+
+#include <cstdint>
+
+namespace dcloth::engine {
+namespace {
+
+using format::BodyView;
+
+void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
+              const BoundPose& bound, const BodyMemory& memory) {
+  const BodyView& body = model.body;
+  for (size_t j = 0; j < model.joint_count; ++j) StoreFloats(ToHost(space, bound.joints[j]), memory.matrices + 12 * j);
+  kernels::SkinningJob skinning = {};
+  skinning.matrices = memory.matrices;
+  skinning.positions = body.positions;
+  skinning.bones = body.joints;
+  skinning.weights = body.weights;
+  skinning.out = memory.positions;
+  skinning.out_stride_bytes = 3 * sizeof(float);
+  skinning.vertices = body.vertex_count;
+  skinning.influences = body.influences;
+  kernels.skinning(skinning);
+  kernels::NormalsJob normals = {};
+  normals.positions = memory.positions;
+  normals.position_stride_bytes = normals.normal_stride_bytes = 3 * sizeof(float);
+  normals.triangles = body.faces;
+  normals.normals = memory.normals;
+  normals.vertices = body.vertex_count;
+  normals.triangle_count = body.face_count;
+  kernels.normals(normals);
+  if (!space.mirrored) return;
+  for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i) memory.normals[i] = -memory.normals[i];
+}
+
+// A push may lead under another part of the body: in a fold, between two legs.
+constexpr int kMaxPushes = 4;
+constexpr double kShare[kMaxPushes] = {1, 1, 0.5, 0.25};  // of the clearance: a fold may be narrower than it
+constexpr double kPushed = 0.99;  // of the clearance: rounded to floats, a vertex that was pushed stays put
+// Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing of.
+constexpr double kFarPush = 2;
+
+double SquaredDistance(const double* a, const float* b) {
+  double squared = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    const double apart = a[c] - static_cast<double>(b[c]);
+    squared += apart * apart;
+  }
+  return squared;
+}
+
+}  // namespace
+
+BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
+  const size_t b = model.body.vertex_count;
+  BodyMemory memory = {};
+  if (b == 0) return memory;
+  memory.matrices = arena->Take<float>(size_t{12} * model.joint_count);
+  memory.positions = arena->Take<float>(3 * b);
+  memory.normals = arena->Take<float>(3 * b);
+  memory.sites = PlaceBodySites(model.body, arena);
+  memory.touch = PlaceTouchLists(model, arena);
+  return memory;
+}
+
+void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
+  if (memory.touch.order != nullptr) FillTouchLists(model, memory.touch);
+}
+
+void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
+                 const BoundPose& bound, const BodyMemory& memory, const Surface& surface) {
+  const BodyView& body = model.body;
+  if (body.vertex_count == 0) return;
+  const double units_per_metre = 1 / space.metres_per_unit;
+  const double clearance = static_cast<double>(body.clearance) * units_per_metre;
+  PoseBody(kernels, model, space, bound, memory);
+  FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
+  kernels::NearestJob job = {};
+  uint16_t nearest[kernels::kNearestPatch], suspect[kernels::kNearestPatch];
+  job.points = surface.positions;
+  job.point_stride_bytes = surface.position_stride_bytes;
+  job.reach = static_cast<float>(static_cast<double>(body.reach) * units_per_metre);
+  job.clearance = static_cast<float>(clearance);
+  job.nearest = nearest;
+  job.suspect = suspect;
+  SearchBudget budget = SearchBudgetOf(model.vertex_count);
+  for (size_t c = 0; c < ClassCount(model); ++c) {
+    const TouchClass touch = ClassAt(model, memory.touch, c);
+    if (touch.vertex_count == 0 || touch.group_count == 0) continue;
+    UseSites(touch, memory.sites, &job);
+    const PosedBody posed = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, touch.bit};
+    for (size_t begin = 0; begin < touch.vertex_count; begin += job.points_count) {
+      const size_t left = touch.vertex_count - begin;
+      job.order = touch.vertices + begin;
+      job.points_count = left < kernels::kNearestPatch ? left : kernels::kNearestPatch;
+      kernels.nearest(job);
+      for (size_t i = 0; i < job.points_count; ++i) {
+        if (suspect[i] == kernels::kNoSite) continue;
+        auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
+        PushOut(posed, job, memory.touch, i, clearance, &budget, reinterpret_cast<float*>(bytes));
+      }
+    }
+  }
+}
+
+void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i, double clearance,
+             SearchBudget* budget, float* position) {
+  const auto nearest = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.nearest[i]));
+  const auto suspect = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.suspect[i]));
+  const double far = kFarPush * clearance;
+  double v[3] = {static_cast<double>(position[0]), static_cast<double>(position[1]), static_cast<double>(position[2])};
+  bool moved = false;
+  for (int push = 0; push < kMaxPushes && budget->faces != 0; ++push) {
+    const bool whole = moved && budget->whole_searches != 0 && SquaredDistance(v, position) > far * far;
+    if (whole) --budget->whole_searches;
+    const ClosestPoint closest =
+        whole ? SearchWholeBody(posed, job, lists, suspect, v) : SearchBody(posed, suspect, nearest, v);
+    budget->faces -= closest.faces_seen < budget->faces ? closest.faces_seen : budget->faces;
+    const double height = kShare[push] * clearance;
+    if (!closest.found || closest.distance >= kPushed * height || EndsAt(posed, closest)) break;
+    for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + height * closest.direction[c];
+    moved = true;
+  }
+  if (!moved) return;
+  for (size_t c = 0; c < 3; ++c) position[c] = static_cast<float>(v[c]);
+}
+
+}  // namespace dcloth::engine

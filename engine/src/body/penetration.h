@@ -1,0 +1,62 @@
+// Keeps the drawn garment out of the body (NETWORK.md, "Penetration"; D-Cloth eq. 18).
+#ifndef DCLOTH_ENGINE_SRC_BODY_PENETRATION_H_
+#define DCLOTH_ENGINE_SRC_BODY_PENETRATION_H_
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/src/base/lent_memory.h"
+#include "engine/src/body/body_search.h"
+#include "engine/src/body/body_sites.h"
+#include "engine/src/body/touch_lists.h"
+#include "engine/src/draw/output.h"
+#include "engine/src/pose/pose.h"
+#include "kernels/kernels.h"
+
+namespace dcloth::engine {
+
+// Scratch of a frame but for `touch`; all null where the model has no body.
+struct BodyMemory {
+  float* matrices;   // [joint_count, 12]
+  float* positions;  // [b, 3] posed
+  float* normals;    // [b, 3]
+  BodySites sites;
+  TouchLists touch;
+};
+
+BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
+
+// Once, before the first KeepOutside: fills in `touch`.
+void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
+
+// Moves each vertex of `surface` that is less than the clearance outside the closest point of what it touches of the
+// posed body until it is just that; one whose closest point is where that ends stays. Run it after skinning, while
+// positions are relative to the hips. Does nothing where the model has no body.
+void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
+                 const BoundPose& bound, const BodyMemory& memory, const Surface& surface);
+
+// What the searches of a frame may take together, so that no pose and no model makes a frame endless: 16 ns a face. A vertex
+// that comes after stays where it is. The bundled garments look at 20 faces a vertex at most where they lie on the floor
+// or turn over, at 1.7 in most clips; joints shuffled or torn apart would have them look at 126, joints without size at 219.
+struct SearchBudget {
+  uint32_t faces;
+  uint32_t whole_searches;  // pushes beyond them go by walks
+};
+
+// Of a garment of so many vertices. A model can be made in which every push is far and every face in question; the bundled
+// garments need 1,454 whole searches at most, and 421 on their held-out clips.
+inline SearchBudget SearchBudgetOf(uint32_t vertices) {
+  constexpr uint32_t kFacesPerVertex = 32, kLeastFaces = 65536, kWholeSearches = 2048;
+  const uint32_t faces = kFacesPerVertex * vertices;
+  return {faces > kLeastFaces ? faces : kLeastFaces, kWholeSearches};
+}
+
+// Point `i` of the job, which has a suspect, out of what its class touches and `clearance` away from it; less in a fold that
+// is too narrow, and not at all where the closest point lies on the rim of what counts. `position` is the point's; `budget`
+// is what is left in the frame.
+void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i, double clearance,
+             SearchBudget* budget, float* position);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_BODY_PENETRATION_H_

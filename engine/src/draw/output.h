@@ -1,0 +1,36 @@
+// Host buffers: what they must look like, where the garment is computed, and the last pass over it.
+#ifndef DCLOTH_ENGINE_SRC_DRAW_OUTPUT_H_
+#define DCLOTH_ENGINE_SRC_DRAW_OUTPUT_H_
+
+#include <cstddef>
+
+#include "dcloth/dcloth.h"
+#include "engine/src/pose/space.h"
+
+namespace dcloth::engine {
+
+// Float arrays that the garment is computed in: the host's own buffers where all of them hold floats, else
+// its scratch.
+struct Surface {
+  float* positions;
+  size_t position_stride_bytes;
+  float* normals;  // null when not wanted
+  size_t normal_stride_bytes;
+  float* tangents;  // null when not wanted
+  size_t tangent_stride_bytes;
+};
+
+bool OutputIsUsable(const dcloth_output& output, uint32_t vertex_count);
+
+// Bytes of scratch that the output's formats need; 0 where all are floats.
+size_t ScratchBytes(const dcloth_output& output);
+
+Surface SurfaceOf(const dcloth_output& output);
+
+// Moves positions by `origin` (host units), turns normals outward in a mirrored space, stores what is no
+// float in its format and takes the bounds.
+void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, const dcloth_output& output);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_DRAW_OUTPUT_H_

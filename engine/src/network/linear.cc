@@ -1,0 +1,86 @@
+#include "engine/src/network/linear.h"
+
+namespace dcloth::engine {
+namespace {
+
+using format::LinearView;
+using format::WeightType;
+
+constexpr size_t kWidth = kernels::kPanelColumns;
+
+// What the three jobs have in common.
+template <typename Job, typename Weight>
+Job PanelJob(const LinearProduct& product, size_t panel_rows, size_t begin, size_t count, float* out) {
+  const LinearView& linear = *product.linear;
+  Job job = {};
+  job.weights = static_cast<const Weight*>(linear.weights) + begin * panel_rows * kWidth;
+  job.bias = linear.bias != nullptr ? linear.bias + begin * kWidth : nullptr;
+  job.y = out;
+  job.panel_rows = panel_rows;
+  job.panel_count = count;
+  job.relu = product.activation == Activation::kRelu;
+  return job;
+}
+
+template <typename Job, typename Weight>
+Job FloatJob(const LinearProduct& product, size_t begin, size_t count, float* out) {
+  auto job = PanelJob<Job, Weight>(product, product.linear->rows, begin, count, out);
+  job.x = product.x;
+  job.row_count = product.row_count;
+  job.in_order = product.in_order;
+  return job;
+}
+
+kernels::MatvecI8Job I8Job(const LinearProduct& product, float x_scale, size_t begin, size_t count, float* out) {
+  const size_t panel_rows = kernels::PairedRows(product.linear->rows);
+  auto job = PanelJob<kernels::MatvecI8Job, int8_t>(product, panel_rows, begin, count, out);
+  job.x = product.quantized;
+  job.column_scales = product.linear->column_scales + begin * kWidth;
+  job.x_scale = x_scale;
+  job.row_count = kernels::PairedRows(product.row_count);
+  return job;
+}
+
+}  // namespace
+
+size_t QuantizedElements(const LinearView& linear) {
+  return linear.type == WeightType::kI8 ? kernels::PairedRows(linear.rows) : 0;
+}
+
+size_t PanelBytes(const LinearView& linear, size_t row_count) {
+  const size_t width = linear.type == WeightType::kF32 ? 4 : linear.type == WeightType::kF16 ? 2 : 1;
+  return row_count * kWidth * width;
+}
+
+float QuantizeInput(const kernels::KernelTable& kernels, const LinearProduct& product) {
+  if (product.linear->type != WeightType::kI8) return 1.0f;
+  float scale = 0.0f;
+  kernels.quantize_i16({product.x, product.linear->row_scales, product.quantized, &scale, product.row_count});
+  return scale;
+}
+
+void ApplyPanels(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
+                 size_t count) {
+  ApplyPanelsTo(kernels, product, x_scale, begin, count, product.y + begin * kWidth);
+}
+
+void ApplyPanelsTo(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
+                   size_t count, float* out) {
+  switch (product.linear->type) {
+    case WeightType::kF32:
+      kernels.matvec_f32(FloatJob<kernels::MatvecF32Job, float>(product, begin, count, out));
+      break;
+    case WeightType::kF16:
+      kernels.matvec_f16(FloatJob<kernels::MatvecF16Job, uint16_t>(product, begin, count, out));
+      break;
+    case WeightType::kI8:
+      kernels.matvec_i8(I8Job(product, x_scale, begin, count, out));
+      break;
+  }
+}
+
+void ApplyLinear(const kernels::KernelTable& kernels, const LinearProduct& product) {
+  ApplyPanels(kernels, product, QuantizeInput(kernels, product), 0, kernels::PanelCount(product.linear->columns));
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,38 @@
+// One tick of the network as work that can be put down after any portion and taken up in a later frame.
+//
+// A tick is a row of parts (a matrix product, a pass over the mesh), a part a number of items (panels of 32
+// columns, blocks of 16 vertices). However a tick is cut, its result is the same to the bit: items never
+// share a sum.
+#ifndef DCLOTH_ENGINE_SRC_NETWORK_TICK_WORK_H_
+#define DCLOTH_ENGINE_SRC_NETWORK_TICK_WORK_H_
+
+#include <cstdint>
+
+#include "engine/src/cloth.h"
+#include "engine/src/base/stopwatch.h"
+
+namespace dcloth::engine {
+
+// Estimated time of a tick in picoseconds on one core, from the sizes alone: it weighs parts against each
+// other, so that equal portions take about equal time. The constants and their source are in the .cc file.
+uint64_t TickCost(const format::ModelView& model, const TickPlan& plan);
+
+// Takes the pose in: features, woken stages, body matrices. The caller has finished the tick before.
+// `elapsed_ticks` is the time since that one, 1 unless ticks were skipped or waited.
+void BeginTick(Cloth* cloth, const BoundPose& bound, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch);
+
+// Runs portions until their cost reaches `budget` or the tick is complete; returns what it ran, less than one
+// item above the budget. A complete tick becomes the newest one. Without a tick in work it does nothing.
+uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch);
+
+// Items of a part of a tick; none where the part does not take place.
+uint64_t TickItems(const format::ModelView& model, const TickPlan& plan, TickPart part);
+
+// Takes up a tick whose results so far lie in the cloth's memory: `items_done` of `part`, fewer than it has.
+void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done);
+
+inline bool TickInWork(const Cloth& cloth) { return cloth.work.part != TickPart::kDone; }
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_NETWORK_TICK_WORK_H_

@@ -1,0 +1,31 @@
+// The host's rig and the model's: which joint is which, by name, and joints that have axes of their own, by the bind pose.
+//
+// The world's motion from bind pose to pose, D_j = G_j P_j^-1, is the same whatever axes a joint was given; in the model's
+// space and times the joint's matrix of training, B_j, it is the G_j that the network knows.
+#ifndef DCLOTH_ENGINE_SRC_POSE_HOST_RIG_H_
+#define DCLOTH_ENGINE_SRC_POSE_HOST_RIG_H_
+
+#include <cstdint>
+
+#include "dcloth/dcloth.h"
+#include "engine/format/diagnostic.h"
+#include "engine/format/view.h"
+#include "engine/src/pose/pose.h"
+
+namespace dcloth::engine {
+
+// Takes P_j^-1 of every joint of the model into the binding; refused, it changes nothing.
+bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, PoseBinding* binding,
+                  format::Diagnostic* diagnostic);
+
+// G_j in the model's space from the host's, by D_j.
+Affine FromBindPose(const format::ModelView& model, const PoseBinding& binding, size_t joint, const Affine& host);
+
+// Writes the host's index of every joint of the model into `joint_map`, [joint_count]; of equal names the
+// first. False where some are missing: the text names them, and `joint_map` is untouched.
+bool MatchJoints(const format::ModelView& model, const char* const* names, uint32_t count, uint32_t* joint_map,
+                 format::Diagnostic* diagnostic);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_POSE_HOST_RIG_H_

@@ -1,0 +1,140 @@
+#include "engine/src/pose/pose.h"
+
+#include <cmath>
+#include <cstddef>
+
+#include "engine/src/pose/affine.h"
+#include "engine/src/pose/host_rig.h"
+
+namespace dcloth::engine {
+namespace {
+
+constexpr size_t kPoseFloats = 16;
+constexpr double kShortestHeading = 0.2;  // of the projected left axis; NETWORK.md
+constexpr double kSmallestVolume = 1e-6;  // of a joint's linear part: scaled to 1 % along each axis; NETWORK.md
+
+// The hips' left axis on the ground; the heading before where the hips lie or stand on their side.
+Heading HeadingOf(const Affine& hips, const Heading& before) {
+  const double x = hips.m[0][0], z = hips.m[2][0];
+  const double length = std::sqrt(x * x + z * z);
+  if (length < kShortestHeading) return before;
+  return {x / length, -z / length};
+}
+
+// Hosts scale limbs to zero to hide them, and some send zeros before a character is posed: no rotation can be
+// read there.
+bool IsCollapsed(const Affine& a) {
+  const double volume = a.m[0][0] * (a.m[1][1] * a.m[2][2] - a.m[1][2] * a.m[2][1]) -
+                        a.m[0][1] * (a.m[1][0] * a.m[2][2] - a.m[1][2] * a.m[2][0]) +
+                        a.m[0][2] * (a.m[1][0] * a.m[2][1] - a.m[1][1] * a.m[2][0]);
+  return volume > -kSmallestVolume && volume < kSmallestVolume;
+}
+
+// Signed angle from `from` to `to` in (-pi, pi]: the wrapped difference of two yaws.
+double Turn(const Heading& from, const Heading& to) {
+  return AngleOf(to.sine * from.cosine - to.cosine * from.sine, to.cosine * from.cosine + to.sine * from.sine);
+}
+
+// Backward differences over the time since the last tick; none after a reset, the last ones after a jump.
+void UpdateVelocity(const BoundPose& bound, const Heading& heading, double rate, RootMotion* root) {
+  if (!root->started) rate = 0;
+  Affine step = {};
+  for (int r = 0; r < 3; ++r) step.m[r][3] = (bound.origin[r] - root->position[r]) * rate;
+  const Affine velocity = ToHeading(heading, step);
+  for (int r = 0; r < 3; ++r) root->velocity[r] = velocity.m[r][3];
+  root->yaw_rate = Turn(root->heading, heading) * rate;
+}
+
+// In double all the way, so that no finite pose overflows before the clamp.
+float Standardise(const format::FeaturesView& features, size_t i, double value) {
+  const double low = static_cast<double>(features.low[i]), high = static_cast<double>(features.high[i]);
+  const double x = (value - static_cast<double>(features.mean[i])) * static_cast<double>(features.inverse_deviation[i]);
+  return static_cast<float>(x < low ? low : x > high ? high : x);
+}
+
+}  // namespace
+
+Affine JointMatrix(const dcloth_pose& pose, size_t joint) {
+  const float* g = pose.joint_matrices + joint * kPoseFloats;
+  Affine matrix;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 4; ++c)
+      matrix.m[r][c] = static_cast<double>(pose.column_major != 0 ? g[4 * c + r] : g[4 * r + c]);
+  }
+  return matrix;
+}
+
+Affine InverseBind(const format::ModelView& model, size_t joint) {
+  const float* rows = model.inverse_bind + joint * 12;
+  Affine matrix;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 4; ++c) matrix.m[r][c] = static_cast<double>(rows[4 * r + c]);
+  }
+  return matrix;
+}
+
+bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose) {
+  if (pose.joint_count != binding.host_joint_count) return false;
+  bool usable = true;
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    const float* matrix = pose.joint_matrices + binding.joint_map[j] * kPoseFloats;
+    for (size_t i = 0; i < kPoseFloats; ++i)
+      usable &= matrix[i] >= -kMaxPoseMagnitude && matrix[i] <= kMaxPoseMagnitude;
+  }
+  return usable;
+}
+
+void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints) {
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    const Affine host = JointMatrix(pose, binding.joint_map[j]);
+    joints[j] = binding.has_bind_pose ? FromBindPose(model, binding, j, host) : FromHost(binding.space, host);
+  }
+}
+
+void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound) {
+  for (int r = 0; r < 3; ++r) bound->origin[r] = pose[model.hips].m[r][3];
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    Affine matrix = pose[j];
+    for (int r = 0; r < 3; ++r) matrix.m[r][3] -= bound->origin[r];
+    bound->joints[j] = matrix * InverseBind(model, j);
+  }
+}
+
+Affine ToHeading(const Heading& heading, const Affine& matrix) {
+  Affine local;
+  for (int c = 0; c < 4; ++c) {
+    const double x = matrix.m[0][c], z = matrix.m[2][c];
+    local.m[0][c] = heading.cosine * x - heading.sine * z;
+    local.m[1][c] = matrix.m[1][c];
+    local.m[2][c] = heading.sine * x + heading.cosine * z;
+  }
+  return local;
+}
+
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, double elapsed_ticks, RootMotion* root,
+                    float* x) {
+  const format::FeaturesView& features = model.features;
+  const Heading heading = HeadingOf(bound.joints[model.hips], root->heading);
+  size_t i = 0;
+  for (size_t joint = 0; joint < features.joint_count; ++joint) {
+    const Affine local = ToHeading(heading, bound.joints[features.joints[joint]]);
+    if (IsCollapsed(local)) {
+      i += 9;
+      continue;
+    }
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c, ++i) x[i] = Standardise(features, i, local.m[r][c]);
+    }
+  }
+  if (features.root_motion) {
+    if (!root->jumped) UpdateVelocity(bound, heading, static_cast<double>(model.tick_rate) / elapsed_ticks, root);
+    for (int r = 0; r < 3; ++r, ++i) x[i] = Standardise(features, i, root->velocity[r]);
+    x[i] = Standardise(features, i, root->yaw_rate);
+  }
+  root->heading = heading;
+  for (int r = 0; r < 3; ++r) root->position[r] = bound.origin[r];
+  root->started = true;
+  root->jumped = false;
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,70 @@
+// The host's pose as the network sees it (NETWORK.md, "Pose"): relative to the hips, in the heading frame, as features.
+#ifndef DCLOTH_ENGINE_SRC_POSE_POSE_H_
+#define DCLOTH_ENGINE_SRC_POSE_POSE_H_
+
+#include "dcloth/dcloth.h"
+#include "engine/format/view.h"
+#include "engine/src/pose/affine.h"
+#include "engine/src/pose/space.h"
+
+namespace dcloth::engine {
+
+// Larger numbers in a pose are refused like infinity, so that no pose can drive the recurrent state out of float range.
+constexpr float kMaxPoseMagnitude = 1e9f;
+
+// How a host gives its poses.
+struct PoseBinding {
+  Space space;
+  uint32_t host_joint_count;  // matrices in a pose
+  uint32_t* joint_map;        // [joint_count], the host's index of each joint of the model
+  Affine* inverse_bind;       // [joint_count], P_j^-1 in the host's space, see host_rig.h
+  bool has_bind_pose;
+};
+
+// The host's matrix `joint`.
+Affine JointMatrix(const dcloth_pose& pose, size_t joint);
+
+// B_j^-1 of training.
+Affine InverseBind(const format::ModelView& model, size_t joint);
+
+// Every joint is there and every matrix element of the model's joints is finite.
+bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose);
+
+// G_j of every joint, [joint_count], in the model's space.
+void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints);
+
+// G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
+struct BoundPose {
+  Affine* joints;    // [joint_count]
+  double origin[3];  // the hips' world position
+};
+// `pose` may be `bound->joints`.
+void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound);
+
+// H's rotation about +Y: its X axis is (cosine, 0, -sine).
+struct Heading {
+  double cosine = 1.0;
+  double sine = 0.0;
+};
+
+// Where the character was, faced and went at the last tick.
+struct RootMotion {
+  Heading heading;
+  double position[3] = {};
+  double velocity[3] = {};  // m/s, in the heading frame
+  double yaw_rate = 0;      // rad/s
+  bool started = false;     // false after a reset: no velocity yet
+  bool jumped = false;      // moved by the host since then, not by its own legs: the velocity stays
+};
+
+// H^-1 M for a matrix whose origin is the hips.
+Affine ToHeading(const Heading& heading, const Affine& matrix);
+
+// Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped
+// features x [d]. A collapsed joint leaves its nine as they were, so x lives as long as the cloth.
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, double elapsed_ticks, RootMotion* root,
+                    float* x);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_POSE_POSE_H_

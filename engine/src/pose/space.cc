@@ -1,0 +1,47 @@
+#include "engine/src/pose/space.h"
+
+namespace dcloth::engine {
+
+bool MakeSpace(const dcloth_space& described, Space* space) {
+  constexpr float kSmallest = 1e-4f, kLargest = 1e3f;
+  if (!(described.metres_per_unit >= kSmallest && described.metres_per_unit <= kLargest)) return false;
+  const uint32_t axes[3] = {described.left, described.up, described.forward};
+  Space made;
+  uint32_t seen = 0;
+  for (int i = 0; i < 3; ++i) {
+    if (axes[i] > DCLOTH_AXIS_MINUS_Z) return false;
+    made.axis[i] = static_cast<uint8_t>(axes[i] / 2);
+    made.sign[i] = axes[i] % 2 != 0 ? -1 : 1;
+    seen |= 1u << made.axis[i];
+  }
+  if (seen != 7 || described.joint_frames > DCLOTH_JOINT_FRAMES_KEPT) return false;
+  made.metres_per_unit = static_cast<double>(described.metres_per_unit);
+  made.turn_joints = described.joint_frames == DCLOTH_JOINT_FRAMES_CONVERTED;
+  // The sign of the permutation times the signs of the axes: -1 for a left-handed host.
+  const bool even = (made.axis[1] + 3 - made.axis[0]) % 3 == 1;
+  made.mirrored = (even ? 1 : -1) * made.sign[0] * made.sign[1] * made.sign[2] < 0;
+  *space = made;
+  return true;
+}
+
+Affine FromHost(const Space& space, const Affine& host) {
+  Affine matrix;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) {
+      const double value = space.sign[r] * host.m[space.axis[r]][space.turn_joints ? space.axis[c] : c];
+      matrix.m[r][c] = space.turn_joints ? value * space.sign[c] : value;
+    }
+    matrix.m[r][3] = space.sign[r] * host.m[space.axis[r]][3] * space.metres_per_unit;
+  }
+  return matrix;
+}
+
+Affine ToHost(const Space& space, const Affine& matrix) {
+  Affine host;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 4; ++c) host.m[space.axis[r]][c] = space.sign[r] * matrix.m[r][c] / space.metres_per_unit;
+  }
+  return host;
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,65 @@
+// Many characters, one budget: which level each gets and in which frame it ticks. Arithmetic over a cost model that
+// the host measured; the cloths are only read, and the host updates them itself, on whatever threads it likes.
+//
+// A plan has two steps: levels for the mean of many frames (ChooseLevels), then the ticks of this very frame
+// (GrantTicks). What the second cannot afford waits: its grid moves, so that characters that all spawned in one
+// frame spread over the frames of a tick by themselves. Rejected: spreading each tick over frames for all of them
+// (half a tick more of delay, and each character's weights are fetched in every frame).
+#ifndef DCLOTH_ENGINE_SRC_SCENE_SCENE_H_
+#define DCLOTH_ENGINE_SRC_SCENE_SCENE_H_
+
+#include <cstddef>
+#include <cstdint>
+
+#include "dcloth/dcloth_scene.h"
+#include "engine/src/cloth.h"
+
+namespace dcloth::engine {
+
+// A character at DCLOTH_LEVEL_FROZEN gets a tick of the static stage this often.
+constexpr double kRefreshSeconds = 1;
+
+struct SceneCharacter {
+  const Cloth* cloth;  // null: an empty slot
+  float importance;
+  uint32_t top_level;  // that the model and the host allow
+  float draw_microseconds;
+  float tick_microseconds[DCLOTH_LEVEL_COUNT];
+  float error_mm[DCLOTH_LEVEL_COUNT];
+  uint32_t level;        // of the last plan
+  uint32_t ticks;        // of the last plan's frame: 0 to kMaxTicks
+  bool held;             // no tick may start in the last plan's frame
+  double microseconds;   // planned for that frame
+  double stale_seconds;  // since a plan last gave it a tick
+  double late_seconds;   // since its tick fell due
+  // Scratch of a plan.
+  uint32_t held_level;   // of the plan before
+  double share;          // of a frame, see ChooseLevels
+  uint32_t raise_level;  // the best raise from here
+  double raise_share, worth;
+};
+
+struct Scene {
+  uint32_t count;
+  SceneCharacter* characters;  // [count]
+  uint32_t* order;             // [count], scratch
+  double frame_seconds;        // mean of late
+  double load;                 // what frames really cost over what their plans said
+  double planned_microseconds; // of the last plan, `load` included
+};
+
+// With `storage` null it only returns the size.
+size_t PlaceScene(uint32_t count, void* storage, Scene** scene);
+
+// Starts a slot anew: frozen, never ticked.
+void SetCharacter(const dcloth_scene_character& character, SceneCharacter* slot);
+
+void PlanScene(Scene* scene, const dcloth_scene_frame& frame);
+
+// The frame to give to UpdateCloth.
+uint32_t StagesOf(const SceneCharacter& character);
+uint32_t FlagsOf(const SceneCharacter& character);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_SCENE_SCENE_H_

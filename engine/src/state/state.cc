@@ -1,0 +1,204 @@
+#include "engine/src/state/state.h"
+
+#include <cstddef>
+#include <cstring>
+
+#include "engine/format/checksum.h"
+#include "engine/src/network/displacement.h"
+#include "engine/src/time/idle.h"
+#include "engine/src/state/state_check.h"
+#include "engine/src/state/state_layout.h"
+#include "engine/src/network/tick_work.h"
+
+#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
+#error "models and saved states are little-endian and used as they lie"
+#endif
+
+namespace dcloth::engine {
+namespace {
+
+using format::Diagnostic;
+using format::ModelView;
+using format::Text;
+
+static_assert(sizeof(StateHead) == 208 && offsetof(StateHead, joint_count) == 32 &&
+                  offsetof(StateHead, tick_count) == 64 && offsetof(StateHead, since) == 96,
+              "the same on every platform");
+
+StateHead HeadOf(const Cloth& cloth) {
+  const ModelView& model = *cloth.model;
+  StateHead head = {};
+  std::memcpy(head.magic, kStateMagic, sizeof(kStateMagic));
+  head.version = kStateVersion;
+  head.identity = ModelIdentity(model);
+  head.joint_count = model.joint_count;
+  head.feature_count = model.features.length;
+  head.bone_count = model.static_stage.bone_count;
+  head.vertex_count = model.vertex_count;
+  head.skeleton_units = model.skeleton_stage.units;
+  head.layer_count = model.mesh_stage.layer_count;
+  head.feature_width = model.mesh_stage.feature_width;
+  head.tick_rate = model.tick_rate;
+  head.tick_count = cloth.tick_count;
+  head.stages = cloth.plan.stages;
+  head.part = static_cast<uint32_t>(cloth.work.part);
+  head.items_done = TickInWork(cloth) ? cloth.work.items_done : 0;
+  head.jumped = cloth.root.jumped ? 1 : 0;
+  head.mesh_turn = static_cast<uint32_t>(cloth.plan.mesh);
+  head.idle_ticks = cloth.idle_ticks;
+  head.tick_share = cloth.work_done;
+  head.since = cloth.clock.since();
+  head.waited = cloth.clock.waited();
+  head.lag = cloth.clock.lag();
+  head.older_step = cloth.older_step;
+  head.heading[0] = cloth.root.heading.cosine;
+  head.heading[1] = cloth.root.heading.sine;
+  std::memcpy(head.position, cloth.root.position, sizeof(head.position));
+  std::memcpy(head.velocity, cloth.root.velocity, sizeof(head.velocity));
+  head.yaw_rate = cloth.root.yaw_rate;
+  head.idle_floats = cloth.idle_ticks != 0 && !IsFrozen(cloth) ? IdleStartFloats(model) : 0;
+  return head;
+}
+
+TickPlan PlanOf(const StateHead& head) { return {head.stages, static_cast<MeshTurn>(head.mesh_turn)}; }
+
+StatePosition PositionOf(const StateHead& head) {
+  return {head.tick_count, PlanOf(head), static_cast<TickPart>(head.part), head.items_done, head.idle_floats};
+}
+
+size_t SizeOf(const StateHead& head, const StateSpans& spans) {
+  return sizeof(StateHead) + StatePoseBytes(head) + spans.Floats() * sizeof(float);
+}
+
+bool CheckAll(const uint8_t* bytes, size_t size, bool other_model, const Cloth& cloth, StateHead* head,
+              Diagnostic* diagnostic) {
+  if (!CheckStateBytes(bytes, size, head, diagnostic) ||
+      !CheckStateModel(*head, *cloth.model, other_model, diagnostic) ||
+      !CheckStateHead(*head, *cloth.model, diagnostic)) {
+    return false;
+  }
+  StateSpans spans;
+  ListStateSpans(cloth, PositionOf(*head), &spans);
+  if (SizeOf(*head, spans) != size) {
+    char allowed[32];
+    Text(allowed, sizeof(allowed)).Add(uint64_t{SizeOf(*head, spans)});
+    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, offsetof(StateHead, size), nullptr, size, " bytes", allowed,
+                                 "the bytes are damaged; reset the cloth instead");
+  }
+  return CheckStatePoses(bytes, *head, diagnostic) &&
+         CheckStateSpans(bytes, sizeof(StateHead) + StatePoseBytes(*head), spans, diagnostic);
+}
+
+// A tick leaves features in this range, a reset zero. Features of the same model are there already.
+void ClampFeatures(const Cloth& cloth) {
+  const format::FeaturesView& features = cloth.model->features;
+  for (uint32_t i = 0; i < features.length; ++i) {
+    const float low = features.low[i] < 0 ? features.low[i] : 0, high = features.high[i] > 0 ? features.high[i] : 0;
+    float& x = cloth.features[i];
+    x = x < low ? low : x > high ? high : x;
+  }
+}
+
+void TakeHead(const StateHead& head, Cloth* cloth) {
+  cloth->tick_count = head.tick_count;
+  cloth->plan = PlanOf(head);
+  cloth->idle_ticks = head.idle_ticks;
+  cloth->work_done = head.tick_share;
+  cloth->older_step = head.older_step;
+  cloth->clock.Resume(head.since, head.waited, head.lag);
+  cloth->root.heading = {head.heading[0], head.heading[1]};
+  std::memcpy(cloth->root.position, head.position, sizeof(head.position));
+  std::memcpy(cloth->root.velocity, head.velocity, sizeof(head.velocity));
+  cloth->root.yaw_rate = head.yaw_rate;
+  cloth->root.started = true;
+  cloth->root.jumped = head.jumped != 0;
+}
+
+// The cloth is reset: the newest tick goes into slot 0, whichever it was in.
+void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
+  const size_t pose_bytes = head.joint_count * sizeof(Affine);
+  const uint8_t* const floats = bytes + sizeof(StateHead) + StatePoseBytes(head);
+  const uint8_t* const poses = bytes + sizeof(StateHead);
+  std::memcpy(cloth->pose_before, poses, pose_bytes);
+  std::memcpy(cloth->idle_pose, poses + pose_bytes, pose_bytes);
+  if (head.older_step > 0) std::memcpy(cloth->pose_older, poses + 2 * pose_bytes, pose_bytes);
+  StateSpans spans;
+  ListStateSpans(*cloth, PositionOf(head), &spans);
+  const uint8_t* from = floats;
+  for (uint32_t i = 0; i < spans.count; ++i) {
+    const StateSpan& span = spans.spans[i];
+    const size_t row_bytes = span.columns * sizeof(float);
+    if (span.data == nullptr) {
+      from += span.rows * row_bytes;
+      continue;
+    }
+    for (size_t row = 0; row < span.rows; ++row, from += row_bytes)
+      std::memcpy(span.data + row * span.stride, from, row_bytes);
+  }
+}
+
+}  // namespace
+
+uint64_t ModelIdentity(const ModelView& model) {
+  return model.identity != 0 ? model.identity : format::Checksum(model.name, std::strlen(model.name));
+}
+
+size_t StatePoseBytes(const StateHead& head) {
+  const size_t poses = head.tick_count == 0 ? 0 : head.older_step > 0 ? 3 : 2;
+  return poses * head.joint_count * sizeof(Affine);
+}
+
+size_t StateSize(const Cloth& cloth) {
+  const StateHead head = HeadOf(cloth);
+  StateSpans spans;
+  ListStateSpans(cloth, PositionOf(head), &spans);
+  return SizeOf(head, spans);
+}
+
+void SaveState(const Cloth& cloth, void* bytes, Diagnostic* diagnostic) {
+  StateHead head = HeadOf(cloth);
+  StateSpans spans;
+  ListStateSpans(cloth, PositionOf(head), &spans);
+  const size_t pose_bytes = StatePoseBytes(head), one_pose = head.joint_count * sizeof(Affine);
+  if (!CheckStateHead(head, *cloth.model, diagnostic) ||
+      !CheckStateSpans(nullptr, sizeof(StateHead) + pose_bytes, spans, diagnostic)) {
+    return;
+  }
+  auto* const begin = static_cast<uint8_t*>(bytes);
+  uint8_t* to = begin + sizeof(StateHead);
+  if (pose_bytes != 0) {
+    std::memcpy(to, cloth.pose_before, one_pose);
+    std::memcpy(to + one_pose, cloth.idle_pose, one_pose);
+  }
+  if (pose_bytes > 2 * one_pose) std::memcpy(to + 2 * one_pose, cloth.pose_older, one_pose);
+  to += pose_bytes;
+  for (uint32_t i = 0; i < spans.count; ++i) {
+    const StateSpan& span = spans.spans[i];
+    const size_t row_bytes = span.columns * sizeof(float);
+    for (size_t row = 0; row < span.rows; ++row, to += row_bytes)
+      std::memcpy(to, span.data + row * span.stride, row_bytes);
+  }
+  head.size = SizeOf(head, spans);
+  std::memcpy(begin, &head, sizeof(head));
+  head.checksum = format::Checksum(begin + kStateSummedFrom, static_cast<size_t>(head.size) - kStateSummedFrom);
+  std::memcpy(begin, &head, sizeof(head));
+}
+
+void RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth, Diagnostic* diagnostic) {
+  const auto* begin = static_cast<const uint8_t*>(bytes);
+  StateHead head;
+  if (!CheckAll(begin, size, other_model, *cloth, &head, diagnostic)) return;
+  ResetCloth(cloth);
+  if (head.tick_count == 0) return;
+  std::memset(cloth->coefficients, 0, CoefficientFloats(*cloth->model) * sizeof(float));  // padding is read as zero
+  TakeHead(head, cloth);
+  TakeNumbers(begin, head, cloth);
+  // Coefficients are the file's own: with another one the half second begins anew.
+  const ModelView& model = *cloth->model;
+  const bool own = head.identity == ModelIdentity(model) && head.idle_floats == IdleStartFloats(model);
+  if (head.idle_floats != 0 && !own) cloth->idle_ticks = 0;
+  ClampFeatures(*cloth);
+  ResumeTick(cloth, static_cast<TickPart>(head.part), head.items_done);
+}
+
+}  // namespace dcloth::engine

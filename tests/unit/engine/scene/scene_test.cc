@@ -1,0 +1,358 @@
+// Fifty characters in one budget, with costs given by numbers: what their updates really ran is counted by a clock that
+// counts calls, and priced by the test itself.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <random>
+
+#include "engine/src/time/idle.h"
+#include "engine/src/scene/scene.h"
+#include "tests/unit/engine/allocation_trap.h"
+#include "tests/unit/engine/update_fixture.h"
+#include "tests/unit/kernels/guarded_buffer.h"
+
+namespace dcloth::testing {
+namespace {
+
+constexpr uint32_t kCharacters = 50;
+constexpr float kDraw = 40, kTicks[DCLOTH_LEVEL_COUNT] = {0, 15, 120, 170, 700};
+constexpr float kErrors[DCLOTH_LEVEL_COUNT] = {60, 35, 12, 8, 6};
+
+class SceneTest : public UpdateTest {
+ protected:
+  static TestModel Small() {
+    ModelSpec spec;
+    spec.rings = 2;
+    spec.segments = 4;
+    spec.layers = 1;
+    spec.feature_width = 8;
+    return BuildModel(spec);
+  }
+
+  struct Ran {
+    uint32_t ticks = 0, mesh_ticks = 0;
+    double microseconds = 0;
+  };
+
+  SceneTest() {
+    model_ = Small();
+    small_ = std::make_unique<OpenedModel>(model_);
+    for (uint32_t i = 0; i < kCharacters; ++i) cloths_.push_back(std::make_unique<OwnedCloth>(*small_));
+    storage_ = AlignedBytes(dcloth_scene_storage_size(kCharacters));
+    EXPECT_EQ(dcloth_scene_create(kCharacters, storage_.data(), storage_.size(), &scene_, nullptr), DCLOTH_OK);
+    for (uint32_t i = 0; i < kCharacters; ++i) EXPECT_EQ(Set(i, 1), DCLOTH_OK);
+    OwnedCloth one(*small_);
+    mesh_laps_ = Count(&one, PoseAt(model_.numbers, 0), 0.0f, kAll, 0)[DCLOTH_STEP_MESH];
+    EXPECT_GT(mesh_laps_, 0u);
+  }
+
+  dcloth_status Set(uint32_t index, float importance) {
+    dcloth_scene_character character = {};
+    character.struct_size = sizeof(character);
+    character.top_level = DCLOTH_LEVEL_MESH;
+    character.cloth = cloths_[index]->get();
+    character.importance = importance;
+    character.draw_microseconds = kDraw;
+    std::copy(std::begin(kTicks), std::end(kTicks), character.tick_microseconds);
+    std::copy(std::begin(kErrors), std::end(kErrors), character.error_mm);
+    return dcloth_scene_set(scene_, index, &character);
+  }
+
+  float Plan(float seconds, float budget, float spent = 0) {
+    const dcloth_scene_frame frame = {sizeof(frame), seconds, budget, spent};
+    float planned = -1;
+    EXPECT_EQ(dcloth_scene_plan(scene_, &frame, &planned), DCLOTH_OK);
+    return planned;
+  }
+  dcloth_scene_choice Choice(uint32_t index) const {
+    dcloth_scene_choice choice = {};
+    choice.struct_size = sizeof(choice);
+    EXPECT_EQ(dcloth_scene_get(scene_, index, &choice), DCLOTH_OK);
+    return choice;
+  }
+
+  // Passes of each step in one update.
+  static std::array<uint64_t, DCLOTH_STEP_COUNT> Count(OwnedCloth* cloth, const std::vector<float>& matrices,
+                                                       float seconds, uint32_t stages, uint32_t flags) {
+    const dcloth_pose pose = OwnedCloth::Pose(matrices);
+    const dcloth_frame frame = {sizeof(frame), stages, seconds, flags};
+    uint64_t calls = 0;
+    dcloth_timer timer = {};
+    timer.struct_size = sizeof(timer);
+    timer.context = &calls;
+    timer.now = [](void* context) { return ++*static_cast<uint64_t*>(context); };
+    EXPECT_EQ(dcloth_cloth_update(cloth->get(), &pose, &frame, nullptr, &timer), DCLOTH_OK);
+    std::array<uint64_t, DCLOTH_STEP_COUNT> passes;
+    std::copy(std::begin(timer.elapsed), std::end(timer.elapsed), passes.begin());
+    return passes;
+  }
+
+  // Updates a character as planned and prices what ran.
+  Ran Run(uint32_t index, const std::vector<float>& pose, float seconds) {
+    const dcloth_scene_choice choice = Choice(index);
+    const auto passes = Count(cloths_[index].get(), pose, seconds, choice.stages, choice.flags);
+    Ran ran;
+    ran.ticks = static_cast<uint32_t>(passes[DCLOTH_STEP_STATIC]);
+    ran.mesh_ticks = static_cast<uint32_t>(passes[DCLOTH_STEP_MESH] / mesh_laps_);
+    const float lower = choice.stages == DCLOTH_STAGES_MESH       ? kTicks[DCLOTH_LEVEL_HALF_RATE_MESH]
+                        : choice.stages == DCLOTH_STAGES_SKELETON ? kTicks[DCLOTH_LEVEL_SKELETON]
+                                                                  : kTicks[DCLOTH_LEVEL_STATIC];
+    ran.microseconds = static_cast<double>(kDraw) +
+                       ran.mesh_ticks * static_cast<double>(kTicks[DCLOTH_LEVEL_MESH]) +
+                       (ran.ticks - ran.mesh_ticks) * static_cast<double>(lower);
+    EXPECT_EQ(ran.ticks, choice.ticks) << "planned and run";
+    return ran;
+  }
+
+  double RunAll(double time, float seconds) {
+    double cost = 0;
+    for (uint32_t i = 0; i < kCharacters; ++i) cost += Run(i, PoseAt(model_.numbers, time + i), seconds).microseconds;
+    return cost;
+  }
+
+  std::unique_ptr<OpenedModel> small_;
+  std::vector<std::unique_ptr<OwnedCloth>> cloths_;
+  AlignedBytes storage_ = AlignedBytes(64);
+  dcloth_scene* scene_ = nullptr;
+  uint64_t mesh_laps_ = 0;
+};
+
+// The promise is 5 %; by the given costs nothing is over at all. Importances wander and budgets change every second.
+TEST_F(SceneTest, NeverOverBudget) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> importance(0, 1);
+  for (const double rate : {24.0, 30.0, 60.0, 90.0, 144.0, 0.0}) {
+    const std::vector<float> frames = FrameSeconds(rate, 12);
+    double time = 0, worst = 0, used = 0;
+    float budget = 0;
+    for (size_t f = 0; f < frames.size(); ++f) {
+      if (static_cast<int>(time) != static_cast<int>(time - static_cast<double>(frames[f])) || f == 0)
+        budget = std::array<float, 6>{3000, 9000, 2200, 2800, 5000, 2100}[static_cast<size_t>(time) % 6];
+      ASSERT_EQ(dcloth_scene_set_importance(scene_, static_cast<uint32_t>(random() % kCharacters), importance(random)),
+                DCLOTH_OK);
+      const float planned = Plan(frames[f], budget);
+      const double cost = RunAll(time, frames[f]);
+      ASSERT_NEAR(static_cast<double>(planned), cost, 1e-3 * cost) << rate << " Hz, frame " << f;
+      worst = std::max(worst, cost / static_cast<double>(budget));
+      used += cost / static_cast<double>(budget);
+      time += static_cast<double>(frames[f]);
+    }
+    used /= static_cast<double>(frames.size());
+    std::printf("%g Hz: frames cost %.3f of the budget on average, %.3f at most\n", rate, used, worst);
+    EXPECT_LE(worst, 1 + 1e-6);
+    EXPECT_GE(used, 0.75) << "a scheduler that spends nothing is never over either";
+  }
+}
+
+// Nobody starves: as often as the header promises, whatever the importances.
+TEST_F(SceneTest, StalenessIsBounded) {
+  constexpr float kSeconds = 1 / 60.0f;
+  for (const float budget : {2020.0f, 2100.0f, 2900.0f, 4000.0f, 8000.0f}) {
+    for (uint32_t i = 0; i < kCharacters; ++i) {
+      ASSERT_EQ(dcloth_cloth_reset(cloths_[i]->get()), DCLOTH_OK);
+      ASSERT_EQ(Set(i, i < 5 ? 100.0f : i < 25 ? 1.0f : 0.0f), DCLOTH_OK);
+    }
+    std::vector<double> stale(kCharacters, 0);
+    double worst = 0, worst_frozen = 0;
+    size_t frozen = 0;
+    for (int frame = 0; frame < 900; ++frame) {
+      Plan(kSeconds, budget);
+      for (uint32_t i = 0; i < kCharacters; ++i) {
+        const bool is_frozen = Choice(i).level == DCLOTH_LEVEL_FROZEN;
+        stale[i] += static_cast<double>(kSeconds);
+        if (Run(i, PoseAt(model_.numbers, frame / 60.0 + i), kSeconds).ticks != 0) stale[i] = 0;
+        frozen += is_frozen;
+        (is_frozen ? worst_frozen : worst) = std::max(is_frozen ? worst_frozen : worst, stale[i]);
+        ASSERT_NEAR(static_cast<double>(Choice(i).stale_seconds), stale[i], 1e-4);
+      }
+    }
+    std::printf("budget %g: without a tick for up to %.3f s, frozen %.3f s (%.1f of %u frozen)\n",
+                static_cast<double>(budget), worst, worst_frozen, static_cast<double>(frozen) / 900, kCharacters);
+    const double wait = kCharacters * static_cast<double>(kSeconds);
+    EXPECT_LE(worst_frozen, engine::kRefreshSeconds + wait);
+    EXPECT_LE(worst, kTick + wait + (frozen != 0 ? engine::kRefreshSeconds : 0));
+    EXPECT_GE(frozen, 25u * 900u) << "those without importance";
+  }
+}
+
+// With room in the levels chosen the wait is short: a few frames, not as many as characters.
+TEST_F(SceneTest, TicksComeInTime) {
+  constexpr float kSeconds = 1 / 60.0f;
+  std::vector<double> intervals;
+  std::vector<int> last(kCharacters, -1);
+  for (int frame = 0; frame < 1200; ++frame) {
+    Plan(kSeconds, 6000);
+    for (uint32_t i = 0; i < kCharacters; ++i) {
+      if (Run(i, PoseAt(model_.numbers, frame / 60.0 + i), kSeconds).ticks == 0) continue;
+      if (frame > 300) intervals.push_back(frame - last[i]);
+      last[i] = frame;
+    }
+  }
+  std::sort(intervals.begin(), intervals.end());
+  ASSERT_GT(intervals.size(), 10000u);
+  std::printf("frames from tick to tick: p50 %g, p99 %g, max %g\n", intervals[intervals.size() / 2],
+              intervals[intervals.size() * 99 / 100], intervals.back());
+  EXPECT_EQ(intervals[intervals.size() / 2], 2);
+  EXPECT_LE(intervals[intervals.size() * 99 / 100], 3);
+}
+
+// Steady inputs give steady levels, by importance where costs are equal.
+TEST_F(SceneTest, LevelsFollowImportanceAndStay) {
+  constexpr float kSeconds = 1 / 60.0f;
+  for (uint32_t i = 0; i < kCharacters; ++i) ASSERT_EQ(Set(i, 1.0f + static_cast<float>(i * i)), DCLOTH_OK);
+  std::vector<uint32_t> levels(kCharacters);
+  std::array<int, DCLOTH_LEVEL_COUNT> seen = {};
+  for (int frame = 0; frame < 300; ++frame) {
+    Plan(kSeconds, 6500);
+    RunAll(frame / 60.0, kSeconds);
+    for (uint32_t i = 0; i < kCharacters; ++i) {
+      const uint32_t level = Choice(i).level;
+      if (frame > 10) {
+        ASSERT_EQ(level, levels[i]) << "character " << i << ", frame " << frame;
+      }
+      levels[i] = level;
+    }
+  }
+  for (const uint32_t level : levels) ++seen[level];
+  std::printf("%d frozen, %d static, %d skeleton, %d half rate, %d mesh\n", seen[0], seen[1], seen[2], seen[3],
+              seen[4]);
+  EXPECT_TRUE(std::is_sorted(levels.begin(), levels.end()));
+  EXPECT_NE(levels.front(), levels.back());
+}
+
+// Measured costs that are wrong are put right by what frames really took.
+TEST_F(SceneTest, FollowsTheRealCost) {
+  constexpr float kSeconds = 1 / 60.0f, kBudget = 9000;
+  float spent = 0;
+  for (int frame = 0; frame < 240; ++frame) {
+    Plan(kSeconds, kBudget, spent);
+    spent = static_cast<float>(1.7 * RunAll(frame / 60.0, kSeconds));
+    if (frame > 30) {
+      ASSERT_LE(spent, 1.05f * kBudget) << frame;
+    }
+  }
+  EXPECT_GE(spent, 0.7f * kBudget);
+}
+
+// Fifty first frames at once: none is over, and everyone has its first tick after as many frames as that takes.
+TEST_F(SceneTest, SpawnsTogether) {
+  constexpr float kSeconds = 1 / 60.0f, kBudget = 3000;
+  std::vector<bool> ticked(kCharacters);
+  int frames = 0;
+  for (; std::count(ticked.begin(), ticked.end(), true) < static_cast<int>(kCharacters); ++frames) {
+    ASSERT_LT(frames, static_cast<int>(kCharacters));
+    Plan(kSeconds, kBudget);
+    double cost = 0;
+    for (uint32_t i = 0; i < kCharacters; ++i) {
+      const Ran ran = Run(i, Pose(i), kSeconds);
+      cost += ran.microseconds;
+      ticked[i] = ticked[i] || ran.ticks != 0;
+    }
+    ASSERT_LE(cost, static_cast<double>(kBudget));
+  }
+  std::printf("everyone ticked after %d frames\n", frames);
+}
+
+// Idle cloths cost drawing, keep their level, and wake in the first or second frame.
+TEST_F(SceneTest, IdleCostsDrawingAndWakes) {
+  constexpr float kSeconds = 1 / 60.0f, kBudget = 2800;
+  const auto idle = [&] {
+    return std::count_if(cloths_.begin(), cloths_.end(), [](auto& c) { return Describe(c.get()).frozen != 0; });
+  };
+  for (uint32_t i = 0; i < kCharacters; ++i) ASSERT_EQ(Set(i, 1.0f + static_cast<float>(i)), DCLOTH_OK);
+  int frame = 0;
+  for (; frame < 1200; ++frame) {
+    Plan(kSeconds, kBudget);
+    for (uint32_t i = 0; i < kCharacters; ++i) Run(i, Pose(i), kSeconds);
+  }
+  const auto resting = idle();
+  std::printf("%d of %u idle\n", static_cast<int>(resting), kCharacters);
+  ASSERT_GE(resting, 45);
+  // A handful moves at once, more than a frame can pay for beside the rest.
+  double cost = 0;
+  std::vector<int> woke(kCharacters, -1);
+  for (int after = 0; after < 60; ++after) {
+    Plan(kSeconds, kBudget);
+    cost = 0;
+    for (uint32_t i = 0; i < kCharacters; ++i) {
+      const dcloth_scene_choice choice = Choice(i);
+      const bool moves = i >= kCharacters - 5;
+      const auto passes = Count(cloths_[i].get(), Pose(moves ? i + 0.5 + after / 60.0 : i), kSeconds, choice.stages,
+                                choice.flags);
+      const bool mesh = passes[DCLOTH_STEP_MESH] != 0;
+      if (passes[DCLOTH_STEP_STATIC] != 0) {
+        cost += static_cast<double>(kTicks[mesh ? DCLOTH_LEVEL_MESH : DCLOTH_LEVEL_HALF_RATE_MESH]);  // or less
+        if (woke[i] < 0) woke[i] = after;
+      }
+      cost += static_cast<double>(kDraw);
+    }
+    ASSERT_LE(cost, static_cast<double>(kBudget)) << after;
+  }
+  for (uint32_t i = kCharacters - 5; i < kCharacters; ++i) {
+    EXPECT_GE(woke[i], 0) << i;
+    EXPECT_LE(woke[i], 5) << i;
+  }
+}
+
+TEST_F(SceneTest, BudgetsBelowDrawingRunNoTick) {
+  EXPECT_EQ(Plan(1 / 60.0f, 1000), kCharacters * kDraw);
+  for (uint32_t i = 0; i < kCharacters; ++i) EXPECT_EQ(Run(i, Pose(i), 1 / 60.0f).ticks, 0u);
+}
+
+TEST_F(SceneTest, RefusesWhatIsNone) {
+  dcloth_scene* scene = nullptr;
+  const size_t size = dcloth_scene_storage_size(3);
+  EXPECT_EQ(dcloth_scene_storage_size(0), 0u);
+  EXPECT_EQ(dcloth_scene_storage_size(65537), 0u);
+  kernels::GuardedBuffer<uint8_t> storage(size, kernels::Place::kEnd);
+  EXPECT_EQ(dcloth_scene_create(3, storage.data(), size - 1, &scene, nullptr), DCLOTH_ERROR_MEMORY);
+  EXPECT_EQ(dcloth_scene_create(3, nullptr, size, &scene, nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_scene_create(0, storage.data(), size, &scene, nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(scene, nullptr);
+  ASSERT_EQ(dcloth_scene_create(3, storage.data(), size, &scene, nullptr), DCLOTH_OK);
+  EXPECT_TRUE(storage.SlackUntouched());
+  EXPECT_EQ(Set(0, NAN), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(Set(0, -1), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_scene_set(scene_, kCharacters, nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_scene_set_importance(scene_, 0, INFINITY), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(Set(0, 3.4e38f), DCLOTH_OK) << "any finite number";
+  const dcloth_scene_frame unlimited = {sizeof(unlimited), 1 / 60.0f, 3.4e38f, 0};
+  EXPECT_EQ(dcloth_scene_plan(scene_, &unlimited, nullptr), DCLOTH_OK);
+  for (const float bad : {NAN, INFINITY, -1.0f}) {
+    const dcloth_scene_frame frames[] = {{sizeof(dcloth_scene_frame), bad, 1, 0},
+                                         {sizeof(dcloth_scene_frame), 1, bad, 0},
+                                         {sizeof(dcloth_scene_frame), 1, 1, bad},
+                                         {sizeof(dcloth_scene_frame) - 1, 1, 1, 0}};
+    for (const dcloth_scene_frame& frame : frames)
+      EXPECT_EQ(dcloth_scene_plan(scene_, &frame, nullptr), DCLOTH_ERROR_ARGUMENT);
+  }
+  dcloth_scene_choice choice = {};
+  choice.struct_size = sizeof(choice);
+  EXPECT_EQ(dcloth_scene_get(scene, 0, &choice), DCLOTH_ERROR_ARGUMENT) << "an empty slot";
+  EXPECT_EQ(dcloth_scene_get(scene_, 0, &choice), DCLOTH_OK);
+  EXPECT_EQ(dcloth_scene_get(scene_, kCharacters, &choice), DCLOTH_ERROR_ARGUMENT) << "behind the last slot";
+  EXPECT_EQ(dcloth_scene_get(nullptr, 0, &choice), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_scene_get(scene_, 0, nullptr), DCLOTH_ERROR_ARGUMENT);
+  choice.struct_size = sizeof(choice) - 1;
+  EXPECT_EQ(dcloth_scene_get(scene_, 0, &choice), DCLOTH_ERROR_ARGUMENT);
+  choice.struct_size = sizeof(choice);
+  EXPECT_EQ(dcloth_scene_set(scene_, 0, nullptr), DCLOTH_OK);
+  EXPECT_EQ(dcloth_scene_get(scene_, 0, &choice), DCLOTH_ERROR_ARGUMENT);
+  Plan(1 / 60.0f, 5000);  // with a hole in it
+}
+
+TEST_F(SceneTest, PlansWithoutAllocation) {
+  size_t allocations = 0;
+  const dcloth_scene_frame frame = {sizeof(frame), 1 / 60.0f, 6000, 0};
+  {
+    const AllocationTrap trap;
+    for (int i = 0; i < 100; ++i) (void)dcloth_scene_plan(scene_, &frame, nullptr);
+    allocations = trap.count();
+  }
+  EXPECT_EQ(allocations, 0u);
+}
+
+}  // namespace
+}  // namespace dcloth::testing
