@@ -152,15 +152,38 @@ def test_layer_matches_loops_over_vertices(inputs):
 
 
 def test_mesh_stage_couples_vertices_in_the_head_only():
-    cloth, faces, _ = tube(1, 4, 6, 1, 0)
-    mesh = MeshStage(*geometry.padded_neighbours(faces, 24), torch.zeros(3), torch.ones(3),
+    """What a vertex embeds depends, a tick, on vertices at most three edges away; Q on all; the head is plain algebra."""
+    _, faces, _ = tube(1, 9, 6, 1, 0)
+    torch.manual_seed(3)
+    mesh = MeshStage(*geometry.padded_neighbours(faces, 54), torch.tensor([0.1, -0.2, 0.3]), torch.tensor([2.0, 1.0, 0.5]),
                      hidden=5, size=2).double()
-    s, states = mesh.embedded(torch.randn(24, 2, 3).double(), mesh.reset(2, mesh.embed.weight))
-    assert s.shape == (2, 24) and len(states) == 3 and states[0].shape == (24, 2, 8)
-    assert not mesh.coefficients(s).any()             # starts at stage 2's result
+    assert not mesh.coefficients(torch.randn(2, 54).double()).any()             # starts at stage 2's result
+    points = torch.randn(54, 2, 3).double()
+    first, states = mesh.embedded(points, mesh.reset(2, mesh.embed.weight))
+
+    x = (points - torch.tensor([0.1, -0.2, 0.3])) / torch.tensor([2.0, 1.0, 0.5])
+    for i, layer in enumerate(mesh.layers):
+        x, expected = layer(x, torch.zeros(54, 2, 8).double(), mesh.graph)
+        assert torch.equal(states[i], expected)
+    by_hand = (x * mesh.embed.weight[0]).sum(-1) + mesh.embed.bias[0]
+    assert torch.allclose(first, by_hand.t(), atol=1e-14)
+
+    lists, reached = geometry.neighbours(faces, 54), {20}
+    for _ in mesh.layers:
+        reached = {j for i in reached for j in lists[i]}
+    moved = points.clone()
+    moved[20, 0] += 1.0
+    second, _ = mesh.embedded(moved, mesh.reset(2, mesh.embed.weight))
+    changed = (second != first)[0].nonzero().flatten().tolist()
+    assert set(changed) == reached and len(reached) < 54
+    assert torch.equal(second[1], first[1])                                     # the other clip of the batch
+
+    torch.nn.init.normal_(mesh.mlp[2].weight)
     torch.nn.init.normal_(mesh.basis)
-    assert torch.allclose(mesh.displacement(torch.tensor([[1.0, 2.0]]).double())[0],
-                          mesh.basis[0] + 2 * mesh.basis[1])
+    hidden = torch.clamp(first @ mesh.mlp[0].weight.t() + mesh.mlp[0].bias, min=0)
+    q = mesh.coefficients(first)
+    assert torch.allclose(q, hidden @ mesh.mlp[2].weight.t(), atol=1e-14) and q.abs().min() > 0
+    assert torch.allclose(mesh.displacement(q)[0], q[0, 0] * mesh.basis[0] + q[0, 1] * mesh.basis[1], atol=1e-14)
 
 
 def test_body_points_are_skinned_points():

@@ -7,19 +7,36 @@ import pytest
 import torch
 
 from conftest import train_tiny as run
-from dcloth_training import augment, checkpoint, dataset, fit_skeleton, loop, rig, train
+from dcloth_training import augment, checkpoint, dataset, evaluate, fit_skeleton, loop, network, rig, sequence, train
 
-def test_every_stage_lowers_the_validation_error(trained):
-    (_, _, _, provenance), out = trained
+
+def test_every_stage_lowers_the_error_on_unseen_motion(tiny, trained):
+    """Measured here on what training left, tick by tick, not read from its log; the log must say the same."""
+    (net, fitted, _, provenance), out = trained
+    clip = sequence.read(str(tiny / "dynamic" / "a-held.safetensors"))
+    pose = network.pose_of(clip.joint_matrices, fitted.rig, torch.float32)
+    error = {"plain": _distance(evaluate.skinned(net, fitted.rig, pose, net.static.initial_weights), clip.truth)}
+    error.update({stage: _distance(net.run(pose, stage), clip.truth) for stage in network.STAGES})
+    # Ratios with this seed 0.644, 0.384, 0.990; with three others 0.62 to 0.64, 0.31 to 0.63, 0.957 to 0.997.
+    assert error["static"] < 0.7 * error["plain"], error
+    assert error["skeleton"] < 0.5 * error["static"], error
+    assert error["mesh"] < 0.995 * error["skeleton"], error
+    assert error["mesh"] == pytest.approx(provenance["validation_mm"]["mesh_layers"], rel=0.05)  # that has its mirror image, too
     histories = json.loads((out / "log.json").read_text())["histories"]
-    for stage in ("static", "skeleton", "mesh_head"):
-        errors = [h["validation_mm"] for h in histories[stage]]
-        assert min(errors) < errors[0], stage
     assert histories["skeleton"][-1]["training_mm"] < histories["skeleton"][1]["training_mm"]
+
+
+def test_the_log_names_the_clips(trained):
+    (_, _, _, provenance), out = trained
     assert provenance["training_clips"] == ["a/one", "a/two"]
     assert list(provenance["training_folders"].values()) == [["a/one", "a/two"]]
     assert provenance["validation_clips"] == ["a/held"]
     assert (out / "curves.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def _distance(positions, truth):
+    """Mean distance of vertices, mm."""
+    return 1e3 * float(np.linalg.norm(positions.double().numpy() - truth, axis=-1).mean())
 
 
 def test_same_seed_gives_the_same_network_and_another_seed_another(tiny, trained, tmp_path):
