@@ -10,7 +10,8 @@ from conftest import dcloth
 def variants(garment):
     report = json.loads(dcloth("evaluate", garment.bundle, *garment.sequences, "--json"))
     for variant in report["variants"]:
-        print(variant["name"], variant["stages"], json.dumps({k: variant[k] for k in ("tick_ms", "truth", "fp32") if k in variant}))
+        figures = {k: variant[k] for k in ("tick_ms", "truth", "fp32") if k in variant}
+        print(variant["name"], variant["stages"], json.dumps(figures))
     return {variant["name"]: variant for variant in report["variants"]}
 
 

@@ -40,7 +40,7 @@ def meta(path, relative):
 
 def hidden(relative):
     """What Unity does not import. Samples are copied into projects, with the .meta files below their folder."""
-    return relative.parts[0].endswith("~") and len(relative.parts) < 3 or any(p.startswith(".") for p in relative.parts)
+    return (relative.parts[0].endswith("~") and len(relative.parts) < 3) or any(p.startswith(".") for p in relative.parts)
 
 
 def check_metas(package, write):
