@@ -78,7 +78,7 @@ class Page:
             declarations = list(DECLARATION.finditer(text))
             if declarations:
                 title, names = self.name(declarations)
-                self.anchors.update({name: title for name in names})
+                self.anchors.update(dict.fromkeys(names, title))
                 self.covered.update(names)
                 yield title, comment, declarations
 
@@ -207,7 +207,8 @@ class Page:
         sections = {header: list(self.sections(header)) for header in self.headers}
         out = ["# API reference", "",
                "Made by `scripts/api_document.py` from the headers, which say the same; a test compares. Not edited by hand.",
-               "In which order to call what: [integrate.md](integrate.md). What may change: [compatibility.md](compatibility.md).", ""]
+               "In which order to call what: [integrate.md](integrate.md). "
+              "What may change: [compatibility.md](compatibility.md).", ""]
         for header, found in sections.items():
             out += [f"| [`{header}`](#{header.replace('.', '')}) | |", "|---|---|"]
             for title, comment, declarations in found:

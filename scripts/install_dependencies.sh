@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_windows] [unity] [web] [npm] [import] [bench]`; "build" when nothing is said. "test" and "train" also install
-# training/requirements.txt from PyPI into .venv, a virtual environment that sees Debian's Python packages too.
+# [cross_windows] [unity] [web] [npm] [import] [bench] [lint]`; "build" when nothing is said. "test" and "train" also install
+# training/requirements.txt from PyPI into .venv, a virtual environment that sees Debian's Python packages too; "lint" ruff.
 set -euo pipefail
 
 declare -A groups=(
@@ -17,6 +17,7 @@ declare -A groups=(
   [import]="libassimp-dev"
   [bench]="libbenchmark-dev libxnnpack-dev libpthreadpool-dev python3-venv python3-numpy python3-scipy python3-torch
            libopenblas0-pthread"
+  [lint]="clang-format clang-tidy python3-venv ca-certificates"
   [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread
            python3-venv"
 )
@@ -44,8 +45,11 @@ if [ ${#missing[@]} -gt 0 ]; then
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
 
-case " $* " in *" test "* | *" train "*) ;; *) exit 0 ;; esac
 # No dependencies: pip would replace Debian's numpy by one that Debian's torch cannot use.
-venv=$(dirname "$0")/../.venv requirements=$(dirname "$0")/../training/requirements.txt
-[ -x "$venv/bin/pip" ] || /usr/bin/python3 -m venv --system-site-packages "$venv"
-"$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps -r "$requirements"
+cd "$(dirname "$0")/.."
+install_wheels() {
+  [ -x .venv/bin/pip ] || /usr/bin/python3 -m venv --system-site-packages .venv
+  .venv/bin/pip install --quiet --disable-pip-version-check --no-deps "$@"
+}
+case " $* " in *" test "* | *" train "*) install_wheels -r training/requirements.txt ;; esac
+case " $* " in *" lint "*) install_wheels ruff==0.17.6 ;; esac

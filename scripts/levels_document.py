@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "training"))
-from dcloth_training import plots  # noqa: E402
+from dcloth_training import plots
 
 BEGIN, END = "<!-- levels -->\n", "<!-- /levels -->\n"
 # What runs, and which steps of a profile that is.

@@ -60,7 +60,7 @@ def garment(name, grid, steps, root, dcloth, library, folder, frames):
 
 def run(steps, root, dcloth, shared, library, folder, quick=False):
     """All garments -> what the page writes."""
-    frames = {heat: 1 for heat in FRAMES} if quick else FRAMES
+    frames = dict.fromkeys(FRAMES, 1) if quick else FRAMES
     return {"library_bytes": stripped_bytes(shared, folder),
             "garments": {name: garment(name, grid, steps, root, dcloth, library, folder, frames)
                          for name, grid in (QUICK_GRIDS if quick else GRIDS).items()}}

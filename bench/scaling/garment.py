@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "cli"))
-import safetensors_file  # noqa: E402
-import small_garment as small  # noqa: E402
+import safetensors_file
+import small_garment as small
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import sys
 ALLOWED = {"memcpy", "memmove", "memset", "memcmp", "memchr", "strncmp", "strlen", "sqrt", "sqrtf", "atan2"}
 # The linker's own, and what sanitizers, hardening and position independence add; on Windows the compiler's touch of each
 # page of a frame above 4 KB, where the system grows the stack page by page.
-TOOLCHAIN = re.compile(r"_GLOBAL_OFFSET_TABLE_|__stack_chk_fail|___chkstk_ms|__(asan|ubsan|tsan|msan|sanitizer)_.*|__cpu_model|__cpu_indicator_init")
+TOOLCHAIN = re.compile(r"_GLOBAL_OFFSET_TABLE_|__stack_chk_fail|___chkstk_ms|__(asan|ubsan|tsan|msan|sanitizer)_.*|"
+                       r"__cpu_model|__cpu_indicator_init")
 FORBIDDEN_DEFINITIONS = re.compile(r"_GLOBAL__sub_I_|__cxx_global_var_init")
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-import small_garment  # noqa: E402
+import small_garment
 
 
 @pytest.fixture(scope="session")

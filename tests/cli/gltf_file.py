@@ -41,7 +41,8 @@ def skin(pose=0.0, weights=(1, 0)):
     points = np.array([[0, 0, 100], [10, 0, 50], [-10, 0, 50]], "<f4")      # the mesh's own space
     bind = np.tile(np.eye(4), (2, 1, 1))
     bind[:, 2, 3] = [100, 50]
-    parts = [points.tobytes(), np.array([0, 1, 2], "<u2").tobytes() + bytes(2), np.array([[0, 1, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]], "u1").tobytes(),
+    parts = [points.tobytes(), np.array([0, 1, 2], "<u2").tobytes() + bytes(2),
+             np.array([[0, 1, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]], "u1").tobytes(),
              np.array([[*weights, 0, 0]] * 3, "<f4").tobytes(), np.linalg.inv(bind).transpose(0, 2, 1).astype("<f4").tobytes()]
     views, at = [], 0
     for part in parts:

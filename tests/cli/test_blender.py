@@ -12,7 +12,7 @@ import pytest
 import safetensors_file
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "training"))
-from dcloth_training.truth import cache  # noqa: E402
+from dcloth_training.truth import cache
 
 SCRIPT = """
 import bpy, json, sys
@@ -44,7 +44,8 @@ def test_blender_plays_the_garment(kind, dcloth, files, tmp_path):
     assert dcloth("run", files.model, files.bare, "-o", tmp_path / "cloth.safetensors").returncode == 0
     (tmp_path / "play.py").write_text(SCRIPT)
     result = subprocess.run([blender, "-b", "--factory-startup", "-noaudio", "-P", tmp_path / "play.py", "--", mesh, cache,
-                             kind.upper(), "20", tmp_path / "seen.json"], capture_output=True, text=True, timeout=600, check=False)
+                             kind.upper(), "20", tmp_path / "seen.json"],
+                            capture_output=True, text=True, timeout=600, check=False)
     assert (tmp_path / "seen.json").exists(), result.stdout + result.stderr
     seen = json.loads((tmp_path / "seen.json").read_text())
     tensors = safetensors_file.read(tmp_path / "cloth.safetensors")[0]

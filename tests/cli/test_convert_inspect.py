@@ -48,7 +48,8 @@ def test_convert_is_repeatable(dcloth, files, tmp_path):
 
 def test_auto_keeps_its_bound(dcloth, files, tmp_path):
     out = tmp_path / "m.dcloth"
-    arguments = ["convert", files.bundle, "-o", out, "--precision", "auto", "--motion", files.walk, "--motion", files.run, "--json"]
+    arguments = ["convert", files.bundle, "-o", out, "--precision", "auto", "--motion", files.walk, "--motion",
+                 files.run, "--json"]
     loose = json.loads(dcloth(*arguments, "--max-error-mm", "1000").stdout)
     assert loose["precision"] == "int8"
     int8_max = loose["trials"][0]["error"]["position_mm"]["max"]

@@ -73,7 +73,8 @@ def test_bad_numbers_in_poses(dcloth, files, tmp_path, bad):
 
 def test_joints_of_another_character(dcloth, files, tmp_path):
     path = tmp_path / "other.safetensors"
-    small_garment.write_sequence(path, small_garment.motion(10, 30), names=["bone_" + n for n in small_garment.JOINTS], truth=False)
+    small_garment.write_sequence(path, small_garment.motion(10, 30),
+                                 names=["bone_" + n for n in small_garment.JOINTS], truth=False)
     for arguments in (["run", files.model, path, "-o", tmp_path / "x.pc2"], ["profile", files.model, path],
                       ["evaluate", files.bundle, path]):
         refused(dcloth(*arguments), path, "hips")

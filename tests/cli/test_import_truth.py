@@ -15,7 +15,7 @@ import small_garment
 DATA = Path(__file__).parent / "data"
 TRAINING = Path(__file__).parents[2] / "training"
 sys.path.insert(0, str(TRAINING / "tests"))
-import cache_files  # noqa: E402
+import cache_files
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 RINGS, COLUMNS = 9, 12

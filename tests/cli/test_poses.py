@@ -131,7 +131,8 @@ def test_missing_joints_and_what_comes_closest(dcloth, importing, files, tmp_pat
 @pytest.mark.parametrize("text", ["{", "[]", '{"a": 1}', '{"a": ["b"]}', "[" * 100000])
 def test_bad_maps(text, dcloth, importing, tmp_path):
     (tmp_path / "m.json").write_text(text)
-    refused(dcloth("poses", DATA / "walker.glb", "-o", tmp_path / "s.safetensors", "--map", tmp_path / "m.json"), "m.json", "JSON")
+    refused(dcloth("poses", DATA / "walker.glb", "-o", tmp_path / "s.safetensors", "--map", tmp_path / "m.json"),
+            "m.json", "JSON")
 
 
 def test_units_and_axes_that_cannot_be(dcloth, importing, body, tmp_path):

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import safetensors_file
-import small_garment
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -73,7 +72,8 @@ def test_tracks_decode_to_what_was_simulated_and_run(report, files, dcloth, tmp_
     faces = np.frombuffer(blobs[data["faces"]], np.uint16).reshape(-1, 3).astype(int)
     parents = parents_of(faces, data["vertex_count"])
     sequence = data["sequences"][0]
-    assert [t["name"] for t in sequence["tracks"]] == ["truth", "skinning", "static", "skeleton", "fp32", "fp16", "int8", "outside"]
+    assert [t["name"] for t in sequence["tracks"]] == [
+        "truth", "skinning", "static", "skeleton", "fp32", "fp16", "int8", "outside"]
     origins = np.frombuffer(blobs[sequence["origins"]], np.int32).reshape(-1, 3)
     tracks, metres = [], {}
     for track in sequence["tracks"]:
@@ -98,7 +98,8 @@ def test_names_cannot_break_the_page(dcloth, files, tmp_path):
 
 def picture(path, fragment, out):
     command = [CHROMIUM, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-               "--hide-scrollbars", "--window-size=900,900", "--virtual-time-budget=15000", f"--user-data-dir={out.parent / 'profile'}",
+               "--hide-scrollbars", "--window-size=900,900", "--virtual-time-budget=15000",
+               f"--user-data-dir={out.parent / 'profile'}",
                f"--screenshot={out}", f"file://{path}#{fragment}"]
     subprocess.run(command, capture_output=True, timeout=240)
     if not out.exists():

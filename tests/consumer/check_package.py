@@ -4,8 +4,8 @@
 Usage: check_package.py WAY BUILD_FOLDER MODEL WORK_FOLDER [CMAKE_OPTION...]
 
 WAY: find_package, pkg_config (of what `cmake --install BUILD_FOLDER` installs, moved afterwards) or add_subdirectory
-(of the repository, as a shared library, unoptimised: it is built for this test alone). The host is tests/abi/consumer.c; it plays MODEL. PKG_CONFIG
-and CC name other programs than pkg-config and cc.
+(of the repository, as a shared library, unoptimised: it is built for this test alone). The host is tests/abi/consumer.c; it plays
+MODEL. PKG_CONFIG and CC name other programs than pkg-config and cc.
 """
 import os
 import re

@@ -26,8 +26,8 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/cli"))
-import safetensors_file  # noqa: E402
-import small_garment  # noqa: E402
+import safetensors_file
+import small_garment
 
 FRAMES = int(os.environ.get("DCLOTH_PICTURE_FRAMES", "2000"))
 PINNED = pathlib.Path(__file__).with_name("hashes.json")

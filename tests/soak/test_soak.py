@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "cli"))
-import small_garment  # noqa: E402
+import small_garment
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ class _Shape(ctypes.Structure):
         ("start", _INT), ("column", _INT)]
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def library():
     """The loaded library; FileNotFoundError names the places looked at."""
     places = [p for p in (os.environ.get("DCLOTH_MESH_BPTT"), os.path.join(

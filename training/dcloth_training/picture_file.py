@@ -10,7 +10,7 @@ import numpy as np
 TEXT_COLOUR = (70, 72, 76)
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _font(size, bold=False):
     from matplotlib import font_manager
     from PIL import ImageFont

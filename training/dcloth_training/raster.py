@@ -74,7 +74,7 @@ def covered(points, faces, size):
 
 def blurred(picture, reach):
     """The mean over a soft neighbourhood of half-width `reach` samples: two box filters, as fast for any reach."""
-    width = max(1, int(round(reach)))
+    width = max(1, round(reach))
     return ndimage.uniform_filter(ndimage.uniform_filter(picture, 2 * width + 1, mode="nearest"), 2 * width + 1,
                                   mode="nearest")
 

@@ -179,4 +179,4 @@ def test_other_names_of_joints(tiny, tmp_path):
                              hips=named[0], feature_joints=named), str(tmp_path / "out"))
     character = rig.read_character(tmp_path / "out" / "character.safetensors")
     assert character.hips == named[0] and rig.fit(character).rig.feature_joints == [0, 1, 2, 3, 4]
-    assert conftest.NAMES != named and character.mirror is None
+    assert named != conftest.NAMES and character.mirror is None

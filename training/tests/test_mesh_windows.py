@@ -42,7 +42,7 @@ def test_an_epoch_repeats_with_its_seed_and_covers_long_clips_more():
     assert drawn.count("c3") > 5 * drawn.count("c2") > 0
     for some, firsts, steps in first:
         assert 2 <= steps <= mesh_windows.STEPS
-        assert all(0 <= f and f + 8 * steps <= len(c) for c, f in zip(some, firsts))
+        assert all(f >= 0 and f + 8 * steps <= len(c) for c, f in zip(some, firsts))
     late = [f for some, firsts, _ in first for c, f in zip(some, firsts) if len(c) == 400]
     assert 0.1 < np.mean([f == 0 for f in late]) < 0.4 and max(late) > 250
     with pytest.raises(ValueError, match="no clip of 16 ticks"):

@@ -38,7 +38,7 @@ class Peer:
 
     def skinned(self):
         """Positions [n, 3] of the last tick as the peer itself skinned them, or None."""
-        return None
+        return
 
     def tick(self, frame):
         """One tick -> {stage: ns}."""

@@ -85,7 +85,7 @@ def run_clip(name, kind, motion, record, chosen, context, path):
                      seconds_per_frame=round(result.seconds / len(motion), 4))
         entry.update(checks.measure(result, body, worn, every=3 if kind == "dynamic" else 1))
         if kind == "static":  # consecutive drapes are different poses: speed means nothing
-            for key in [k for k in entry if k.startswith("speed") or k.startswith("settled")]:
+            for key in [k for k in entry if k.startswith(("speed", "settled"))]:
                 del entry[key]
         bad = checks.refuse({"speed_max": 0.0, **entry})
         if bad is None:

@@ -1,5 +1,7 @@
 # Made blender_cloth.abc with Blender 4.2 (the bpy package) and what Blender itself shows of it, as JSON.
-import bpy, math, json, os
+import bpy
+import json
+import os
 import numpy as np
 bpy.ops.wm.read_factory_settings(use_empty=True)
 s = bpy.context.scene; s.render.fps = 30; s.frame_start = 1; s.frame_end = 12
