@@ -45,7 +45,8 @@ def collapse(points, faces, size, tolerance, on_border, line, count):
     """-> the vertices that stay [count] and triangles [f, 3] numbered in `points`.
 
     points [n, 3], faces [f, 3] of a surface with border, size [n]: wanted edge length in metres, tolerance [n]: how far
-    the surface may move, on_border [n] bool and line [n] (0: none): such a vertex goes only to another one on the border, or on its line. Cost: about 0.5 ms an edge.
+    the surface may move, on_border [n] bool and line [n] (0: none): such a vertex goes only
+    to another one on the border, or on its line. Cost: about 0.5 ms an edge.
     """
     quadric = _quadrics(points, faces, on_border, line).tolist()
     size, tolerance, line = size.tolist(), tolerance.tolist(), line.tolist()

@@ -14,7 +14,8 @@ IRIS_ANGLE, PUPIL_ANGLE = 0.40, 0.17        # radians from the line of sight
 HAIR_DEPTH = 0.010
 # Where hair begins: angle about the head's axis from the front, height over the eyes.
 HEAD_AXIS = -0.075
-HAIRLINE = ((0, 0.066), (30, 0.063), (50, 0.052), (64, 0.030), (74, 0.008), (84, -0.004), (98, 0.004), (112, -0.010), (125, -0.028),
+HAIRLINE = ((0, 0.066), (30, 0.063), (50, 0.052), (64, 0.030), (74, 0.008), (84, -0.004), (98, 0.004), (112, -0.010),
+            (125, -0.028),
             (150, -0.044), (180, -0.050))
 BUN_CENTRE, BUN_RADIUS, BUN_DEPTH = np.array([0.0, 0.045, -0.185]), 0.036, 0.030
 # Left eyebrow from the eye's centre: x, y; half its height.
