@@ -97,7 +97,7 @@ def fitted(whole, sizes):
                                                whole.body_weights)
     joints = list(range(len(whole.joint_names)))
     initial = weights[:, :sizes.bones] + 1e-4
-    rig = Rig(whole.joint_names, whole.bind, 0, joints, joints[:sizes.bones], RATE, False)
+    rig = Rig(whole.joint_names, whole.bind, 0, joints, joints[:sizes.bones], RATE, "none")
     return Fit(rig, points.astype(np.float32), weights.astype(np.float32),
                (initial / initial.sum(1, keepdims=True)).astype(np.float32))
 
