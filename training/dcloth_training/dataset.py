@@ -17,8 +17,27 @@ from . import features, network, sequence, unskin, unskinned
 HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run",
             "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1",
             "procedural/demo_run_stop", "procedural/demo_jump_spin")
+# For the final figures alone: people of whom nothing is trained on and nothing is chosen with.
+REPORTED = ("evaluation/dance", "evaluation/dance001", "evaluation/indian_dance_odissi005", "evaluation/heiansyodan",
+            "evaluation/mawashigeri", "child/8_walk", "child/8_skipping", "child/8_silly_walk", "child/8_jumping",
+            "child/8_belle_dance001")
 # Taken from the training clips to choose when to stop; each has relatives left in training.
 VALIDATION = ("mocap/walk", "procedural/hula_twist", "mocap/stealthy_walk")
+
+
+def source(clip):
+    """"scripted" or "recorded": where a clip's motion is from. The two are never averaged together."""
+    return "scripted" if clip.startswith("procedural/") else "recorded"
+
+
+def role(clip):
+    """"reported", "validation", "development" or "training": what a clip (or a variation or excerpt of it) is for."""
+    name = clip.partition("~")[0].partition("@")[0]
+    if name in REPORTED:
+        return "reported"
+    if name in VALIDATION or name.startswith("child/8_"):
+        return "validation"
+    return "development" if name in HELD_OUT or name.startswith("evaluation/") else "training"
 
 
 def clip_names(text):

@@ -1,20 +1,20 @@
 """What a predicted garment is worth: every measure with its one definition.
 
-Lengths in millimetres, over all vertices and over the frames of a clip after its first WARM_UP. "The hips' frame" is the
-rigid frame of the hips' joint, turn and tilt included. A clip's measures are a dict (`clip`); those of several clips
+Lengths in millimetres, over all vertices and over the frames of a clip after its first WARM_UP. "The hips' frame" is
+the rigid frame of the hips' joint, turn and tilt included. A clip's measures are a dict (`clip`); those of several clips
 (`over_clips`) are means in which every clip weighs the same, but for quotients, whose numerators and denominators are
 summed first.
 
     position_mm      E_d: distance of vertices to the truth (eq. 19 of the paper); normal_deg: E_n
-    alive_mm         mean distance of the truth from its own mean shape over the clip, hips' frame: what can be predicted
+    alive_mm         mean distance of the truth from its own mean shape over the clip, hips' frame: its motion
     relative_error   E_d / alive
     offset_mm        distance between the two mean shapes over the clip, hips' frame
     motion_error_mm  mean distance when each has lost its own mean shape, hips' frame; relative_motion_error: / alive
     bands            x is split by averaging over mesh neighbours (x <- (x + mean of neighbours) / 2): coarse is what 40
                      steps leave (waves longer than about 6 edges), middle what 8 steps leave beyond it, fine the rest.
-                     error_mm: mean distance to the truth within the band; energy_ratio: rms of the band's motion about its
-                     mean over the clip (hips' frame), prediction's over truth's: wrinkles that were averaged away
-    fine_motion_mm   mean length of the truth's middle and fine bands together about their mean over the clip, hips' frame
+                     error_mm: mean distance to the truth within the band; energy_ratio: rms of the band's motion about
+                     its mean over the clip (hips' frame), prediction's over truth's: below 1 wrinkles are averaged away
+    fine_motion_mm   mean length of the truth's middle and fine bands together about their mean, hips' frame
     penetration      area_share: share of the area more than 1 mm under the body; p99_mm: 99th percentile of depth
     crossings        intersecting pairs of triangles a frame: cloth with cloth, cloth with body
     strain_p99       99th percentile of edge length / rest length - 1
@@ -136,7 +136,7 @@ class Mesh:
         self._step = (own + share @ links).tocsr()
 
     def bands(self, shapes):
-        """[coarse, middle, fine], each [T, n, 3] float32: they sum to `shapes`. About 10 ms a frame of 8,000 vertices."""
+        """[coarse, middle, fine], [T, n, 3] float32 each: they sum to `shapes`. 10 ms a frame of 8,000 vertices."""
         shapes = np.asarray(shapes, np.float32)
         out = [np.empty_like(shapes) for _ in BANDS]
         for at in range(0, len(shapes), _BLOCK):
@@ -155,6 +155,12 @@ class Mesh:
         """Edge length / rest length - 1, [T, e]."""
         a, b = (np.asarray(positions, np.float64)[:, self.edges[:, k]] for k in (0, 1))
         return np.linalg.norm(a - b, axis=-1) / self.rest_length - 1
+
+
+def fine_motion_mm(positions, hips, mesh):
+    """Mean length in mm of what 40 steps of averaging take from cloth [T, n, 3], about its mean, in the hips' frame."""
+    coarse, middle, fine = mesh.bands(_about_mean(in_hips(positions, hips)))
+    return _length_mm(middle + fine)
 
 
 class Truth:
@@ -185,11 +191,11 @@ def _quotient(over, under):
 
 
 def clip(predicted, truth):
-    """Measures of a prediction [T, n, 3] m against a Truth of the same T frames: all but penetration, crossings and held."""
+    """Measures of a prediction [T, n, 3] m against a Truth of the same T frames, but penetration, crossings, held_mm."""
     predicted = np.asarray(predicted)
     if predicted.shape != (truth.first + truth.frames,) + truth.positions.shape[1:]:
-        raise ValueError(f"a prediction of shape {list(predicted.shape)}; the truth has {truth.first + truth.frames} frames "
-                         f"of {list(truth.positions.shape[1:])}")
+        raise ValueError(f"a prediction of shape {list(predicted.shape)}; the truth has "
+                         f"{truth.first + truth.frames} frames of {list(truth.positions.shape[1:])}")
     predicted = predicted[truth.first:].astype(np.float64)
     mesh, distance = truth.mesh, distances_mm(predicted, truth.positions)
     angle = angles_degrees(vertex_normals(predicted, mesh.faces), truth.normals)

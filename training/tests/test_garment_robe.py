@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from dcloth_training import rig, safetensors_io
+from dcloth_training import metrics, rig, safetensors_io
 from dcloth_training.motion import rotations, skeleton
 from dcloth_training.motion.skeleton import HIP_HEIGHT, INDEX
-from dcloth_training.simulate import checks, closed_arms, cloth_job, garment, garment_robe, mannequin, run
+from dcloth_training.simulate import closed_arms, cloth_job, garment, garment_robe, mannequin, run
 
 MODELS = pathlib.Path(__file__).parents[2] / "models"
 
@@ -81,7 +81,7 @@ def test_robe_faces_outward(robe):
 
 
 def test_robe_is_evenly_meshed(robe):
-    pairs = checks.edges(robe.faces)
+    pairs = metrics.edges_of(robe.faces)
     length = 1e3 * np.linalg.norm(robe.vertices[pairs[:, 0]] - robe.vertices[pairs[:, 1]], axis=1)
     # 2.02 square metres in 9,512 vertices: cells of 14.6 mm, diagonals of 20.6 mm. Columns run down from the belt to a
     # hem twice as long, where cells are 23 mm wide, so all but one in a hundred edges stay within a third of a cell

@@ -41,7 +41,8 @@ def _pairs(vertices, faces, other, other_faces):
         out = np.empty((room, 2), np.int32)
         found = search(*given, pointer(out, ctypes.c_int32), room)
         if found < 0:
-            raise ValueError("a coordinate is not finite or 16 m from the cloth, or a face names a vertex that is not there")
+            raise ValueError("a coordinate is not finite or 16 m from the cloth, or a face names a vertex that is not "
+                             "there")
         if found <= room:
             return out[:found]
         room = found

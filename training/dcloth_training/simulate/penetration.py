@@ -1,11 +1,15 @@
 """How deep cloth lies under the body: a true signed distance to the posed triangles.
 
-The body is split into parts that a cloth vertex may or may not touch. Openings (a neck that was cut off, a limb cut out of
-the skin) are closed by a fan about their middle, so that each part has an inside. Inside is where the winding number
-exceeds one half, which also holds where a posed part overlaps itself, as thigh and calf do in a squat; the depth there is
-the distance to the nearest triangle. Needs libigl.
+The body is split into parts that a cloth vertex may or may not touch. Openings (a neck that was cut off, a limb cut out
+of the skin) are closed by a fan about their middle, so that each part has an inside. Inside is where the winding number
+exceeds one half, which also holds where a posed part overlaps itself, as thigh and calf do in a squat; the depth is the
+distance to the nearest triangle. Needs libigl.
 """
 import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
+
+from . import crossings
 
 DEEP = 0.001    # m: less than this under the body is not penetration
 
@@ -35,14 +39,25 @@ def openings(faces):
 
 
 class _Part:
-    """Triangles of a part and the openings that are closed when it is posed."""
+    """Triangles of a part, the openings that are closed when it is posed, and the cloth that may touch it."""
 
-    def __init__(self, faces, vertices, cloth):
-        self.cloth, self.loops = cloth, openings(faces)
+    def __init__(self, numbers, faces, vertices, cloth, cloth_faces):
+        self.numbers, self.cloth, self.loops = numbers, cloth, openings(faces)
         fans = [[b, a, vertices + k] for k, loop in enumerate(self.loops) for a, b in zip(loop, loop[1:] + loop[:1])]
-        self.faces = np.concatenate([faces, np.array(fans, np.int64).reshape(-1, 3)]).astype(np.int64)
-        self.used, self.local = np.unique(self.faces, return_inverse=True)
-        self.local = np.ascontiguousarray(self.local.reshape(-1, 3))
+        closed = np.concatenate([faces, np.array(fans, np.int64).reshape(-1, 3)])
+        self.used, local = np.unique(closed, return_inverse=True)
+        self.faces = np.ascontiguousarray(local.reshape(-1, 3), np.int64)
+        # Pieces of cloth that hang together: where none of its triangles crosses the part, a piece lies on one side.
+        touching = np.zeros(cloth_faces.max(initial=-1) + 1 if len(cloth_faces) else 0, bool)
+        touching[cloth[cloth < len(touching)]] = True
+        self.cloth_numbers = np.flatnonzero(touching[cloth_faces].all(1)) if len(cloth_faces) else np.zeros(0, np.int64)
+        self.cloth_faces = cloth_faces[self.cloth_numbers]
+        size = int(max(cloth.max(initial=-1), cloth_faces.max(initial=-1))) + 1
+        ones = np.ones(2 * len(self.cloth_faces), bool)
+        links = scipy.sparse.csr_matrix((ones, (self.cloth_faces[:, [0, 1]].ravel(), self.cloth_faces[:, [1, 2]].ravel())),
+                                        (size, size))
+        piece = scipy.sparse.csgraph.connected_components(links, directed=False)[1][cloth]
+        self.examples, self.piece = np.unique(piece, return_index=True)[1], np.unique(piece, return_inverse=True)[1]
 
     def posed(self, body):
         """Vertices of the closed surface."""
@@ -51,54 +66,57 @@ class _Part:
 
 
 class Body:
-    """What cloth is kept out of.
+    """What cloth is kept out of, and which of the cloth.
 
-    faces [g, 3] of the body, outward; cloth_count: n cloth vertices. part [g]: the number of the part that a face belongs
-    to (None: one part); masks [b]: instead of `part`, bit p where a body vertex belongs to part p (parts may overlap: a face
-    belongs to those that all its corners share). touches [n]: bit p where a cloth vertex may touch part p; None: all.
-    ignored [n] bool: cloth vertices that do not count, as pinned ones.
+    faces [g, 3] of the body, outward; cloth_faces [c, 3], cloth_count n. part [g]: the number of the part that a face belongs
+    to (None: one part); masks [b]: instead of `part`, bit p where a body vertex belongs to part p (parts may overlap: a
+    face belongs to those that all its corners share). touches [n]: bit p where a cloth vertex may touch part p; None: all.
     """
 
-    def __init__(self, faces, cloth_count, part=None, masks=None, touches=None, ignored=None):
-        faces = np.asarray(faces, np.int64)
+    def __init__(self, faces, cloth_faces, cloth_count, part=None, masks=None, touches=None):
+        faces, cloth_faces = np.asarray(faces, np.int64), np.asarray(cloth_faces, np.int64)
         self.cloth_count = cloth_count
-        free = np.ones(cloth_count, bool) if ignored is None else ~np.asarray(ignored, bool)
         touches = np.full(cloth_count, ~np.uint32(0)) if touches is None else np.asarray(touches).astype(np.uint32)
         if masks is not None:
             own = np.bitwise_and.reduce(np.asarray(masks).astype(np.uint32)[faces], axis=1)
         else:
             own = np.uint32(1) << np.asarray(np.zeros(len(faces)) if part is None else part).astype(np.uint32)
-        count = int(faces.max(initial=-1)) + 1
+        self.vertices = int(faces.max(initial=-1)) + 1
         self.parts = []
         for bit in range(32):
-            mask = np.uint32(1 << bit)
-            chosen, cloth = (own & mask) != 0, np.flatnonzero(((touches & mask) != 0) & free)
-            if chosen.any() and len(cloth):
-                self.parts.append(_Part(faces[chosen], count, cloth))
-        self.vertices = count
+            chosen, cloth = (np.flatnonzero(of & np.uint32(1 << bit)) for of in (own, touches))
+            if len(chosen) and len(cloth):
+                self.parts.append(_Part(chosen, faces[chosen], self.vertices, cloth, cloth_faces))
 
-    def depth(self, cloth, body):
-        """Depth [n] in m of cloth [n, 3] m under the posed body [b, 3] m; 0 outside. The deepest part counts."""
+    def contact(self, cloth, body):
+        """Cloth [n, 3] m against the posed body [b, 3] m.
+
+        -> depth [n] in m under the body, the deepest part's, 0 outside; pairs [k, 2] (cloth triangle, body triangle) that
+        intersect, each once. Cloth of 16,000 triangles, a body as large: 20 ms where nothing crosses, else 70 ms more.
+        """
         import igl      # only what measures penetration needs the package
 
         cloth, body = np.asarray(cloth, np.float64), np.asarray(body, np.float64)[:self.vertices]
         if cloth.shape != (self.cloth_count, 3):
             raise ValueError(f"cloth of shape {cloth.shape}; expected [{self.cloth_count}, 3]")
-        out = np.zeros(self.cloth_count)
+        depth, pairs = np.zeros(self.cloth_count), [np.zeros((0, 2), np.int64)]
         for part in self.parts:
             surface, points = part.posed(body), cloth[part.cloth]
-            near = np.flatnonzero(((points > surface.min(0)) & (points < surface.max(0))).all(1))
-            if not len(near):
-                continue
-            points = np.ascontiguousarray(points[near])
-            inside = igl.fast_winding_number(surface, part.local, points) > 0.5
-            near, points = near[inside], np.ascontiguousarray(points[inside])
-            if len(near):
-                distance = igl.signed_distance(points, surface, part.local,
+            found = crossings.between(cloth, part.cloth_faces, surface, part.faces)
+            if len(found):
+                near = np.flatnonzero(((points > surface.min(0)) & (points < surface.max(0))).all(1))
+                inside = igl.fast_winding_number(surface, part.faces, np.ascontiguousarray(points[near])) > 0.5
+                at = near[inside]
+                found = found[found[:, 1] < len(part.numbers)]          # not the fans, which nobody sees
+                pairs.append(np.stack([part.cloth_numbers[found[:, 0]], part.numbers[found[:, 1]]], -1))
+            else:
+                winding = igl.winding_number(surface, part.faces, np.ascontiguousarray(points[part.examples]))
+                at = np.flatnonzero((winding > 0.5)[part.piece])
+            if len(at):
+                distance = igl.signed_distance(np.ascontiguousarray(points[at]), surface, part.faces,
                                                igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_UNSIGNED)[0]
-                at = part.cloth[near]
-                out[at] = np.maximum(out[at], distance)
-        return out
+                depth[part.cloth[at]] = np.maximum(depth[part.cloth[at]], distance)
+        return depth, np.unique(np.concatenate(pairs), axis=0)
 
 
 def vertex_areas(vertices, faces):

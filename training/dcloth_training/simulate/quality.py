@@ -3,9 +3,9 @@
     python3 -m dcloth_training.simulate.quality --data DATA -o REPORT [--floor floor.json] [--every N] [--pictures N]
 
 Writes REPORT/index.html (open it in a browser), report.json, report.md, and REPORT/clips/<clip>.png: frames evenly
-spaced, then those in which the cloth is stretched most, folded most and fastest. Stretch, folds, speed and motion
-against the hips are measured on the files as they are; penetration, seconds and settings are the manifest's. All
-clips are measured before any is drawn, and those whose figures stand out are drawn first. Stopped and started again
+spaced, then those in which the cloth is stretched most, folded most and fastest, and those in which it crosses the body
+and itself most. All of it is measured on the files as they are, crossings and depth exactly; seconds and settings are the
+manifest's. What is not cloth is marked: frames that cross the body, that are tangled or torn. All clips are measured before any is drawn, and those whose figures stand out are drawn first. Stopped and started again
 it goes on: a file measured and drawn is not read again until it changes. A file whose hash is not the one in the
 manifest, or that is not in it, is reported and ends with status 1.
 """
@@ -17,7 +17,7 @@ import sys
 
 import numpy as np
 
-from .. import safetensors_io
+from .. import dataset, safetensors_io
 from . import checks, clips, quality_clip, quality_page, quality_text
 
 
@@ -35,23 +35,18 @@ def read_manifest(path):
 
 
 def read_floor(path):
-    """{clip: {"floor_mean_mm", "floor_end_mm", "floor_entered_mm"}} of floor.py's JSON; {} without a file."""
+    """{clip: {"floor_mean_mm", "floor_end_mm", "floor_entered_mm", "floor_relative"}} of floor.py's JSON; {} without."""
     if not path:
         return {}
     with open(path) as file:
         rows = json.load(file)["clips"]
-    return {row["clip"]: {f"floor_{key}": row.get(key) for key in ("mean_mm", "end_mm", "entered_mm")} for row in rows}
+    return {row["clip"]: {f"floor_{key}": row.get(key)
+                          for key in ("mean_mm", "end_mm", "entered_mm", "relative")} for row in rows}
 
 
 def group(name):
-    """held_out, random, variation, training or drapes."""
-    if name in clips.HELD_OUT:
-        return "held_out"
-    if "~" in name:
-        return "variation"
-    if name.startswith("drapes-"):
-        return "drapes"
-    return "random" if name.startswith("procedural/random_") else "training"
+    """"drapes", or what a clip is for and where its motion is from: "training_recorded", "reported_recorded" ..."""
+    return "drapes" if name.startswith("drapes-") else f"{dataset.role(name)}_{dataset.source(name)}"
 
 
 def row_of(measured, manifest, floors):
@@ -59,14 +54,13 @@ def row_of(measured, manifest, floors):
     name = measured["clip"]
     entry = manifest.get(name, {})
     row = {"clip": name, "group": group(name), "regime": entry.get("root"), "seed": clips.seed(name), **measured,
-           "penetration_max_mm": entry.get("penetration_max_mm"), "sunken_share": entry.get("sunken_share"),
            "seconds_per_frame": entry.get("seconds_per_frame"), **floors.get(name, {})}
     if "sha256" not in entry:
         row["fault"] = "not in the manifest"
     elif entry["sha256"] != measured["sha256"]:
         row["fault"] = "the file is not the one the manifest describes"
     else:
-        for key in ("stretch_p99", "stretch_max"):      # of frames that were not measured here
+        for key in ("stretch_p99", "stretch_max", "penetration_max_mm"):      # of frames that were not measured here
             row[key] = max(row[key], entry.get(key, row[key]))
         for key in ("speed_max", "speed_mean"):
             row[key] = entry.get(key) if row[key] is None else row[key]
@@ -77,7 +71,8 @@ def row_of(measured, manifest, floors):
 def standing_out(rows):
     """Indices of rows, the most remarkable first: by the best rank that a row has in any of its figures."""
     best = np.full(len(rows), len(rows))
-    for key in ("torn_share", "stretch_max", "stretch_p99", "folded_max", "speed_max", "penetration_max_mm"):
+    for key in ("torn_share", "through_share", "crossed_share", "body_crossings_max", "cloth_crossings_max",
+                "penetration_max_mm", "stretch_max", "stretch_p99", "folded_max", "speed_max"):
         values = np.array([row[key] or 0.0 for row in rows])
         rank = np.empty(len(rows), int)
         rank[np.argsort(-values, kind="stable")] = np.arange(len(rows))

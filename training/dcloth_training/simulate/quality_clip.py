@@ -5,24 +5,17 @@ import os
 
 import numpy as np
 
-from .. import picture_file, safetensors_io, sequence
+from .. import metrics, picture_file, safetensors_io, sequence
 from ..motion import skeleton
-from . import checks, floor, render
+from . import checks, render
 
-VERSION = 1                   # of what is measured and drawn: older results are made anew
+VERSION = 2                   # of what is measured and drawn: older results are made anew
 EVEN_PICTURES = 4
 PICTURE_SIZE = 200
-TORN = 4.0                    # an edge stretched so far hangs on both sides of a limb that went through the cloth
+HIPS = "Hips"
+# Pictured where there are any.
+CROSSED = (("body_crossings_frame", "most crossings of the body"), ("cloth_crossings_frame", "most crossings of cloth"))
 FOLDED = -0.5                 # cosine between neighbouring triangles' normals: bent by more than 120 degrees
-
-
-def stretch(cloth, pairs, rest):
-    """Edge length over rest length -> (99th percentile, largest) of each frame [T], [T]."""
-    p99, largest = np.empty(len(cloth)), np.empty(len(cloth))
-    for t, points in enumerate(cloth):
-        ratio = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) / rest
-        p99[t], largest[t] = np.percentile(ratio, 99), ratio.max()
-    return p99, largest
 
 
 def hinges(faces):
@@ -54,28 +47,30 @@ def digest(path):
     return total.hexdigest()
 
 
-def measure(path, data, character, every=1):
+def measure(path, data, referee, every=1):
     """Figures of a file, its clip's name first, from every `every`-th frame; speed is None unless that is all of them.
 
     Between drapes, which are poses of their own, speed and motion mean nothing: None.
     """
-    rest = character.get("cloth_rest", character["cloth_template"])
+    faces, count = referee.mesh.faces, len(referee.areas)
     if data.truth is None:
         raise ValueError(f"{path}: no tensor 'truth': not a file of ground truth")
-    if data.truth.shape[1] != len(rest):
+    if data.truth.shape[1] != count:
         raise ValueError(f"{path}: {data.truth.shape[1]} cloth vertices, the character beside it has "
-                         f"{len(rest)}: --data mixes two garments")
-    faces, dynamic = character["cloth_faces"], data.kind == "dynamic"
+                         f"{count}: --data mixes two garments")
+    dynamic = data.kind == "dynamic"
     at = np.arange(0, len(data.truth), every if dynamic else 1)
-    cloth, pairs = data.truth[at], checks.edges(character["cloth_faces"])
-    p99, largest = stretch(cloth, pairs, np.linalg.norm(rest[pairs[:, 0]] - rest[pairs[:, 1]], axis=1))
+    cloth = data.truth[at]
     folds = folded(cloth, faces, hinges(faces))
-    out = {"clip": data.clip, "frames": len(data.truth), "stretch_p99": round(float(p99.max()), 3),
-           "stretch_max": round(float(largest.max()), 3), "stretch_max_frame": int(at[largest.argmax()]),
-           "torn_share": round(float((largest > TORN).mean()), 4),
+    out = {"clip": data.clip, "frames": len(data.truth), **referee.clip(data.truth, data.joint_matrices, at),
            "folded_max": round(float(folds.max()), 5), "folded_max_frame": int(at[folds.argmax()]),
-           "speed_max": None, "speed_mean": None, "speed_max_frame": None,
-           "alive_mm": round(floor.alive(data.joint_matrices[at], cloth), 1) if dynamic else None}
+           "speed_max": None, "speed_mean": None, "speed_max_frame": None, "alive_mm": None, "fine_motion_mm": None}
+    if dynamic:
+        moving = at[at >= metrics.counted(len(data.truth))]
+        hips = data.joint_matrices[moving, data.joint_names.index(HIPS) if HIPS in data.joint_names else 0]
+        cloth = data.truth[moving].astype(np.float64)
+        out.update(alive_mm=round(metrics.alive_mm(cloth, hips), 1),
+                   fine_motion_mm=round(metrics.fine_motion_mm(cloth, hips, referee.mesh), 2))
     if dynamic and every == 1:
         speed = np.linalg.norm(np.diff(data.truth, axis=0), axis=-1) * skeleton.FPS
         out.update(speed_max=round(float(speed.max(initial=0)), 2),
@@ -88,8 +83,8 @@ def pictured(figures):
     """[(frame, what it shows)] of a clip's strip: evenly spaced frames, then those that stand out."""
     out = {int(f): "" for f in np.linspace(0, figures["frames"] - 1, EVEN_PICTURES)}
     for key, word in (("stretch_max_frame", "most stretched"), ("folded_max_frame", "most folded"),
-                      ("speed_max_frame", "fastest")):
-        if figures[key] is not None:
+                      ("speed_max_frame", "fastest"), *CROSSED):
+        if figures.get(key) is not None and figures.get(key.replace("_frame", "_max"), 1):
             before = out.pop(figures[key], "")
             out[figures[key]] = f"{before}, {word}" if before else word
     return list(out.items())
@@ -103,15 +98,23 @@ class Work:
 
     def __init__(self, character_path, folder, every):
         self.character_path, self.folder, self.every = character_path, folder, every
-        self._character = None
+        self._character = self._referee = None
 
     def __getstate__(self):
-        return {**self.__dict__, "_character": None}
+        return {**self.__dict__, "_character": None, "_referee": None}
 
     def character(self):
         if self._character is None:
             self._character, _ = safetensors_io.read(self.character_path)
         return self._character
+
+    def referee(self):
+        if self._referee is None:
+            try:
+                self._referee = checks.Referee.of_character(self.character())
+            except KeyError as error:
+                raise ValueError(f"{self.character_path}: no tensor {error}: not a character with its body") from None
+        return self._referee
 
     def stem(self, path):
         """Where the results of a file lie, without their suffix."""
@@ -140,7 +143,7 @@ class Work:
         kept = self._kept(path)
         if not kept:
             kept = {"every": self.every, "drawn": False,
-                    "figures": measure(path, sequence.read(path), self.character(), self.every)}
+                    "figures": measure(path, sequence.read(path), self.referee(), self.every)}
             self._keep(path, kept)
         return kept["figures"]
 

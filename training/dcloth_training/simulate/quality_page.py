@@ -3,16 +3,25 @@ import html
 
 from . import quality_text
 
-SORTED_BY = (("order", "listed order", None), ("stretch_max", "stretch, largest", "stretch_max"),
+SORTED_BY = (("order", "listed order", None), ("crossed", "frames crossing the body", "crossed_share"),
+             ("body", "pairs of cloth and body", "body_crossings_max"), ("tangled", "tangled frames", "tangled_share"),
+             ("cloth", "pairs of cloth", "cloth_crossings_max"), ("penetration", "depth", "penetration_max_mm"),
+             ("stretch_max", "stretch, largest", "stretch_max"),
              ("stretch_p99", "stretch, 99th percentile", "stretch_p99"), ("torn", "torn frames", "torn_share"),
-             ("folded", "folds", "folded_max"),
-             ("penetration", "penetration", "penetration_max_mm"), ("speed", "speed", "speed_max"),
-             ("alive", "motion against the hips", "alive_mm"), ("floor", "floor", "floor_mean_mm"))
-FIGURES = (("frames", "frames", "{:d}"), ("stretch_p99", "stretch p99", "{:.2f}"), ("stretch_max", "max", "{:.2f}"),
+             ("folded", "folds", "folded_max"), ("speed", "speed", "speed_max"),
+             ("alive", "alive", "alive_mm"), ("fine", "fine motion", "fine_motion_mm"), ("floor", "floor", "floor_mean_mm"),
+             ("relative", "floor / alive", "floor_relative"))
+FIGURES = (("frames", "frames", "{:d}"), ("crossed_share", "crossing the body", "{:.1%} of frames"),
+           ("body_crossings_max", "at most", "{:d} pairs"), ("tangled_share", "tangled", "{:.1%} of frames"),
+           ("cloth_crossings_max", "at most", "{:d} pairs"), ("penetration_area_share", "area under the body", "{:.3%}"),
+           ("penetration_max_mm", "deepest", "{:.1f} mm"), ("strain_p99", "strain p99", "{:.1%}"),
+           ("stretch_p99", "stretch p99", "{:.2f}"), ("stretch_max", "max", "{:.2f}"),
            ("torn_share", "torn frames", "{:.0%}"), ("folded_max", "folded edges", "{:.2%}"),
-           ("penetration_max_mm", "penetration", "{:.1f} mm"),
-           ("speed_max", "speed", "{:.1f} m/s"), ("alive_mm", "against the hips", "{:.0f} mm"),
-           ("floor_mean_mm", "floor", "{:.2f} mm"), ("floor_entered_mm", "entered late", "{:.2f} mm"))
+           ("speed_max", "speed", "{:.1f} m/s"), ("alive_mm", "alive", "{:.0f} mm"),
+           ("fine_motion_mm", "fine motion", "{:.1f} mm"), ("floor_mean_mm", "floor", "{:.2f} mm"),
+           ("floor_relative", "of alive", "{:.1%}"), ("floor_entered_mm", "entered late", "{:.2f} mm"))
+# Figures that say a clip is not cloth where they are above 0.
+NOT_CLOTH = (("crossed_share", "crosses the body"), ("tangled_share", "tangled"), ("torn_share", "torn"))
 
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --soft: #8882; }
@@ -26,6 +35,7 @@ nav { position: sticky; top: 0; background: Canvas; padding: .6rem 0; border-bot
 article { margin: 0 0 1.1rem; } article p { margin: 0 0 .2rem; }
 article img { display: block; max-width: 100%; height: auto; border-radius: 6px; background: #f5f5f2; }
 b { font-weight: 600; } .f { margin-left: 1rem; white-space: nowrap; } .f i { font-style: normal; opacity: .65; }
+.mark { background: #c0392b33; }
 .fault { color: #c0392b; font-weight: 600; }
 .tag { background: var(--soft); border-radius: 4px; white-space: nowrap; padding: 0 .4rem; margin-left: .5rem; }
 """
@@ -60,11 +70,12 @@ def article(order, row):
     known = {"order": order, "group": row["group"], "name": row["clip"],
              **{word: row[key] for word, _, key in SORTED_BY if key and row.get(key) is not None}}
     data = " ".join(f'data-{word}="{html.escape(str(value))}"' for word, value in known.items())
+    marks = " ".join(f'<span class="tag mark">{word}</span>' for key, word in NOT_CLOTH if row.get(key))
     fault = f'<span class="f fault">{html.escape(row["fault"])}</span>' if row["fault"] else ""
     strip = (f'<img src="{html.escape(row["picture"])}" loading="lazy" alt="frames of {html.escape(row["clip"])}">'
              if row["picture"] else "")
     return (f'<article {data}><p><b>{html.escape(row["clip"])}</b>'
-            f'<span class="tag">{row["group"].replace("_", " ")}</span> '
+            f'<span class="tag">{row["group"].replace("_", ", ")}</span> {marks} '
             f'{figure_text(row)} {fault}</p>{strip}</article>')
 
 
@@ -92,6 +103,7 @@ def page(found):
         f"<h1>Ground truth {html.escape(found['data'])}</h1>",
         f"<p>{len(rows)} files, {frames:,} frames, {found['cloth_vertices']:,} cloth vertices, "
         f"{found['cloth_faces']:,} triangles; root motion: {html.escape(regimes)}. {quality_text.MEANING}</p>",
+        *(f"<p><b>{html.escape(line)}</b></p>" for line in quality_text.verdict_line(rows)),
         markdown_table(quality_text.summary(rows)),
         "<nav><label>sort by <select id=sort>"
         + "".join(f"<option value={word}>{title}</option>" for word, title, key in SORTED_BY

@@ -180,7 +180,7 @@ def run(options):
             entry, _ = future.result()
             refused += "refused" in entry
             numbers = {k: entry[k] for k in ("frames", "seconds_per_frame", "stretch_p99",
-                                             "penetration_max_mm", "sunken_share", "speed_max",
+                                             "penetration_max_mm", "crossed_share", "through_share", "speed_max",
                                              "settled_mm_per_frame") if k in entry}
             print(f"[{count}/{len(waiting)} {(time.time() - began) / 60:.1f} min] {entry['clip']} "
                   f"{'REFUSED: ' + entry['refused'] if 'refused' in entry else 'done'} {numbers}",
