@@ -77,11 +77,23 @@ HWY_INLINE void AddProduct(DI di, const int16_t* HWY_RESTRICT x, size_t rows, co
   }
 }
 
-// Rounds to nearest even, saturates to 16 bits and stores one vector of inputs.
+// value, but not below `lowest`, which NaN becomes too.
+template <class V>
+HWY_INLINE V AtLeast(V value, V lowest) {
+#if HWY_ARCH_X86
+  return hn::Max(value, lowest);  // x86's maximum is its second operand where one of them is NaN
+#else
+  return hn::IfThenElse(hn::Gt(value, lowest), value, lowest);
+#endif
+}
+
+// Rounds to nearest even, saturates to 16 bits and stores one vector of inputs. Above 2^22 the bits of a float still rise;
+// below -2^22 their difference to the magic number's would wrap.
 template <class D>
 HWY_INLINE void StoreInputs(D d, hn::Vec<D> value, int16_t* to) {
   const hn::RebindToSigned<D> di;
   const hn::Rebind<int16_t, D> d16;
+  value = AtLeast(value, hn::Set(d, -32768.0f));
   const auto rounded =
       hn::Sub(hn::BitCast(di, hn::Add(value, hn::Set(d, kRoundMagic))), hn::Set(di, kRoundMagicBits));
   hn::StoreU(hn::DemoteTo(d16, rounded), d16, to);

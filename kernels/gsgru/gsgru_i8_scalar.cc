@@ -9,9 +9,11 @@ namespace {
 
 constexpr size_t kMax = kGsgruMaxFeatures;
 
+// Saturated to 16 bits; NaN to the lowest. Numbers above 2^22 come out too large to matter, those below -2^22 would not.
 int32_t Rounded(float value) {
-  const int32_t q = RoundToInt(value);
-  return q < -32768 ? -32768 : q > 32767 ? 32767 : q;
+  constexpr int32_t kLowest = -32768, kHighest = 32767;
+  const int32_t q = value > static_cast<float>(kLowest) ? RoundToInt(value) : kLowest;
+  return q > kHighest ? kHighest : q;
 }
 
 // y[c] += scale of column first + c times sum_k x[k] W[k][first + c].

@@ -29,7 +29,10 @@ inline float FiniteProduct(float x, float scale) {
   return product - product == 0.0f ? product : 0.0f;
 }
 
-inline int32_t RoundToInt(float v) { return static_cast<int32_t>(BitsFromFloat(v + kRoundMagic)) - kRoundMagicBits; }
+// |v| < 2^22; any other gives some number. Unsigned, since that has no overflow.
+inline int32_t RoundToInt(float v) {
+  return static_cast<int32_t>(BitsFromFloat(v + kRoundMagic) - static_cast<uint32_t>(kRoundMagicBits));
+}
 
 // The smallest step with round(max / step) <= 32767 that is 1, 5/4, 6/4 or 7/4 times a power of two: at most a quarter
 // coarser than max / 32767, where powers of two alone are up to twice, and yet the same from tick to tick while max moves

@@ -1,6 +1,7 @@
 #include "kernels/gsgru/gsgru_i8.h"
 
 #include <memory>
+#include <string>
 
 #include "tests/unit/kernels/gsgru_graph.h"
 #include "tests/unit/kernels/gsgru_i8_oracle.h"
@@ -97,6 +98,40 @@ TEST_P(GsgruI8Test, EveryFeatureWidth) {
       Check(vertices, features, features, true);
     }
   }
+}
+
+// Every input beyond the last level is the last level, however far beyond: a stranger's scales may say anything.
+TEST_P(GsgruI8Test, InputsFarBeyondTheLastLevelSaturate) {
+  if (std::string(table().name) == "neon") GTEST_SKIP() << "multiplies floats, which are not rounded";
+  constexpr size_t kF = 8, kVertices = 3;
+  Random random(7);
+  const GuardedBuffer<uint32_t> row_starts(std::vector<uint32_t>{0, 1, 2, 3});
+  const GuardedBuffer<uint16_t> columns(std::vector<uint16_t>{0, 1, 2});
+  const Floats bias(std::vector<float>(3 * kF, 0.1f), Place::kAligned64), output_bias(random.Floats(kF, -1, 1), Place::kAligned64),
+      gain(random.Floats(kF, -1, 1), Place::kAligned64), offset(random.Floats(kF, -1, 1), Place::kAligned64),
+      scales(random.Floats(7 * kF, 1e-7f, 2e-7f), Place::kAligned64), steps(std::vector<float>(kF, 2.0f), Place::kAligned64);
+  GuardedBuffer<int8_t> weights(kF * 7 * kF, Place::kAligned64);
+  for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random.Below(255)) - 127);
+  const std::vector<float> before = random.Floats(GsgruStateFloats(kVertices, kF), -1, 1);
+  const auto run = [&](float input) {
+    const Floats x(std::vector<float>(kVertices * kF, input), Place::kAligned64);
+    Floats state(before, Place::kAligned64), scratch(GsgruI8ScratchFloats(kF), Place::kAligned64), next(kVertices * kF, Place::kAligned64);
+    const GsgruJob layer = {x.data(), row_starts.data(), columns.data(), nullptr, bias.data(), nullptr, nullptr, nullptr,
+                            output_bias.data(), gain.data(), offset.data(), nullptr, state.data(), next.data(), nullptr,
+                            scratch.data(), kVertices, kF, kF, 0.25f, 0.0f};
+    table().gsgru_i8({layer, weights.data(), scales.data(), steps.data()});
+    std::vector<float> out(state.data(), state.data() + kVertices * kF);
+    out.insert(out.end(), next.data(), next.data() + kVertices * kF);
+    return out;
+  };
+  const std::vector<float> lowest = run(-16384.0f), highest = run(16383.5f);  // -32768 and 32767
+  ASSERT_NE(lowest, highest);
+  for (const float input : {-16500.0f, -2e6f, -3.2e6f, -6.4e6f, -8e6f, -1e7f, -1.3e7f, -1e9f, -1e20f, -1.5e38f}) {
+    EXPECT_EQ(run(input), lowest) << table().name << " " << input;
+    EXPECT_EQ(run(-input), highest) << table().name << " " << -input;
+  }
+  EXPECT_EQ(run(std::nanf("")), lowest) << table().name;
+  EXPECT_EQ(run(-std::nanf("")), lowest) << table().name;
 }
 
 TEST_P(GsgruI8Test, LargeGraph) { Check(1021, 32, 32, false); }
