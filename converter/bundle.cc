@@ -15,6 +15,11 @@ constexpr uint64_t kAny = TensorReader::kAny;
 
 uint64_t Rows(const Matrix& matrix) { return static_cast<uint64_t>(matrix.rows()); }
 
+RootMotion ReadRootMotion(const SafeFile& file) {
+  const std::string_view allowed[] = {"false", "true", "air"};
+  return static_cast<RootMotion>(OneOf(file, "root_motion", allowed));
+}
+
 void ReadMetadata(const SafeFile& file, Bundle* bundle) {
   if (file.RequireMetadata("format") != "dcloth-bundle") {
     throw Error({file.path(), "", "metadata format '" + file.RequireMetadata("format") + "'", "dcloth-bundle",
@@ -37,7 +42,7 @@ void ReadMetadata(const SafeFile& file, Bundle* bundle) {
   for (const std::string& name : UniqueNames(file, "bones")) {
     bundle->bones.push_back(IndexOf(file, "bones", name, bundle->joint_names));
   }
-  bundle->root_motion = TrueOrFalse(file, "root_motion");
+  bundle->root_motion = ReadRootMotion(file);
   bundle->training = JsonObject(file, "training");
 }
 
@@ -62,8 +67,9 @@ void ReadBind(TensorReader* reader, const SafeFile& file, Bundle* bundle) {
 }
 
 void ReadFeatures(TensorReader* reader, Bundle* bundle) {
-  const uint64_t d = 9 * bundle->feature_joints.size() + (bundle->root_motion ? 4 : 0);
-  const char* const names = "[d] = [9 feature joints + 4 with root motion]";
+  const uint64_t root = bundle->root_motion == RootMotion::kAir ? 7 : bundle->root_motion == RootMotion::kHips ? 4 : 0;
+  const uint64_t d = 9 * bundle->feature_joints.size() + root;
+  const char* const names = "[d] = [9 feature joints + 4 with root_motion true, 7 with air]";
   bundle->feature_mean = reader->TakeVector("features.mean", d, names);
   bundle->feature_deviation = reader->TakePositive("features.deviation", d, names);
   bundle->feature_low = reader->TakeVector("features.low", d, names);

@@ -51,6 +51,9 @@ struct MeshWeights {
   Matrix basis;                // [k_M, 3n]
 };
 
+// What the network reads of the hips' way; the file format's values.
+enum class RootMotion : uint8_t { kNone, kHips, kAir };
+
 struct Bundle {
   std::filesystem::path path;
   std::string garment;
@@ -58,7 +61,7 @@ struct Bundle {
   std::vector<std::string> joint_names;
   uint32_t hips = 0;                     // index into joint_names
   std::vector<uint32_t> feature_joints;  // indices into joint_names
-  bool root_motion = false;
+  RootMotion root_motion = RootMotion::kNone;
   std::vector<uint32_t> bones;  // indices into joint_names
   std::string training;         // JSON object, free
 

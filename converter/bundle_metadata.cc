@@ -66,10 +66,13 @@ double PositiveNumber(const SafeFile& file, std::string_view key, double limit) 
   return value;
 }
 
-bool TrueOrFalse(const SafeFile& file, std::string_view key) {
+size_t OneOf(const SafeFile& file, std::string_view key, std::span<const std::string_view> allowed) {
   const std::string& text = file.RequireMetadata(key);
-  if (text != "true" && text != "false") Refuse(file, key, Quoted(text), "'true' or 'false'");
-  return text == "true";
+  const auto found = std::ranges::find(allowed, text);
+  if (found != allowed.end()) return static_cast<size_t>(found - allowed.begin());
+  std::string names;
+  for (const std::string_view name : allowed) names += (names.empty() ? "'" : ", '") + std::string(name) + "'";
+  Refuse(file, key, Quoted(text), names);
 }
 
 std::string JsonObject(const SafeFile& file, std::string_view key) {

@@ -2,7 +2,9 @@
 #ifndef DCLOTH_CONVERTER_BUNDLE_METADATA_H_
 #define DCLOTH_CONVERTER_BUNDLE_METADATA_H_
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,7 +17,7 @@ namespace dcloth::converter {
 std::vector<std::string> UniqueNames(const SafeFile& file,
                                      std::string_view key);                       // JSON list, not empty, no name twice
 double PositiveNumber(const SafeFile& file, std::string_view key, double limit);  // in (0, limit]
-bool TrueOrFalse(const SafeFile& file, std::string_view key);
+size_t OneOf(const SafeFile& file, std::string_view key, std::span<const std::string_view> allowed);  // its index
 std::string JsonObject(const SafeFile& file, std::string_view key);  // "{}" where absent
 
 // Index of a name that `key` holds among `names`.

@@ -1,6 +1,7 @@
 #include "converter/rollout.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string_view>
 #include <utility>
@@ -82,6 +83,8 @@ void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, 
   for (size_t frame = 0; frame < sequence.frame_count; ++frame) {
     GatherPose(sequence, frame, map, matrices);
     const std::string at = " of frame " + std::to_string(frame);
+    const std::array<float, 3> wind = sequence.FrameWind(frame);
+    Require(dcloth_cloth_set_wind(model.cloth(), wind.data(), nullptr), sequence.path, "the wind" + at);
     Require(dcloth_cloth_tick(model.cloth(), &pose, stages, timer), sequence.path, "the tick" + at);
     Require(dcloth_cloth_skin(model.cloth(), &pose, 1.0f, &output, timer), sequence.path, "skinning" + at);
     visit(frame, positions, normals);

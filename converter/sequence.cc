@@ -42,6 +42,25 @@ void ReadMatrices(const SafeFile& file, Sequence* sequence) {
   }
 }
 
+void ReadWind(const SafeFile& file, Sequence* sequence) {
+  const SafeTensor* const tensor = file.Find("wind");
+  if (tensor == nullptr) return;
+  const Shape expected = {sequence->frame_count, 3};
+  if (tensor->shape != expected || tensor->type != SafeType::kF32) {
+    Refuse(file, tensor->name, SafeTypeName(tensor->type) + (" " + ShapeText(tensor->shape)),
+           "F32 [" + std::to_string(sequence->frame_count) + ", 3]");
+  }
+  sequence->wind = FloatsOf(file, *tensor);
+  constexpr double kFastest = 100;  // as dcloth_cloth_set_wind allows
+  for (size_t frame = 0; frame < sequence->frame_count; ++frame) {
+    const auto [x, y, z] = sequence->FrameWind(frame);
+    const double speed = std::hypot(double{x}, double{y}, double{z});
+    if (speed > kFastest) {
+      Refuse(file, tensor->name, std::to_string(speed) + " m/s in frame " + std::to_string(frame), "at most 100 m/s");
+    }
+  }
+}
+
 void ReadTruth(const SafeFile& file, Sequence* sequence) {
   const SafeTensor* const tensor = file.Find("truth");
   if (tensor == nullptr) return;
@@ -79,6 +98,7 @@ Sequence SequenceFrom(const SafeFile& file) {
   sequence.joint_names = UniqueNames(file, "joint_names");
   sequence.fps = PositiveNumber(file, "fps", 1000);
   ReadMatrices(file, &sequence);
+  ReadWind(file, &sequence);
   ReadTruth(file, &sequence);
   return sequence;
 }

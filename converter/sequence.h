@@ -2,6 +2,7 @@
 #ifndef DCLOTH_CONVERTER_SEQUENCE_H_
 #define DCLOTH_CONVERTER_SEQUENCE_H_
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -20,15 +21,21 @@ struct Sequence {
   size_t frame_count = 0;
   std::vector<float> joint_matrices;  // [frame_count, joints, 4, 4] world, rows contiguous
   size_t truth_vertex_count = 0;      // 0 without truth
+  std::vector<float> wind;            // [frame_count, 3] world, m/s; empty: calm
   std::vector<float> truth;           // [frame_count, truth_vertex_count, 3] world, metres; empty without truth
 
+  // Zero without wind.
+  std::array<float, 3> FrameWind(size_t frame) const {
+    if (wind.empty()) return {};
+    return {wind[3 * frame], wind[3 * frame + 1], wind[3 * frame + 2]};
+  }
   bool has_truth() const { return truth_vertex_count != 0; }
   std::span<const float> FrameTruth(size_t frame) const {
     return std::span(truth).subspan(frame * truth_vertex_count * 3, truth_vertex_count * 3);
   }
 };
 
-// Throws Error: shapes, dtypes, NaN or infinity, a bottom row other than 0 0 0 1 (a transposed matrix), duplicate joint
+// Throws Error: shapes, dtypes, NaN or infinity, a wind over 100 m/s, a bottom row other than 0 0 0 1 (a transposed matrix), duplicate joint
 // names, fps outside (0, 1000], no frames.
 Sequence ReadSequence(const std::filesystem::path& path);
 Sequence SequenceFrom(const SafeFile& file);

@@ -18,10 +18,12 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4;
+constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4,
+                   kFormatMinorOfAir = 5;
 
 // The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
 uint16_t FormatMinor(const ModelParts& parts) {
+  if (parts.root_motion == RootMotion::kAir) return kFormatMinorOfAir;
   if (parts.body && parts.body->touch_classes) return kFormatMinorOfTouch;
   const auto has_integers = [](const MeshLayerParts& layer) { return layer.weights.has_value(); };
   const bool integers = parts.mesh && std::any_of(parts.mesh->layers.begin(), parts.mesh->layers.end(), has_integers);
@@ -133,7 +135,7 @@ class Writer {
     const auto inverse_deviation = Tensor(parts_.inverse_deviation);
     const auto low = Tensor(parts_.low);
     const auto high = Tensor(parts_.high);
-    return format::CreateFeatures(builder_, joints, parts_.root_motion, mean, inverse_deviation, low, high);
+    return format::CreateFeatures(builder_, joints, static_cast<format::RootMotion>(parts_.root_motion), mean, inverse_deviation, low, high);
   }
 
   fb::Offset<format::StaticStage> Static() {

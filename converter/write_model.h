@@ -48,7 +48,7 @@ struct ModelParts {
   std::vector<std::string> joint_names;
   uint16_t hips = 0;
   std::vector<uint16_t> feature_joints, bones;
-  bool root_motion = false;
+  RootMotion root_motion = RootMotion::kNone;
   uint8_t influences = 0;
   uint32_t skeleton_rows = 0, mesh_rows = 0;
 

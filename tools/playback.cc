@@ -45,6 +45,10 @@ Player::Player(const converter::OpenModel& model, uint32_t stages, std::string s
 
 void Player::Reset() { Check(dcloth_cloth_reset(model_.cloth()), "reset"); }
 
+void Player::SetWind(const std::array<float, 3>& wind) {
+  Check(dcloth_cloth_set_wind(model_.cloth(), wind.data(), nullptr), "set the wind");
+}
+
 void Player::Tick(std::span<const float> pose, dcloth_timer* timer) {
   const dcloth_pose p = Pose(pose);
   Check(dcloth_cloth_tick(model_.cloth(), &p, stages_, timer), "tick");

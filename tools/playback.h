@@ -2,6 +2,7 @@
 #ifndef DCLOTH_TOOLS_PLAYBACK_H_
 #define DCLOTH_TOOLS_PLAYBACK_H_
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -27,6 +28,7 @@ class Player {
   Player(const converter::OpenModel& model, uint32_t stages, std::string source, uint32_t output_flags = 0);
 
   void Reset();
+  void SetWind(const std::array<float, 3>& wind);  // m/s, for ticks from now on
   void Tick(std::span<const float> pose, dcloth_timer* timer = nullptr);
   void Skin(std::span<const float> pose, float blend, dcloth_timer* timer = nullptr);
 

@@ -98,7 +98,10 @@ void Interpolate(const float* a, const float* b, double t, float* out) {
 }  // namespace
 
 PoseTrack::PoseTrack(const converter::Sequence& sequence, std::span<const std::string> joint_names)
-    : frame_count_(sequence.frame_count), joint_count_(joint_names.size()), fps_(sequence.fps) {
+    : frame_count_(sequence.frame_count),
+      joint_count_(joint_names.size()),
+      fps_(sequence.fps),
+      wind_(sequence.wind) {
   const std::vector<uint32_t> map = converter::MapJoints(sequence, joint_names);
   matrices_.resize(frame_count_ * joint_count_ * 16);
   for (size_t f = 0; f < frame_count_; ++f) {
@@ -108,6 +111,21 @@ PoseTrack::PoseTrack(const converter::Sequence& sequence, std::span<const std::s
 
 std::span<const float> PoseTrack::Frame(size_t frame) const {
   return std::span(matrices_).subspan(frame * joint_count_ * 16, joint_count_ * 16);
+}
+
+std::array<float, 3> PoseTrack::WindAt(double seconds) const {
+  if (wind_.empty()) return {};
+  const double position = std::clamp(seconds * fps_, 0.0, static_cast<double>(frame_count_ - 1));
+  const double nearest = std::round(position);
+  const bool on_frame = std::abs(position - nearest) < kSameTime;
+  const auto before = static_cast<size_t>(on_frame ? nearest : position);
+  const double t = on_frame ? 0 : position - static_cast<double>(before);
+  std::array<float, 3> wind = {};
+  for (size_t i = 0; i < 3; ++i) {
+    const float a = wind_[3 * before + i], b = on_frame ? a : wind_[3 * before + 3 + i];
+    wind[i] = static_cast<float>((1 - t) * a + t * b);
+  }
+  return wind;
 }
 
 void PoseTrack::At(double seconds, std::span<float> matrices) const {

@@ -1,7 +1,8 @@
-// A sequence's joint matrices in the order a model or bundle wants, at any time.
+// A sequence's joint matrices in the order a model or bundle wants, and its wind, at any time.
 #ifndef DCLOTH_TOOLS_POSE_TRACK_H_
 #define DCLOTH_TOOLS_POSE_TRACK_H_
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <span>
@@ -29,10 +30,14 @@ class PoseTrack {
   // interpolation. On a stored frame exactly that frame. Shear between frames is lost.
   void At(double seconds, std::span<float> matrices) const;
 
+  // The wind, straight between frames and clamped to the sequence; zero where it has none.
+  std::array<float, 3> WindAt(double seconds) const;
+
  private:
   size_t frame_count_ = 0, joint_count_ = 0;
   double fps_ = 0;
   std::vector<float> matrices_;  // [frame_count, joint_count, 16]
+  std::vector<float> wind_;      // [frame_count, 3], or empty
 };
 
 // Frames at f / frame_rate from the track's first pose to its last. Throws converter::Error where nobody would wait for

@@ -70,6 +70,7 @@ class Profiler {
     for (size_t f = 0; f < frame_count_; ++f) {
       const double seconds = static_cast<double>(f) / options_.fps;
       poses_.At(seconds, pose_);
+      player_.SetWind(poses_.WindAt(seconds));
       if (evictor_ && !first) evictor_->Evict();
       const ProfiledFrame frame = Time();
       if (f != 0) frames->push_back(frame);

@@ -1,6 +1,7 @@
 // `dcloth run`: a model over a sequence at any frame rate, written as positions, a point cache or a page to look at.
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -29,7 +30,7 @@ namespace {
 struct Options {
   std::filesystem::path model, sequence, output, mesh;
   double fps = 0;  // 0: the tick rate
-  std::string stages;
+  std::string stages, wind;
 };
 
 struct Result {
@@ -37,8 +38,31 @@ struct Result {
   std::vector<float> positions;  // [frame_count, n, 3]
 };
 
+// "X,Y,Z" in m/s; none where nothing was asked for.
+std::optional<std::array<float, 3>> ParseWind(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  std::array<float, 3> wind = {};
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  bool read = true;
+  for (size_t i = 0; i < 3 && read; ++i) {
+    const auto [next, error] = std::from_chars(at, end, wind[i]);
+    read = error == std::errc() && (i < 2 ? next != end && *next == ',' : next == end);
+    at = i < 2 ? next + 1 : next;
+  }
+  if (!read || !(std::hypot(double{wind[0]}, double{wind[1]}, double{wind[2]}) <= 100)) {
+    throw converter::Error({.path = {},
+                            .tensor = {},
+                            .found = "--wind '" + text + "'",
+                            .expected = "X,Y,Z: three numbers in metres a second, together at most 100",
+                            .mend = "--wind=0,0,-5 blows in the face of a character that looks along +Z"});
+  }
+  return wind;
+}
+
 Result Play(const Options& options, const converter::OpenModel& model, const PoseTrack& poses, double fps,
             uint32_t stages) {
+  const std::optional<std::array<float, 3>> steady_wind = ParseWind(options.wind);
   const double tick_rate = TickRate(model);
   Player player(model, stages, converter::PathText(options.sequence));
   std::vector<float> pose(poses.joint_count() * 16);
@@ -50,7 +74,9 @@ Result Play(const Options& options, const converter::OpenModel& model, const Pos
   for (size_t f = 0; f < result.frame_count; ++f) {
     const FramePlan plan = PlanFrame(f, fps, tick_rate);
     for (size_t k = 0; k < plan.tick_count; ++k) {
-      poses.At(static_cast<double>(plan.first_tick + k) / tick_rate, pose);
+      const double seconds = static_cast<double>(plan.first_tick + k) / tick_rate;
+      poses.At(seconds, pose);
+      player.SetWind(steady_wind.value_or(poses.WindAt(seconds)));
       player.Tick(pose);
     }
     poses.At(plan.seconds, pose);
@@ -170,6 +196,9 @@ void AddRun(CLI::App& app, int& exit_code) {
       ->check(NumberWithin(1, 1000));
   command->add_option("--stages", options->stages, "static, skeleton or mesh; all the model holds when not given")
       ->check(CLI::IsMember({"static", "skeleton", "mesh"}));
+  command->add_option("--wind", options->wind,
+                      "X,Y,Z in metres a second: a steady wind in place of the sequence's, for models that read it\n"
+                      "(write --wind=-5,0,0 where the first number is negative)");
   command->callback([options, &exit_code] { exit_code = Run(*options); });
 }
 

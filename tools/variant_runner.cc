@@ -37,6 +37,7 @@ std::vector<float> VariantRunner::Play(size_t index, std::vector<double>* warm_m
   player.Reset();
   for (size_t t = 0; t < ticks; ++t) {
     const std::span<const float> pose = poses_[index].Frame(t * step);
+    player.SetWind(sequences_[index].FrameWind(t * step));
     const uint64_t start = NowNanoseconds();
     player.Tick(pose);
     player.Skin(pose, 1);
@@ -54,6 +55,7 @@ void VariantRunner::PlayCold(size_t index, size_t first, size_t last, CacheEvict
   player.Reset();
   for (size_t t = first; t < std::min(last, ticks); ++t) {
     const std::span<const float> pose = poses_[index].Frame(t * step);
+    player.SetWind(sequences_[index].FrameWind(t * step));
     evictor->Evict();
     const uint64_t start = NowNanoseconds();
     player.Tick(pose, timer.get());

@@ -31,7 +31,8 @@ constexpr uint32_t kMaxLayers = 8;
 constexpr uint32_t kMaxFeatureWidth = 64;
 constexpr uint32_t kFeatureWidthStep = 8;
 constexpr uint32_t kFeaturesPerJoint = 9;
-constexpr uint32_t kRootFeatures = 4;
+constexpr uint32_t kHipsFeatures = 4;  // of RootMotion
+constexpr uint32_t kAirFeatures = 7;
 constexpr float kMinTickRate = 0.001f;  // Hz; far below it a tick's length would be infinite
 constexpr float kMaxTickRate = 1000.0f;
 

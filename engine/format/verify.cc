@@ -68,6 +68,26 @@ bool CheckVersion(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
                                "convert the bundle with the converter of this release");
 }
 
+// Whether the offsets of a vector lead forwards and inside. FlatBuffers' verifier follows them unchecked and only looks at
+// where it arrives: with 32-bit addresses an offset that wraps leads backwards to a place that may be sound.
+template <typename T>
+bool OffsetsLeadInside(const uint8_t* bytes, size_t size, const fb::Vector<fb::Offset<T>>& vector) {
+  for (uint32_t i = 0; i < vector.size(); ++i) {
+    const uint8_t* const place = vector.Data() + i * sizeof(fb::uoffset_t);
+    if (fb::ReadScalar<fb::uoffset_t>(place) >= size - static_cast<size_t>(place - bytes)) return false;
+  }
+  return true;
+}
+
+// Of a child that the verifier has passed.
+bool VectorsLeadInside(const uint8_t* bytes, size_t size, const fb::Table& root, fb::voffset_t field) {
+  if (field == Model::VT_CHARACTER)
+    return OffsetsLeadInside(bytes, size, *root.GetPointer<const Character*>(field)->joint_names());
+  if (field != Model::VT_MESH_STAGE) return true;
+  const auto* const stage = root.GetPointer<const MeshStage*>(field);
+  return stage == nullptr || OffsetsLeadInside(bytes, size, *stage->layers());
+}
+
 struct Child {
   const char* name;
   fb::voffset_t field;
@@ -121,7 +141,8 @@ bool FailStructure(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
       return diagnostic->Fail(DCLOTH_ERROR_FORMAT, offset, &path, "no such field", "a required field", kFix);
     }
     fb::Verifier verifier = MakeVerifier(bytes, size);
-    if (place != nullptr && !child.verify(verifier, root, child.field)) {
+    if (place != nullptr && !(child.verify(verifier, root, child.field) &&
+                              VectorsLeadInside(bytes, size, root, child.field))) {
       return diagnostic->Fail(DCLOTH_ERROR_FORMAT, OffsetInside(bytes, size, place, root), &path,
                               "a broken offset or length, a required field missing or over 256 tables", "an intact FlatBuffer", kFix);
     }
@@ -138,6 +159,11 @@ bool Verify(const void* bytes, size_t size, ModelView* view, Diagnostic* diagnos
   if (!CheckVersion(begin, size, diagnostic)) return false;
   fb::Verifier verifier = MakeVerifier(begin, size);
   if (!VerifyModelBuffer(verifier)) return FailStructure(begin, size, diagnostic);
+  const fb::Table& root = *Root(begin, size);
+  if (!VectorsLeadInside(begin, size, root, Model::VT_CHARACTER) ||
+      !VectorsLeadInside(begin, size, root, Model::VT_MESH_STAGE)) {
+    return FailStructure(begin, size, diagnostic);
+  }
 
   const Model& model = *GetModel(bytes);
   const uint8_t* weights = model.weights()->Data();

@@ -65,11 +65,17 @@ bool VerifyCharacter(const Character& character, Checker* check, ModelView* view
 bool VerifyFeatures(const Features& features, Checker* check, ModelView* model) {
   const Path path = {nullptr, "features"};
   FeaturesView* view = &model->features;
-  view->root_motion = features.root_motion();
-  if (!check->Joints({&path, "joints"}, features.joints(), view->root_motion ? 0 : 1, model->joint_count)) return false;
+  static_assert(RootMotion_MAX == static_cast<int>(RootKind::kAir), "the view's kinds are the file's");
+  if (features.root_motion() > RootMotion_MAX) {
+    return check->FailCount({&path, "root_motion"}, &features, features.root_motion(), "", "0 to 2: none, hips or air",
+                            "a newer file? take the library that its converter came with");
+  }
+  view->root = static_cast<RootKind>(features.root_motion());
+  const uint32_t root_features = RootFeatures(view->root);
+  if (!check->Joints({&path, "joints"}, features.joints(), root_features != 0 ? 0 : 1, model->joint_count)) return false;
   view->joints = features.joints()->data();
   view->joint_count = features.joints()->size();
-  view->length = kFeaturesPerJoint * view->joint_count + (view->root_motion ? kRootFeatures : 0);
+  view->length = kFeaturesPerJoint * view->joint_count + root_features;
   const Shape shape = {view->length};
   if (!check->Floats({&path, "mean"}, features.mean(), shape, &view->mean) ||
       !check->Floats({&path, "inverse_deviation"}, features.inverse_deviation(), shape, &view->inverse_deviation) ||

@@ -22,6 +22,13 @@ struct LinearView {
   WeightType type;
 };
 
+// RootMotion of the file.
+enum class RootKind : uint8_t { kNone, kHips, kAir };
+
+constexpr uint32_t RootFeatures(RootKind kind) {
+  return kind == RootKind::kAir ? kAirFeatures : kind == RootKind::kHips ? kHipsFeatures : 0;
+}
+
 struct FeaturesView {
   const uint16_t* joints;  // [joint_count]
   const float* mean;       // [length], as the next three
@@ -30,7 +37,7 @@ struct FeaturesView {
   const float* high;
   uint32_t joint_count;
   uint32_t length;  // d
-  bool root_motion;
+  RootKind root;
 };
 
 struct StaticStageView {

@@ -1,5 +1,6 @@
 #include "engine/src/cloth.h"
 
+#include <cmath>
 #include <cstring>
 #include <new>
 
@@ -94,6 +95,22 @@ void ResetCloth(Cloth* cloth) {
   cloth->idle_ticks = 0;
   cloth->work_done = 0;
   cloth->older_step = 0;
+}
+
+bool TakeWind(const float* wind, Cloth* cloth, format::Diagnostic* diagnostic) {
+  const float taken[3] = {wind[0], wind[1], wind[2]};
+  double in_metres[3];
+  VectorFromHost(cloth->binding.space, taken, in_metres);
+  const double speed =
+      std::sqrt(in_metres[0] * in_metres[0] + in_metres[1] * in_metres[1] + in_metres[2] * in_metres[2]);
+  if (!(speed <= kFastestWind)) {
+    char found[48];
+    format::Text(found, sizeof(found)).Add("a wind of ").AddNumber(speed).Add(" m/s");
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, nullptr, found, "finite numbers, at most 100 m/s",
+                            "it is in host units a second: call dcloth_cloth_set_space first");
+  }
+  std::memcpy(cloth->wind, taken, sizeof(taken));
+  return true;
 }
 
 uint32_t ModelStages(const ModelView& model) {

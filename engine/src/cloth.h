@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/format/diagnostic.h"
 #include "engine/src/time/frame_clock.h"
 #include "engine/src/network/mesh_stage.h"
 #include "engine/src/body/penetration.h"
@@ -42,9 +43,12 @@ struct TickWork {
 // still needed.
 constexpr uint32_t kTickSlots = 3;
 
+constexpr double kFastestWind = 100;  // m/s
+
 struct Cloth {
   const format::ModelView* model;
   PoseBinding binding;  // outlives resets
+  float wind[3];        // the host's units a second along its axes; outlives resets
   RootMotion root;
   FrameClock clock;
   TickWork work;
@@ -83,6 +87,9 @@ inline uint32_t NextTick(const Cloth& cloth) { return (cloth.newest + 1) % kTick
 size_t PlaceCloth(const format::ModelView& model, void* storage, Cloth** cloth);
 
 void ResetCloth(Cloth* cloth);
+
+// Refused where a number is not finite or the wind is faster than kFastestWind, told in `diagnostic`.
+bool TakeWind(const float* wind, Cloth* cloth, format::Diagnostic* diagnostic);
 
 uint32_t ModelStages(const format::ModelView& model);
 

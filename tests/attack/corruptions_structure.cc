@@ -20,7 +20,7 @@ uint8_t* Field(const void* typed, fb::voffset_t field) {
   return Writable(TableOf(typed).GetAddressOf(field));
 }
 
-// Makes the offset stored at `field` lead to `target`, which lies behind it.
+// Makes the offset stored at `field` lead to `target`, which lies behind it; before it, the offset wraps.
 void Redirect(uint8_t* field, const void* target) {
   Poke32(field, static_cast<uint32_t>(static_cast<const uint8_t*>(target) - field));
 }
@@ -29,6 +29,14 @@ uint8_t* VTable(const void* typed) {
   int32_t back;
   std::memcpy(&back, typed, sizeof(back));
   return Writable(typed) - back;
+}
+
+// Eight bytes of zeros before `place`, which read as a text of no length.
+const uint8_t* EmptyTextBefore(AlignedBytes* file, const uint8_t* place) {
+  constexpr uint8_t kZeros[8] = {};
+  const uint8_t* at = place - sizeof(kZeros);
+  while (at > file->data() && std::memcmp(at, kZeros, sizeof(kZeros)) != 0) at -= 4;
+  return at;
 }
 
 constexpr char kBroken[] =
@@ -93,6 +101,12 @@ std::vector<Corruption> BrokenOffsets() {
        [](Bytes* f) { Poke32(Writable(ModelIn(f).features()->mean()->shape()), 0x40000001u); }},
       {"layers_length_huge", kFormat, "mesh_stage: ", kBroken, nullptr,
        [](Bytes* f) { Poke32(Writable(ModelIn(f).mesh_stage()->layers()), 0x0FFFFFFFu); }},
+      // Backwards to an empty text: 32 bits wrap there, 64 lead far outside.
+      {"joint_name_offset_wraps", kFormat, "character: ", kBroken, nullptr,
+       [](Bytes* f) {
+         uint8_t* const element = Writable(ModelIn(f).character()->joint_names()->Data()) + 8;
+         Redirect(element, EmptyTextBefore(f, element));
+       }},
       {"layer_offset_zero", kFormat, "mesh_stage: ", kBroken, nullptr,
        [](Bytes* f) { Poke32(Writable(ModelIn(f).mesh_stage()->layers()->Data()), 0); }},
   };

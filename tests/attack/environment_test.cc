@@ -260,7 +260,7 @@ TEST(Environment, StatesAreJudgedAlike) {
     ASSERT_EQ(cloth.Update(PoseAt(model.numbers, frame / 60.0), 1 / 60.0f, DCLOTH_STAGES_MESH), DCLOTH_OK);
   const StateBytes sound = Save(&cloth);
   StateBytes poisoned = sound;
-  for (size_t i = 208; i < poisoned.size(); ++i) poisoned[i] = 0xFF;  // NaN in every number after the head
+  for (size_t i = sizeof(engine::StateHead); i < poisoned.size(); ++i) poisoned[i] = 0xFF;  // NaN in every number after the head
   Seal(&poisoned);
   for (const HostEnvironment& host : kEnvironments) {
     StateBytes saved(sound.size());

@@ -18,7 +18,7 @@ struct Variant {
 inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
 // Every precision with every set of stages, and two that differ in features, influences and layers, one with integer
-// layers, one with a reduced basis, one with a body and one with parts of it: 15 models of 3 to 20 KB.
+// layers, one with a reduced basis, one with a body, one with parts of it and one that reads the air: 16 models of 3 to 20 KB.
 inline std::vector<Variant> Variants() {
   ModelSpec small;
   small.rings = 3;
@@ -46,7 +46,7 @@ inline std::vector<Variant> Variants() {
   }
   ModelSpec other = small;
   other.precision = format::DType_I8;
-  other.root_motion = false;
+  other.root_motion = format::RootMotion_None;
   other.influences = 8;
   other.body_influences = 1;
   other.layers = 3;
@@ -67,6 +67,9 @@ inline std::vector<Variant> Variants() {
   variants.push_back({"I8_body", small});
   small.touch = true;
   variants.push_back({"I8_touch", small});
+  small.body = small.touch = false;
+  small.root_motion = format::RootMotion_Air;
+  variants.push_back({"I8_air", small});
   return variants;
 }
 

@@ -50,6 +50,26 @@ def test_mdd_output_and_its_mesh(dcloth, files, tmp_path):
     assert np.array_equal(np.array([w[1:] for w in lines if w[:1] == ["f"]], int) - 1, faces)
 
 
+def test_wind_is_three_numbers_and_moves_no_garment_that_does_not_read_it(dcloth, files, tmp_path):
+    calm, _ = positions(dcloth, tmp_path, files.model, files.walk)
+    blown, _ = positions(dcloth, tmp_path, files.model, files.walk, "--wind=-3,0.5,4e0")
+    assert np.array_equal(calm, blown)
+    for text in ("1,2", "1,2,3,", "1,2,x", "nan,0,0", "80,80,0", "1 2 3"):
+        result = dcloth("run", files.model, files.walk, "-o", tmp_path / "out.pc2", f"--wind={text}")
+        assert result.returncode == 2 and f"--wind '{text}'" in result.stderr and "X,Y,Z" in result.stderr
+
+
+def test_wind_of_a_sequence_is_checked(dcloth, files, tmp_path):
+    poses = safetensors_file.read(files.walk)[0]["joint_matrices"]
+    path = tmp_path / "windy.safetensors"
+    for wind, found in ((np.zeros((39, 3)), "[39, 3]"), (np.full((40, 3), np.nan), "NaN"), (np.full((40, 3), 60), "in frame 0")):
+        small_garment.write_sequence(path, poses, changes={"wind": wind.astype(np.float32)})
+        result = dcloth("run", files.model, path, "-o", tmp_path / "out.pc2")
+        assert result.returncode == 2 and "wind" in result.stderr and found in result.stderr, result.stderr
+    small_garment.write_sequence(path, poses, changes={"wind": np.full((40, 3), 5, np.float32)})
+    assert dcloth("run", files.model, path, "-o", tmp_path / "out.pc2").returncode == 0
+
+
 def test_repeatable(dcloth, files, tmp_path):
     first, _ = positions(dcloth, tmp_path, files.model, files.run)
     second, _ = positions(dcloth, tmp_path, files.model, files.run)

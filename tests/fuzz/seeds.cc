@@ -92,7 +92,8 @@ std::vector<Seed> BundleSeeds() {
   seeds.push_back(SeedOf("parts", parts));
   spec.mesh = false;
   seeds.push_back(SeedOf("skeleton", BuildBundle(spec)));
-  spec.skeleton = spec.root_motion = false;
+  spec.skeleton = false;
+  spec.root_motion = converter::RootMotion::kNone;
   seeds.push_back(SeedOf("static", BuildBundle(spec)));
   return seeds;
 }

@@ -91,13 +91,13 @@ def character(sizes):
                      template.astype(np.float32), faces, None)
 
 
-def fitted(whole, sizes):
-    """The first `bones` joints as cloth bones, all joints as features, no root motion."""
+def fitted(whole, sizes, root="none"):
+    """The first `bones` joints as cloth bones, all joints as features; root motion: features.ROOT_NUMBERS."""
     points, weights = geometry.nearest_weights(whole.template, whole.body_vertices, whole.body_faces,
                                                whole.body_weights)
     joints = list(range(len(whole.joint_names)))
     initial = weights[:, :sizes.bones] + 1e-4
-    rig = Rig(whole.joint_names, whole.bind, 0, joints, joints[:sizes.bones], RATE, "none")
+    rig = Rig(whole.joint_names, whole.bind, 0, joints, joints[:sizes.bones], RATE, root)
     return Fit(rig, points.astype(np.float32), weights.astype(np.float32),
                (initial / initial.sum(1, keepdims=True)).astype(np.float32))
 
@@ -109,12 +109,12 @@ def _scaled(basis, stage_displacement, millimetres):
         basis.mul_(millimetres * 1e-3 / mean)
 
 
-def build(sizes, seed=1):
+def build(sizes, seed=1, root="none"):
     """(network in float32, Fit, Character) with every weight set."""
     torch.manual_seed(seed)
     generator = np.random.default_rng(seed)
     whole = character(sizes)
-    fit = fitted(whole, sizes)
+    fit = fitted(whole, sizes, root)
     rig, n = fit.rig, len(whole.template)
     pose = network.pose_of(synthetic_body.motion(STATISTICS_FRAMES, RATE, seed + 1000), rig, torch.float32)
     standard = features.fit_standard(pose.x.double().numpy())
@@ -151,14 +151,14 @@ def build(sizes, seed=1):
     return net, fit, whole
 
 
-def write(folder, sizes, frames=48, seed=1):
-    """FOLDER/bundle.safetensors and FOLDER/sequence.safetensors -> their paths."""
+def write(folder, sizes, frames=48, seed=1, root="none", wind=None):
+    """FOLDER/bundle.safetensors and FOLDER/sequence.safetensors -> their paths. wind [frames, 3]: the sequence's."""
     os.makedirs(folder, exist_ok=True)
     paths = [os.path.join(folder, f"{name}.safetensors") for name in ("bundle", "sequence")]
-    net, fit, whole = build(sizes, seed)
+    net, fit, whole = build(sizes, seed, root)
     bundle.write(paths[0], net, fit, whole, {"synthetic": vars(sizes), "seed": seed}, "synthetic skirt", half=False)
     sequence.write(paths[1], sequence.Sequence(synthetic_body.motion(frames, RATE, seed), None, whole.joint_names, RATE,
-                                               "synthetic", "dynamic"))
+                                               "synthetic", "dynamic", wind))
     return paths
 
 

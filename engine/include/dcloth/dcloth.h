@@ -292,6 +292,10 @@ DCLOTH_API const char* dcloth_model_joint_name(const dcloth_model* model, uint32
  * 1.1 and before. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
 DCLOTH_API uint32_t dcloth_model_body_vertex_count(const dcloth_model* model);
 
+/* 1 where dcloth_cloth_set_wind changes the garment's motion, else 0. Memory: none. Thread: any. Errors: 0 for null.
+ * Cost: none. */
+DCLOTH_API uint32_t dcloth_model_reads_wind(const dcloth_model* model);
+
 /* Exact bytes that one cloth needs. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
 DCLOTH_API size_t dcloth_cloth_storage_size(const dcloth_model* model);
 
@@ -318,6 +322,13 @@ DCLOTH_API dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dclot
  * stays. Cost: 0.1 us a joint, in each frame then 0.04 us a joint. */
 DCLOTH_API dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose* bind, dcloth_error* error);
 
+/* Sets the wind: how fast the air moves past somebody who stands still. `wind` is [3], in host units a second along the
+ * host's axes (metres a second unless dcloth_cloth_set_space says otherwise), at most 100 m/s. It counts for ticks that
+ * start from now on and is 0 until it is set. Models without the air in their features ignore it; dcloth_model_reads_wind tells. Outlives resets;
+ * saved states do not hold it. Another wind wakes a cloth that DCLOTH_FRAME_FREEZE_IDLE has frozen.
+ * Memory: none. Thread: owner. Errors: ARGUMENT; the wind before stays. Cost: none. */
+DCLOTH_API dcloth_status dcloth_cloth_set_wind(dcloth_cloth* cloth, const float* wind, dcloth_error* error);
+
 /* Bytes of scratch that an output's formats and attributes need; reads those and vertex_count alone.
  * Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
 DCLOTH_API uint64_t dcloth_output_scratch_size(const dcloth_output* output);
@@ -329,9 +340,9 @@ DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
 /* State that survives.
  *
  * Saved bytes hold all that the frames to come depend on, a tick in work included: a cloth that takes them goes on
- * to the bit as the one that was saved would have, on the same instruction set or both on "reproducible". Joint binding
- * and space are the host's and not among them. They are little-endian and laid out the same on every platform and
- * instruction set; their version is 3, and a release that cannot read one refuses it with VERSION.
+ * to the bit as the one that was saved would have, on the same instruction set or both on "reproducible". Joint binding,
+ * space and wind are the host's and not among them. They are little-endian and laid out the same on every platform and
+ * instruction set; their version is 4, and a release that cannot read one refuses it with VERSION.
  *
  * Pause: do not update, or save, give the memory back, create and restore later. The first update's `seconds` is the
  *   frame time as if nothing had happened in between; where the character was moved, add DCLOTH_FRAME_JUMPED.

@@ -94,6 +94,7 @@ class Model {
 
   const char* JointName(uint32_t index) const { return dcloth_model_joint_name(model_, index); }
   uint32_t BodyVertexCount() const { return dcloth_model_body_vertex_count(model_); }
+  bool ReadsWind() const { return dcloth_model_reads_wind(model_) != 0; }
   size_t ClothStorageSize() const { return dcloth_cloth_storage_size(model_); }
   const dcloth_model* get() const { return model_; }
 
@@ -122,6 +123,11 @@ class Cloth {
   // Joints with axes of their own; see dcloth_cloth_set_bind_pose.
   Status SetBindPose(const dcloth_pose& bind, dcloth_error* error = nullptr) {
     return static_cast<Status>(dcloth_cloth_set_bind_pose(cloth_, &bind, error));
+  }
+
+  // See dcloth_cloth_set_wind.
+  Status SetWind(const float (&wind)[3], dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_cloth_set_wind(cloth_, wind, error));
   }
 
   Status Reset() { return static_cast<Status>(dcloth_cloth_reset(cloth_)); }

@@ -124,6 +124,10 @@ uint32_t dcloth_model_body_vertex_count(const dcloth_model* model) {
   return model == nullptr ? 0 : ViewOf(model).body.vertex_count;
 }
 
+uint32_t dcloth_model_reads_wind(const dcloth_model* model) {
+  return model != nullptr && ViewOf(model).features.root == dcloth::format::RootKind::kAir ? 1 : 0;
+}
+
 size_t dcloth_cloth_storage_size(const dcloth_model* model) {
   return model == nullptr ? 0 : dcloth::engine::PlaceCloth(ViewOf(model), nullptr, nullptr);
 }
@@ -181,6 +185,18 @@ dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose*
     return diagnostic.status();
   }
   dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, *bind, &ClothOf(cloth)->binding, &diagnostic);
+  return diagnostic.status();
+}
+
+dcloth_status dcloth_cloth_set_wind(dcloth_cloth* cloth, const float* wind, dcloth_error* error) {
+  const FloatEnvironment environment;
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || wind == nullptr || !FloatsAreAligned(wind)) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null or misaligned pointer",
+                    "a cloth and the three floats of a wind", "");
+    return diagnostic.status();
+  }
+  dcloth::engine::TakeWind(wind, ClothOf(cloth), &diagnostic);
   return diagnostic.status();
 }
 

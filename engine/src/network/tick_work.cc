@@ -233,7 +233,9 @@ uint64_t TickCost(const ModelView& model, const TickPlan& plan) {
 
 void BeginTick(Cloth* cloth, const BoundPose& bound, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
   const ModelView& model = *cloth->model;
-  UpdateFeatures(model, bound, elapsed_ticks, &cloth->root, cloth->features);
+  double wind[3];
+  VectorFromHost(cloth->binding.space, cloth->wind, wind);
+  UpdateFeatures(model, bound, wind, elapsed_ticks, &cloth->root, cloth->features);
   WakeStages(cloth, plan);
   if (RunsMesh(plan)) PrepareBodyPoints(model, bound, cloth->root.heading, cloth->mesh);
   cloth->work = {TickPart::kStatic, 0, 1.0f};

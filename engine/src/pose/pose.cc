@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
 #include "engine/src/pose/affine.h"
 #include "engine/src/pose/host_rig.h"
@@ -35,13 +36,37 @@ double Turn(const Heading& from, const Heading& to) {
   return AngleOf(to.sine * from.cosine - to.cosine * from.sine, to.cosine * from.cosine + to.sine * from.sine);
 }
 
-// Backward differences over the time since the last tick; none after a reset, the last ones after a jump.
-void UpdateVelocity(const BoundPose& bound, const Heading& heading, double rate, RootMotion* root) {
-  if (!root->started) rate = 0;
-  Affine step = {};
-  for (int r = 0; r < 3; ++r) step.m[r][3] = (bound.origin[r] - root->position[r]) * rate;
-  const Affine velocity = ToHeading(heading, step);
+Affine Translation(const double (&vector)[3]) {
+  Affine translation = {};
+  for (int r = 0; r < 3; ++r) translation.m[r][3] = vector[r];
+  return translation;
+}
+
+// Backward differences over the time since the last tick; none after a reset, the last ones after a jump. Between ticks of
+// different lengths a velocity is that of the middle. `acceleration` of the hips is in the heading frame, m/s^2: zero
+// until two velocities are known, and in the tick of a jump.
+void UpdateVelocity(const BoundPose& bound, const Heading& heading, double tick_rate, double elapsed_ticks,
+                    RootMotion* root, double (&acceleration)[3]) {
+  for (double& a : acceleration) a = 0;
+  if (root->jumped) {
+    if (root->velocity_age > 0) root->velocity_age += elapsed_ticks;
+    return;
+  }
+  const double rate = root->started ? tick_rate / elapsed_ticks : 0;
+  double now[3];
+  for (int r = 0; r < 3; ++r) now[r] = (bound.origin[r] - root->position[r]) * rate;
+  if (root->velocity_age > 0) {
+    const Heading back = {root->heading.cosine, -root->heading.sine};
+    const Affine before = ToHeading(back, Translation(root->velocity));
+    double change[3];
+    const double change_rate = tick_rate / (root->velocity_age + elapsed_ticks / 2);
+    for (int r = 0; r < 3; ++r) change[r] = (now[r] - before.m[r][3]) * change_rate;
+    const Affine local = ToHeading(heading, Translation(change));
+    for (int r = 0; r < 3; ++r) acceleration[r] = local.m[r][3];
+  }
+  const Affine velocity = ToHeading(heading, Translation(now));
   for (int r = 0; r < 3; ++r) root->velocity[r] = velocity.m[r][3];
+  root->velocity_age = root->started ? elapsed_ticks / 2 : 0;
   root->yaw_rate = Turn(root->heading, heading) * rate;
 }
 
@@ -111,8 +136,8 @@ Affine ToHeading(const Heading& heading, const Affine& matrix) {
   return local;
 }
 
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, double elapsed_ticks, RootMotion* root,
-                    float* x) {
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, const double (&wind)[3],
+                    double elapsed_ticks, RootMotion* root, float* x) {
   const format::FeaturesView& features = model.features;
   const Heading heading = HeadingOf(bound.joints[model.hips], root->heading);
   size_t i = 0;
@@ -126,10 +151,17 @@ void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, doub
       for (int c = 0; c < 3; ++c, ++i) x[i] = Standardise(features, i, local.m[r][c]);
     }
   }
-  if (features.root_motion) {
-    if (!root->jumped) UpdateVelocity(bound, heading, static_cast<double>(model.tick_rate) / elapsed_ticks, root);
-    for (int r = 0; r < 3; ++r, ++i) x[i] = Standardise(features, i, root->velocity[r]);
+  if (features.root != format::RootKind::kNone) {
+    const bool air = features.root == format::RootKind::kAir;
+    double acceleration[3];
+    UpdateVelocity(bound, heading, static_cast<double>(model.tick_rate), elapsed_ticks, root, acceleration);
+    if (air) std::memcpy(root->wind, wind, sizeof(root->wind));
+    const Affine blown = ToHeading(heading, Translation(root->wind));
+    for (int r = 0; r < 3; ++r, ++i)
+      x[i] = Standardise(features, i, air ? blown.m[r][3] - root->velocity[r] : root->velocity[r]);
     x[i] = Standardise(features, i, root->yaw_rate);
+    ++i;
+    for (int r = 0; air && r < 3; ++r, ++i) x[i] = Standardise(features, i, acceleration[r]);
   }
   root->heading = heading;
   for (int r = 0; r < 3; ++r) root->position[r] = bound.origin[r];

@@ -52,7 +52,9 @@ struct RootMotion {
   Heading heading;
   double position[3] = {};
   double velocity[3] = {};  // m/s, in the heading frame
+  double velocity_age = 0;  // ticks to the last one from the middle of the time it was measured over; 0: not measured yet
   double yaw_rate = 0;      // rad/s
+  double wind[3] = {};      // m/s in the world; zero where the model does not read it
   bool started = false;     // false after a reset: no velocity yet
   bool jumped = false;      // moved by the host since then, not by its own legs: the velocity stays
 };
@@ -62,8 +64,9 @@ Affine ToHeading(const Heading& heading, const Affine& matrix);
 
 // Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped
 // features x [d]. A collapsed joint leaves its nine as they were, so x lives as long as the cloth.
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, double elapsed_ticks, RootMotion* root,
-                    float* x);
+// `wind` is in m/s in the world.
+void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, const double (&wind)[3],
+                    double elapsed_ticks, RootMotion* root, float* x);
 
 }  // namespace dcloth::engine
 

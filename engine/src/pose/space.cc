@@ -36,6 +36,11 @@ Affine FromHost(const Space& space, const Affine& host) {
   return matrix;
 }
 
+void VectorFromHost(const Space& space, const float (&host)[3], double (&vector)[3]) {
+  for (int r = 0; r < 3; ++r)
+    vector[r] = space.sign[r] * static_cast<double>(host[space.axis[r]]) * space.metres_per_unit;
+}
+
 Affine ToHost(const Space& space, const Affine& matrix) {
   Affine host;
   for (int r = 0; r < 3; ++r) {

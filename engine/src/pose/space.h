@@ -26,6 +26,9 @@ bool MakeSpace(const dcloth_space& described, Space* space);
 // A joint's matrix as the host gives it, in the model's space. Exact but for the unit.
 Affine FromHost(const Space& space, const Affine& host);
 
+// A vector of the host's in the model's space, metres for units.
+void VectorFromHost(const Space& space, const float (&host)[3], double (&vector)[3]);
+
 // A skinning matrix, model space to model space, that ends in the host's instead. Exact but for the unit.
 Affine ToHost(const Space& space, const Affine& matrix);
 

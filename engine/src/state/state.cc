@@ -21,7 +21,7 @@ using format::Diagnostic;
 using format::ModelView;
 using format::Text;
 
-static_assert(sizeof(StateHead) == 208 && offsetof(StateHead, joint_count) == 32 &&
+static_assert(sizeof(StateHead) == 240 && offsetof(StateHead, joint_count) == 32 &&
                   offsetof(StateHead, tick_count) == 64 && offsetof(StateHead, since) == 96,
               "the same on every platform");
 
@@ -56,6 +56,8 @@ StateHead HeadOf(const Cloth& cloth) {
   std::memcpy(head.position, cloth.root.position, sizeof(head.position));
   std::memcpy(head.velocity, cloth.root.velocity, sizeof(head.velocity));
   head.yaw_rate = cloth.root.yaw_rate;
+  head.velocity_age = cloth.root.velocity_age;
+  std::memcpy(head.wind, cloth.root.wind, sizeof(head.wind));
   head.idle_floats = cloth.idle_ticks != 0 && !IsFrozen(cloth) ? IdleStartFloats(model) : 0;
   return head;
 }
@@ -110,6 +112,8 @@ void TakeHead(const StateHead& head, Cloth* cloth) {
   std::memcpy(cloth->root.position, head.position, sizeof(head.position));
   std::memcpy(cloth->root.velocity, head.velocity, sizeof(head.velocity));
   cloth->root.yaw_rate = head.yaw_rate;
+  cloth->root.velocity_age = head.velocity_age;
+  std::memcpy(cloth->root.wind, head.wind, sizeof(head.wind));
   cloth->root.started = true;
   cloth->root.jumped = head.jumped != 0;
 }

@@ -14,7 +14,7 @@
 namespace dcloth::engine {
 
 constexpr uint8_t kStateMagic[4] = {'D', 'C', 'L', 'S'};
-constexpr uint32_t kStateVersion = 3;
+constexpr uint32_t kStateVersion = 4;
 
 struct StateHead {
   uint8_t magic[4];
@@ -29,7 +29,7 @@ struct StateHead {
   uint32_t tick_count, stages, part, items_done, jumped, mesh_turn, idle_ticks;
   float tick_share;
   double since, waited, lag, older_step;
-  double heading[2], position[3], velocity[3], yaw_rate;
+  double heading[2], position[3], velocity[3], yaw_rate, velocity_age, wind[3];
   uint64_t idle_floats;  // of Cloth::idle_start; 0 where none of the next ticks looks at it
 };
 

@@ -91,10 +91,12 @@ bool CheckRoot(const StateHead& head, Diagnostic* diagnostic) {
     return CheckRange(field, value, -kLargestDouble, kLargestDouble, "magnitudes up to 1e18", diagnostic);
   };
   for (int i = 0; i < 3; ++i) {
-    if (!check(DCLOTH_FIELD(position), head.position[i]) || !check(DCLOTH_FIELD(velocity), head.velocity[i]))
+    if (!check(DCLOTH_FIELD(position), head.position[i]) || !check(DCLOTH_FIELD(velocity), head.velocity[i]) ||
+        !check(DCLOTH_FIELD(wind), head.wind[i]))
       return false;
   }
-  return check(DCLOTH_FIELD(yaw_rate), head.yaw_rate);
+  return check(DCLOTH_FIELD(yaw_rate), head.yaw_rate) &&
+         CheckRange(DCLOTH_FIELD(velocity_age), head.velocity_age, 0, 1e18, "0 to 1e18 ticks", diagnostic);
 }
 
 bool CheckPose(const uint8_t* bytes, size_t joint_count, size_t offset, Diagnostic* diagnostic) {
@@ -139,7 +141,7 @@ bool CheckShared(const Shared& shared, const char* fix, Diagnostic* diagnostic) 
 bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnostic* diagnostic) {
   constexpr char kComplete[] = "is the saved state complete?";
   if (size < sizeof(StateHead)) {
-    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 208",
+    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 240",
                                  kComplete);
   }
   std::memcpy(head, bytes, sizeof(StateHead));
@@ -149,7 +151,7 @@ bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnos
   }
   if (head->version != kStateVersion) {
     return diagnostic->FailCount(DCLOTH_ERROR_VERSION, offsetof(StateHead, version), nullptr, head->version,
-                                 " as the version of the state", "3", "reset the cloth instead");
+                                 " as the version of the state", "4", "reset the cloth instead");
   }
   if (head->size != size) {
     char allowed[32];

@@ -24,7 +24,7 @@ constexpr float kSettledMetres = 5e-5f;
 
 inline bool IsFrozen(const Cloth& cloth) { return cloth.idle_ticks == kIdleTicks; }
 
-// `pose` is the idle pose but for what does not matter.
+// `pose` is the idle pose but for what does not matter, and the wind that of the newest tick.
 bool IsStill(const Cloth& cloth, const Affine* pose);
 
 // Floats of Cloth::idle_start: [D, 3 a bone | c, basis rows], c zero where the tick's level stops.

@@ -70,6 +70,19 @@ namespace DCloth
             ClothException.ThrowUnlessOk(status, &error, model.Name);
         }
 
+        /// <summary>In host units a second along the host's axes, at most 100 m/s; for ticks from now on. Models without
+        /// ReadsWind ignore it. Errors: Argument; the wind before stays.</summary>
+        public ClothStatus SetWind(float x, float y, float z)
+        {
+            float* wind = stackalloc float[3];
+            wind[0] = x;
+            wind[1] = y;
+            wind[2] = z;
+            int status = Native.dcloth_cloth_set_wind(Handle, wind, null);
+            GC.KeepAlive(this);
+            return (ClothStatus)status;
+        }
+
         public void Reset()
         {
             int status = Native.dcloth_cloth_reset(Handle);
@@ -111,7 +124,7 @@ namespace DCloth
             return info;
         }
 
-        /// <summary>All that the frames to come depend on; joint binding and space are not among it.</summary>
+        /// <summary>All that the frames to come depend on; joint binding, space and wind are not among it.</summary>
         public byte[] Save()
         {
             dcloth_error error = ClothException.NewError();

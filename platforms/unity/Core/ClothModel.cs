@@ -54,6 +54,9 @@ namespace DCloth
         /// <summary>Vertices of the skin that cloth can be kept out of; 0 where the model holds none.</summary>
         public int BodyVertexCount { get; private set; }
 
+        /// <summary>Whether ClothInstance.SetWind changes the garment's motion.</summary>
+        public bool ReadsWind { get; private set; }
+
         public long FileBytes => bytes.Size;
 
         /// <summary>What each ClothInstance takes.</summary>
@@ -133,6 +136,7 @@ namespace DCloth
             TriangleCount = (int)info.triangle_count;
             Stages = (ClothStages)info.stages;
             TickSeconds = info.tick_seconds;
+            ReadsWind = Native.dcloth_model_reads_wind(model) != 0;
             BodyVertexCount = (int)Native.dcloth_model_body_vertex_count(model);
             ClothBytes = (long)(ulong)Native.dcloth_cloth_storage_size(model);
             JointNames = new string[info.joint_count];

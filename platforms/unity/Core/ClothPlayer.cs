@@ -90,6 +90,13 @@ namespace DCloth
         /// <summary>Keeps vertices outside of the posed body.</summary>
         public bool OutsideBody { get; set; }
 
+        /// <summary>The wind from now on, in host units a second along the host's axes, at most 100 m/s; models without
+        /// ReadsWind ignore it. Argument where it is refused: then the wind before stays.</summary>
+        public ClothStatus SetWind(float x, float y, float z)
+        {
+            return cloth.SetWind(x, y, z);
+        }
+
         /// <summary>The character is moved without motion before the next frame: the cloth hangs as before.</summary>
         public void Jump()
         {

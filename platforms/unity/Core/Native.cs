@@ -41,6 +41,9 @@ namespace DCloth
         public static extern uint dcloth_model_body_vertex_count(dcloth_model* model);
 
         [DllImport(Library, CallingConvention = C)]
+        public static extern uint dcloth_model_reads_wind(dcloth_model* model);
+
+        [DllImport(Library, CallingConvention = C)]
         public static extern UIntPtr dcloth_cloth_storage_size(dcloth_model* model);
 
         [DllImport(Library, CallingConvention = C)]
@@ -57,6 +60,9 @@ namespace DCloth
         [DllImport(Library, CallingConvention = C)]
         public static extern int dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, dcloth_pose* bind,
                                                             dcloth_error* error);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_cloth_set_wind(dcloth_cloth* cloth, float* wind, dcloth_error* error);
 
         [DllImport(Library, CallingConvention = C)]
         public static extern ulong dcloth_output_scratch_size(dcloth_output* output);

@@ -34,6 +34,10 @@ namespace DCloth
         [SerializeField, Tooltip("Keep the garment outside of the body, where the model holds one.")]
         private bool outsideBody;
 
+        [SerializeField, Tooltip("Metres a second in the world or, with a carrier, past it along its axes. For garments " +
+                                 "that were trained with wind.")]
+        private Vector3 wind;
+
         private ClothPlayer player;
         private ClothMesh mesh;
         private GameObject drawn;
@@ -46,6 +50,10 @@ namespace DCloth
         public bool Pipelined { get => pipelined; set => pipelined = value; }
 
         public bool OutsideBody { get => outsideBody; set => outsideBody = value; }
+
+        /// <summary>Metres a second in the world or, with a carrier, past it along its axes; at most 100. Garments that
+        /// were trained without wind ignore it.</summary>
+        public Vector3 Wind { get => wind; set => wind = value; }
 
         /// <summary>False for a garment that is not seen: it keeps moving and is not drawn.</summary>
         public bool Visible { get; set; } = true;
@@ -117,6 +125,7 @@ namespace DCloth
             player.Stages = stages;
             player.Pipelined = pipelined;
             player.OutsideBody = outsideBody;
+            player.SetWind(wind.x, wind.y, wind.z);
             ClothStatus status = player.Advance(Time.deltaTime, Visible);
             if (status == ClothStatus.Ok)
             {

@@ -186,6 +186,7 @@ export const dcloth_timer = Object.freeze({
  * @property {(cloth: number, state: number, size: number, error: number) => number} dcloth_cloth_save
  * @property {(cloth: number, bind: number, error: number) => number} dcloth_cloth_set_bind_pose
  * @property {(cloth: number, space: number, error: number) => number} dcloth_cloth_set_space
+ * @property {(cloth: number, wind: number, error: number) => number} dcloth_cloth_set_wind
  * @property {(cloth: number, pose: number, blend: number, output: number, timer: number) => number} dcloth_cloth_skin
  * @property {(cloth: number) => number} dcloth_cloth_state_size
  * @property {(model: number) => number} dcloth_cloth_storage_size
@@ -198,6 +199,7 @@ export const dcloth_timer = Object.freeze({
  * @property {(model: number, index: number) => number} dcloth_model_joint_name
  * @property {(bytes: number, size: number, storage: number, storage_size: number, model: number, error: number)
  *   => number} dcloth_model_open
+ * @property {(model: number) => number} dcloth_model_reads_wind
  * @property {() => number} dcloth_model_storage_size
  * @property {(output: number) => bigint} dcloth_output_scratch_size
  * @property {(character_count: number, storage: number, storage_size: number, scene: number, error: number)

@@ -70,7 +70,7 @@ export class Cloth {
     this.jointCount = options.jointNames?.length ?? model.jointCount;
     const n = model.vertexCount;
     const floats = [this.jointCount * MATRIX_FLOATS, 3 * n, normals ? 3 * n : 0, uv ? 4 * n : 0, BOUNDS_FLOATS,
-      uv ? 2 * n : 0];
+      uv ? 2 * n : 0, 3];
     const structBytes = STRUCTS.reduce((sum, struct) => sum + round16(struct.bytes), 0);
     try {
       this.#storage = memory.lend(model.clothBytes);
@@ -125,6 +125,22 @@ export class Cloth {
     const { exports, memory } = this.#engine;
     memory.check(this.model.name, (error) =>
       exports.dcloth_cloth_set_bind_pose(this.address, this.#pose, error));
+  }
+
+  /**
+   * The wind from now on, in the host's units a second along its axes, at most 100 m/s. Models without `readsWind`
+   * ignore it.
+   * @param {number} x
+   * @param {number} y
+   * @param {number} z
+   */
+  setWind(x, y, z) {
+    this.#checkAlive("dcloth_cloth_set_wind");
+    const wind = this.#view(6);
+    wind[0] = x;
+    wind[1] = y;
+    wind[2] = z;
+    throwUnlessOk(this.#engine.exports.dcloth_cloth_set_wind(this.address, wind.byteOffset, 0), "dcloth_cloth_set_wind");
   }
 
   /** [vertexCount, 3] of the last frame drawn, in the engine's memory: for a GPU upload without a copy. The array is
@@ -200,7 +216,7 @@ export class Cloth {
     return this.info;
   }
 
-  /** All that the frames to come depend on; joint names and space are not among it. */
+  /** All that the frames to come depend on; joint names, space and wind are not among it. */
   save() {
     const { exports, memory } = this.#engine;
     const size = exports.dcloth_cloth_state_size(this.address);

@@ -57,6 +57,8 @@ export class Model {
       memory.text(exports.dcloth_model_joint_name(this.address, i)));
     /** Whether `outsideBody` does anything. */
     this.hasBody = exports.dcloth_model_body_vertex_count(this.address) > 0;
+    /** Whether Cloth.setWind changes the garment's motion. */
+    this.readsWind = exports.dcloth_model_reads_wind(this.address) !== 0;
     /** Bytes that each cloth takes. */
     this.clothBytes = exports.dcloth_cloth_storage_size(this.address);
   }

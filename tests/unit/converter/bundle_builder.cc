@@ -140,7 +140,7 @@ class Builder {
                       {"joint_names", nlohmann::json(names).dump()},
                       {"hips", names[0]},
                       {"feature_joints", nlohmann::json(features).dump()},
-                      {"root_motion", spec_.root_motion ? "true" : "false"},
+                      {"root_motion", spec_.root_motion == converter::RootMotion::kAir ? "air" : spec_.root_motion == converter::RootMotion::kHips ? "true" : "false"},
                       {"bones", nlohmann::json(bones).dump()},
                       {"training", R"({"licence": "none, random numbers"})"}};
   }

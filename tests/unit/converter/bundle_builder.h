@@ -17,8 +17,8 @@ namespace dcloth::testing {
 struct BundleSpec {
   uint32_t vertices = 60;       // n, at least 9
   uint32_t joints = 6;          // J
-  uint32_t feature_joints = 3;  // first ones of the joints; d = 9 feature_joints (+ 4)
-  bool root_motion = true;
+  uint32_t feature_joints = 3;  // first ones of the joints; d = 9 feature_joints (+ 4 or 7)
+  converter::RootMotion root_motion = converter::RootMotion::kHips;
   uint32_t bones = 4;  // m, the last ones of the joints
   uint32_t body_vertices = 12;
   uint32_t residuals = 2;
@@ -33,7 +33,7 @@ struct BundleSpec {
   bool half_weights = false;     // trained weights as F16
   uint64_t seed = 1;
 
-  uint32_t features() const { return 9 * feature_joints + (root_motion ? 4 : 0); }
+  uint32_t features() const { return 9 * feature_joints + (root_motion == converter::RootMotion::kAir ? 7 : root_motion == converter::RootMotion::kHips ? 4 : 0); }
 };
 
 // A safetensors file in pieces, so that a test can break one.

@@ -176,6 +176,7 @@ const Fault kFaults[] = {
     Meta("BoneTwice", "bones", R"(["joint_0","joint_0"])", "twice"),
     Meta("FeatureUnknown", "feature_joints", R"(["tail"])", "'tail'"),
     Meta("RootMotion", "root_motion", "yes", "'yes'"),
+    Meta("RootMotionOfAir", "root_motion", "air", "[34]"),
     Meta("Training", "training", "[]", "'[]'"),
     Meta("JointsText", "joint_names", R"("abcdef")", "a JSON list"),
     Meta("JointsObject", "joint_names", R"({"a":"b"})", "a JSON list"),

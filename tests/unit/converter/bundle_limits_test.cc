@@ -42,9 +42,10 @@ TEST(BundleLimitsTest, TheLeastDeterminantOfABindMatrixIsTaken) {
 }
 
 TEST(BundleLimitsTest, OddMetadataAreTaken) {
-  RawFile raw = BuildBundle({.root_motion = false});
+  RawFile raw = BuildBundle({.root_motion = RootMotion::kNone});
   EXPECT_EQ(ParseRawBundle(raw).feature_count(), 27u);
-  EXPECT_FALSE(ParseRawBundle(raw).root_motion);
+  EXPECT_EQ(ParseRawBundle(raw).root_motion, RootMotion::kNone);
+  EXPECT_EQ(ParseRawBundle(BuildBundle({.root_motion = RootMotion::kAir})).feature_count(), 34u);
   raw.metadata["garment"] = "a\1b";
   EXPECT_EQ(ParseRawBundle(raw).garment, "a\1b");
   for (const auto& [text, rate] : {std::pair("1000", 1000.0), {"0.25", 0.25}, {"1", 1.0}}) {

@@ -36,7 +36,8 @@ TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
   specs[3].vertices = 331, specs[3].joints = 20, specs[3].bones = 17, specs[3].skeleton_basis = 33,
   specs[3].mesh_basis = 1;
   specs[4].feature_width = 24, specs[4].layers = 1, specs[4].mesh_width = 1;
-  specs[5].root_motion = false, specs[5].bones = 1, specs[5].skeleton_basis = 1;
+  specs[4].root_motion = RootMotion::kAir;
+  specs[5].root_motion = RootMotion::kNone, specs[5].bones = 1, specs[5].skeleton_basis = 1;
   specs[6].half_weights = true, specs[6].static_width = 1, specs[6].feature_joints = 1;
   specs[7].feature_width = 64, specs[7].layers = 8;
   for (const BundleSpec& spec : specs) {

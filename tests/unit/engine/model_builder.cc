@@ -60,7 +60,7 @@ void AddFeatures(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers, 
   for (uint32_t j = 0; j < spec.joints; j += 2) features->joints.push_back(static_cast<uint16_t>(spec.joints - 1 - j));
   numbers->feature_joints.assign(features->joints.begin(), features->joints.end());
   features->root_motion = spec.root_motion;
-  const auto d = static_cast<uint32_t>(9 * features->joints.size() + (spec.root_motion ? 4 : 0));
+  const auto d = static_cast<uint32_t>(9 * features->joints.size() + (spec.root_motion == format::RootMotion_Air ? 7 : spec.root_motion == format::RootMotion_Hips ? 4 : 0));
   numbers->d = d;
   features->mean = writer->RandomFloats({d}, -0.3, 0.3, &numbers->mean);
   features->inverse_deviation = writer->RandomFloats({d}, 0.5, 2, &numbers->inverse_deviation);

@@ -36,7 +36,7 @@ struct ModelSpec {
   uint32_t mesh_width = 37;
   uint32_t mesh_basis = 13;  // k_M
   uint32_t rank = 0;         // of a reduced basis; 0: not reduced
-  bool root_motion = true;
+  format::RootMotion root_motion = format::RootMotion_Hips;
   bool skeleton = true;
   bool mesh = true;
   bool body = false;   // the egg of test_body.h, small

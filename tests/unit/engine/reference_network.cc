@@ -137,14 +137,28 @@ void ReferenceNetwork::UpdateFeatures(const Bind& bind) {
       for (size_t c = 0; c < 3; ++c) raw.push_back(local[r][c]);
     }
   }
-  if (numbers_.spec.root_motion) {
+  places_.push_back(hips_);
+  const bool air = numbers_.spec.root_motion == format::RootMotion_Air;
+  if (numbers_.spec.root_motion != format::RootMotion_None) {
     for (size_t r = 0; r < 3; ++r) {
-      double velocity = 0;
-      for (size_t c = 0; c < 3; ++c) velocity += inverse[r][c] * (hips_[c] - hips_before[c]) * numbers_.tick_rate;
-      raw.push_back(started_ ? velocity : 0);
+      double velocity = 0, wind = 0;
+      for (size_t c = 0; c < 3; ++c) {
+        velocity += inverse[r][c] * (hips_[c] - hips_before[c]) * numbers_.tick_rate;
+        wind += inverse[r][c] * wind_[c];
+      }
+      if (!started_) velocity = 0;
+      raw.push_back(air ? wind - velocity : velocity);
     }
     const double turn = std::remainder(yaw_ - yaw_before, 2 * std::numbers::pi);
     raw.push_back(started_ ? turn * numbers_.tick_rate : 0);
+  }
+  for (size_t r = 0; air && r < 3; ++r) {
+    double acceleration = 0;
+    for (size_t c = 0; c < 3 && places_.size() > 2; ++c) {
+      const double change = places_.end()[-1][c] - 2 * places_.end()[-2][c] + places_.end()[-3][c];
+      acceleration += inverse[r][c] * change * numbers_.tick_rate * numbers_.tick_rate;
+    }
+    raw.push_back(acceleration);
   }
   started_ = true;
   features_.clear();

@@ -20,6 +20,7 @@ class ReferenceNetwork {
   explicit ReferenceNetwork(const Numbers& numbers);
 
   void Reset();
+  void SetWind(const std::array<double, 3>& wind) { wind_ = wind; }  // m/s, world
   void Tick(const std::vector<float>& pose, uint32_t stages);  // row-major matrices, DCLOTH_STAGES_*
 
   // [n, 3], relative to the hips and in the world.
@@ -55,7 +56,8 @@ class ReferenceNetwork {
   const Numbers& numbers_;
   bool started_ = false;
   double yaw_ = 0;
-  std::array<double, 3> hips_ = {};
+  std::array<double, 3> hips_ = {}, wind_ = {};
+  std::vector<std::array<double, 3>> places_;  // of the hips, tick by tick since the reset
   Vector features_;
   Vector h_;                    // skeleton stage
   std::vector<Vector> states_;  // mesh stage, per layer [n, F]

@@ -83,10 +83,17 @@ std::vector<Case> Cases() {
             [](ModelSpec* s) {
               s->units = 32;
               s->mesh_basis = 8;
-              s->root_motion = false;
+              s->root_motion = format::RootMotion_None;
               s->seed = 5;
             }),
        kInt8Bound},
+      {"air",
+       With(format::DType_F32,
+            [](ModelSpec* s) {
+              s->root_motion = format::RootMotion_Air;
+              s->seed = 14;
+            }),
+       kFloatBound},
       {"twenty_vertices",
        With(format::DType_F32,
             [](ModelSpec* s) {
@@ -178,6 +185,9 @@ TEST_P(NetworkTest, TicksAndFramesStayWithinTheBound) {
   for (int tick = 0; tick < 8; ++tick) {
     const std::string at = std::string(test.name) + " tick " + std::to_string(tick);
     const std::vector<float> pose = PoseAt(model.numbers, tick / 30.0);
+    const std::array<float, 3> wind = {0.25f * static_cast<float>(tick), -0.125f, 1};
+    ASSERT_EQ(dcloth_cloth_set_wind(cloth.get(), wind.data(), nullptr), DCLOTH_OK);
+    reference.SetWind({wind[0], wind[1], wind[2]});
     ASSERT_EQ(cloth.Tick(pose, StagesOf(test.spec)), DCLOTH_OK);
     reference.Tick(pose, StagesOf(test.spec));
     for (const float blend : {1.0f, 0.0f, 0.3f}) {

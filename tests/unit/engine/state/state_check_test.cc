@@ -123,7 +123,8 @@ TEST_F(StateCheckTest, NumbersOfTheHead) {
   ExpectRange(&StateHead::older_step, 0, 1 << 20);
   const auto largest = static_cast<double>(kLargestFloat);
   ExpectRange(&StateHead::yaw_rate, -largest, largest);
-  for (double (StateHead::* field)[3] : {&StateHead::position, &StateHead::velocity}) {
+  ExpectRange(&StateHead::velocity_age, 0, 1e18);
+  for (double (StateHead::* field)[3] : {&StateHead::position, &StateHead::velocity, &StateHead::wind}) {
     for (size_t i = 0; i < 3; ++i) {
       for (const double side : {-1.0, 1.0}) {
         StateHead head = sound_;

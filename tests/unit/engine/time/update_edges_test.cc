@@ -79,7 +79,7 @@ TEST_F(UpdateEdgesTest, HitchesRunTwoTicksAtTheRightSpeed) {
     engine::RootMotion root = inside->root;
     engine::ReadPose(*inside->model, inside->binding, OwnedCloth::Pose(Moved(stance, 0.01 * elapsed, 0.02 * elapsed)), inside->pose_now);
     engine::BindPose(*inside->model, inside->pose_now, &bound);
-    engine::UpdateFeatures(*inside->model, bound, elapsed, &root, inside->features);
+    engine::UpdateFeatures(*inside->model, bound, {0, 0, 0}, elapsed, &root, inside->features);
     features[elapsed / 2] = RootFeatures(&once, model_.numbers);
   }
   ExpectSameFeatures(features[0], features[1], "three ticks of the same speed");
