@@ -55,15 +55,16 @@ def held_out(data, names):
     return there
 
 
-def measure(model, folder, data, names, suffix):
-    """errors<suffix>.json, .txt and, with root motion, .png; floor<suffix>.json where DATA has one."""
+def measure(model, path, folder, data, names, suffix):
+    """errors<suffix>.json, .txt and, with root motion, .png; floor<suffix>.json where DATA has one. path: the bundle."""
     net, rig, faces, _ = model
-    results = {}
-    for path in held_out(data, names):
-        item = sequence.read(path)
-        results[item.clip or path] = evaluate.evaluate(net, rig, faces, item, path)
-        print(f"{item.clip}: " + ", ".join(f"{level} {m['position_mm']['mean']:.1f} mm"
-                                           for level, m in results[item.clip or path].items()), file=sys.stderr)
+    referee, results = evaluate.Referee(path), {}
+    for clip in held_out(data, names):
+        item = sequence.read(clip)
+        row = results[item.clip or clip] = evaluate.evaluate(net, rig, faces, item, clip, referee)
+        print(f"{item.clip}: alive {row['truth']['alive_mm']:.1f} mm, "
+              + ", ".join(f"{level} {row[level]['position_mm']['mean']:.1f} mm" for level in evaluate.level_names(row)),
+              file=sys.stderr)
     evaluate.write(results, os.path.join(folder, "errors" + suffix), picture=not suffix)
     floor = os.path.join(data, "floor.json")
     if os.path.exists(floor):
@@ -106,7 +107,7 @@ def main(argv=None):
     parser.add_argument("--data", help="ground truth with root motion")
     parser.add_argument("--fixed-hips", help="ground truth with the hips held")
     parser.add_argument("--failures", help="ground truth for the pictures")
-    parser.add_argument("--count", type=int, default=4, help="pictures, at most")
+    parser.add_argument("--count", type=int, default=5, help="pictures, at most")
     parser.add_argument("--check", action="store_true", help="compare, write nothing")
     options = parser.parse_args(argv)
     folder, readme = options.folder, os.path.join(options.folder, "README.md")
@@ -121,7 +122,7 @@ def main(argv=None):
             names = dataset.held_out(provenance)
             for data, suffix in ((options.data, ""), (options.fixed_hips, "_fixed_hips")):
                 if data:
-                    measure(model, folder, data, names, suffix)
+                    measure(model, path, folder, data, names, suffix)
             folders = [data for data in (options.data, options.fixed_hips) if data] or [pictured]
             learned = familiarity.Training(model[0], model[1], folders, provenance)
             cases = failures.worst(model[0], model[1], held_out(pictured, names), options.count, training=learned,

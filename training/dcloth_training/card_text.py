@@ -3,6 +3,8 @@ import json
 
 import numpy as np
 
+from . import evaluate
+
 # Behind the feature joints' names, by a bundle's metadata "root_motion".
 _ROOT_MOTION = {"false": "", "true": " and root motion", "air": " and the air around the hips"}
 
@@ -49,33 +51,55 @@ def network(tensors, metadata, size_bytes):
     return wrapped(text + ".")
 
 
+def _row(name, row, levels, floor):
+    """Cells of one clip, or of the mean over clips: E_d of each level, and what the last one leaves."""
+    def cell(keys, form, of=row[levels[-1]]):
+        value = evaluate.at(of, keys)
+        return "-" if value is None else format(value, form)
+
+    # Cards made before alive was measured with the errors have it with the floor.
+    alive = evaluate.at(row[levels[-1]], ("alive_mm",)) or floor.get("alive_mm")
+    perturbed, entered = floor.get("mean_mm"), floor.get("entered_mm")
+    share = f"{perturbed / floor['alive_mm']:.0%}" if perturbed is not None and floor.get("alive_mm") else "-"
+    relative = cell(("relative_error",), ".2f")
+    if relative == "-" and floor.get("alive_mm") and floor.get("of_all", True):
+        relative = f"{row[levels[-1]]['position_mm']['mean'] / floor['alive_mm']:.2f}"
+    last = f"{cell(('position_mm', 'mean'), '.2f' if 'clips' in row[levels[-1]] else '.1f')}"
+    cells = [name, "-" if alive is None else f"{alive:.0f}",
+             " / ".join("-" if value is None else f"{value:.1f}" for value in (perturbed, entered)), share,
+             *(cell(("position_mm", "mean"), ".1f", row[level]) for level in levels[:-1]), f"**{last}**",
+             relative, cell(("relative_motion_error",), ".2f"),
+             cell(("position_mm", "p99"), ".0f"), cell(("normal_deg", "mean"), ".1f")]
+    return "| " + " | ".join(cells) + " |"
+
+
 def errors(results, floors):
-    """Table of evaluate.py's results, a row a clip; `floors` {clip: {mean_mm, entered_mm, alive_mm}} where known."""
+    """Tables of evaluate.py's results, recorded and scripted clips apart: a row a clip, then every measure a level.
+
+    floors: {clip: {mean_mm, entered_mm, alive_mm}} where known.
+    """
     levels = [level for level in LEVELS if all(level in row for row in results.values())]
     if not levels:
         raise ValueError(f"none of the levels {', '.join(LEVELS)} in every clip")
-    last = levels[-1]
-
-    def mean(values, digits):
-        known = [v for v in values if v is not None]
-        return f"{np.mean(known):.{digits}f}" if known else "-"
-
-    def of(name, key):
-        return floors.get(name, {}).get(key)
-
-    def row(name, names, digits):
-        positions = {level: [results[n][level]["position_mm"] for n in names] for level in levels}
-        cells = [f"{mean([of(n, 'mean_mm') for n in names], 1)} / {mean([of(n, 'entered_mm') for n in names], 1)}",
-                 mean([of(n, "alive_mm") for n in names], 0)]
-        cells += [mean([p["mean"] for p in positions[level]], digits) for level in levels[:-1]]
-        final = mean([p["mean"] for p in positions[last]], digits)
-        cells += [f"**{final} ± {positions[last][0]['std']:.1f}**" if len(names) == 1 else f"**{final}**",
-                  mean([p["p99"] for p in positions[last]], 0),
-                  mean([results[n][last]["normal_deg"]["mean"] for n in names], 1)]
-        return f"| {name} | " + " | ".join(cells) + " |"
-
-    return [f"| clip | floor | alive | {' | '.join(levels)} | p99 | E_n |", "|---" * (len(levels) + 5) + "|",
-            *(row(f"`{name}`", [name], 1) for name in results), row("mean of the clips", list(results), 2)]
+    out = []
+    for source, rows in evaluate.by_source(results):
+        overall = evaluate.overall(rows)
+        known = [floors[clip] for clip in rows if clip in floors]
+        floor = {key: np.mean(values) for key in ("mean_mm", "entered_mm", "alive_mm")
+                 if (values := [row[key] for row in known if row.get(key) is not None])}
+        floor["of_all"] = len(known) == len(rows)
+        out += [f"{source.capitalize()} clips:", "",
+                f"| clip | alive | floor | floor / alive | {' | '.join(levels)} | relative error | relative motion error | p99 "
+                "| E_n |", "|---" * (len(levels) + 8) + "|",
+                *(_row(f"`{clip}`", row, levels, floors.get(clip, {})) for clip, row in rows.items()),
+                _row("over the clips", overall, levels, floor), ""]
+        if all("bands" in row[levels[-1]] for row in rows.values()):
+            columns = [level for level in ("truth", *levels) if level in overall]
+            texts = [evaluate.figures(overall[level]) for level in columns]
+            out += [f"| over the {source} clips | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|",
+                    *(f"| {title} | " + " | ".join(text[k] for text in texts) + " |"
+                      for k, (title, _, _) in enumerate(evaluate.FIGURES) if any(text[k] != "-" for text in texts)), ""]
+    return out[:-1]
 
 
 def _familiar(row):
@@ -86,13 +110,19 @@ def _familiar(row):
             f"training, `{row['most_alike']}` (over the clip {row['clip_motion_away']:.2f}).")
 
 
+def _of_alive(row):
+    """How much the clip's truth moves, where that was measured."""
+    return f", its truth is alive by {row['clip_alive_mm']:.0f} mm" if "clip_alive_mm" in row else ""
+
+
 def failures(rows, folder):
     """Pictures of failures.json with what goes wrong, where somebody wrote it down."""
     out = []
     for row in rows:
         out += [f"**`{row['clip']}`, {row['second']:g} s**", "",
                 f"![{row['clip']}, frame {row['frame']}: truth, prediction and error]({folder}/{row['picture']})", "",
-                *wrapped(f"{row['mean_mm']:.1f} mm on average (the clip: {row['clip_mean_mm']:.1f} mm), "
+                *wrapped(f"{row['mean_mm']:.1f} mm on average (the clip: {row['clip_mean_mm']:.1f} mm"
+                         f"{_of_alive(row)}), "
                          f"{row['p99_mm']:.0f} mm at the 99th percentile, {row['max_mm']:.0f} mm at worst."
                          f"{_familiar(row)} {row.get('why', '')}"), ""]
     return out[:-1]

@@ -1,9 +1,10 @@
 """Where a model fails: the worst frames of clips it never saw, as pictures and figures.
 
-    python3 -m dcloth_training.failures BUNDLE SEQUENCE... -o FOLDER [--count 4] [--training DATA]...
+    python3 -m dcloth_training.failures BUNDLE SEQUENCE... -o FOLDER [--count 5] [--training DATA]...
 
 Writes FOLDER/<clip>-<frame>.png, the truth beside what the network makes of the same pose, its error in colour, and
-FOLDER/failures.json. A clip's worst frame is the one with the largest mean vertex distance; each clip appears once.
+FOLDER/failures.json. A clip's worst frame is the one with the largest mean vertex distance among those that count
+(metrics.WARM_UP); each clip appears once.
 With the ground truth that the network learned from it says how far that moment's motion is from the nearest there.
 """
 import argparse
@@ -53,7 +54,8 @@ class Case:
         if predicted.shape != item.truth.shape:
             raise ValueError(f"{path}: truth {list(item.truth.shape)}, the network makes {list(predicted.shape)}")
         distance = metrics.distances_mm(predicted, item.truth)
-        frame = int(distance.mean(1).argmax())
+        first = metrics.counted(len(distance))
+        frame = first + int(distance[first:].mean(1).argmax())
         late, nearest = lag(in_hips(predicted, matrices, rig.hips), in_hips(item.truth, matrices, rig.hips), frame)
         self.matrices, self.truth, self.predicted = matrices[frame], item.truth[frame], predicted[frame]
         self.distance_mm = distance[frame]
@@ -62,7 +64,8 @@ class Case:
             "second": round(frame / item.fps, 2), "mean_mm": round(float(distance[frame].mean()), 1),
             "p99_mm": round(float(np.percentile(distance[frame], 99)), 1),
             "max_mm": round(float(distance[frame].max()), 1),
-            "clip_mean_mm": round(float(distance.mean()), 1),
+            "clip_mean_mm": round(float(distance[first:].mean()), 1),
+            "clip_alive_mm": round(metrics.alive_mm(item.truth[first:], matrices[first:, rig.hips]), 1),
             "shift_mm": round(float(1e3 * np.linalg.norm((predicted[frame] - item.truth[frame]).mean(0))), 1),
             "frames_late": late, "mean_mm_against_that_frame": round(nearest, 1),
             "features_beyond_training": beyond(net, pose, frame)}
@@ -119,7 +122,7 @@ def main(argv=None):
     parser.add_argument("bundle")
     parser.add_argument("sequences", nargs="+", help="clips with truth that training never saw")
     parser.add_argument("-o", "--out", required=True, help="folder of the pictures")
-    parser.add_argument("--count", type=int, default=4, help="pictures, at most")
+    parser.add_argument("--count", type=int, default=5, help="pictures, at most")
     parser.add_argument("--training", action="append", help="ground truth that the network learned from; repeatable")
     parser.add_argument("--stages", choices=network.STAGES)
     options = parser.parse_args(argv)

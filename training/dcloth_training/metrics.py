@@ -1,9 +1,8 @@
 """What a predicted garment is worth: every measure with its one definition.
 
 Lengths in millimetres, over all vertices and over the frames of a clip after its first WARM_UP. "The hips' frame" is
-the rigid frame of the hips' joint, turn and tilt included. A clip's measures are a dict (`clip`); those of several clips
-(`over_clips`) are means in which every clip weighs the same, but for quotients, whose numerators and denominators are
-summed first.
+the rigid frame of the hips' joint, turn and tilt included. A clip's measures are a dict (`clip`). Those of several clips
+(`over_clips`) are means in which every clip weighs the same; quotients are of sums.
 
     position_mm      E_d: distance of vertices to the truth (eq. 19 of the paper); normal_deg: E_n
     alive_mm         mean distance of the truth from its own mean shape over the clip, hips' frame: its motion
@@ -79,10 +78,11 @@ def _errors(distance, angle):
 
 
 def summary(positions, truth, faces):
-    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std, p99}} of all frames given.
+    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std, p99}} of a clip [T, n, 3], the counted frames.
 
     std is over the frames' means, p99 over all vertices of all frames.
     """
+    positions, truth = (np.asarray(of)[counted(len(of)):] for of in (positions, truth))
     return _errors(distances_mm(positions, truth),
                    angles_degrees(vertex_normals(positions, faces), vertex_normals(truth, faces)))
 
@@ -191,7 +191,7 @@ def _quotient(over, under):
 
 
 def clip(predicted, truth):
-    """Measures of a prediction [T, n, 3] m against a Truth of the same T frames, but penetration, crossings, held_mm."""
+    """Measures of a prediction [T, n, 3] m against a Truth of T frames; not penetration, crossings, jitter.held_mm."""
     predicted = np.asarray(predicted)
     if predicted.shape != (truth.first + truth.frames,) + truth.positions.shape[1:]:
         raise ValueError(f"a prediction of shape {list(predicted.shape)}; the truth has "

@@ -82,7 +82,8 @@ def test_rows_of_the_full_model_are_those_of_evaluate(finished, data, trained):
                        *((f"stage{k}", v) for k, v in (("_1", "stage 1"), ("s_1_2", "stages 1-2"),
                                                        ("s_1_3", "stages 1-3")))):
         for metric in table.METRICS:
-            assert found[key]["clips"]["a/unseen"][metric] == expected[level][metric]
+            # A longer sequence, with its last pose held, is multiplied in other pieces: the last bits of float32.
+            assert found[key]["clips"]["a/unseen"][metric] == pytest.approx(expected[level][metric], rel=1e-5)
 
 
 def test_ablations_leave_the_frozen_part_as_it_starts(finished, data):

@@ -8,6 +8,8 @@ import torch
 from conftest import train_tiny as run
 from dcloth_training import (bundle, evaluate, export, network, reference, rig, safetensors_io,
                              sequence)
+from dcloth_training.motion import skeleton
+from dcloth_training.simulate import crossings
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +172,22 @@ def test_evaluation_lists_every_level(tiny, files, tmp_path, capsys):
     evaluate.main([str(files / "half"), str(tiny / "dynamic" / "a-held.safetensors"), "-o",
                    str(tmp_path / "e")])
     results = json.loads((tmp_path / "e.json").read_text())
-    assert list(results["a/held"]) == [evaluate.SCALE, evaluate.PLAIN, *evaluate.LEVELS.values()]
-    assert "a/held" in capsys.readouterr().out
+    assert list(results["a/held"]) == ["truth", evaluate.SCALE, evaluate.PLAIN, *evaluate.LEVELS.values()]
+    said = capsys.readouterr().out
+    assert "recorded clips" in said and "a/held" in said and "scripted" not in said
+    row = results["a/held"]
+    assert row["truth"]["alive_mm"] > 1 and row["truth"]["penetration"].keys() == {"area_share", "p99_mm"}
+    for name in list(row)[1:]:
+        found = row[name]
+        assert found["relative_error"] == found["position_mm"]["mean"] / row["truth"]["alive_mm"]
+        assert found["crossings"]["body"] >= 0 and 0 <= found["penetration"]["area_share"] <= 1
+        assert found["jitter"]["held_mm"] < 0.5 and set(found["bands"]) == {"coarse", "middle", "fine"}
+    assert row[evaluate.SCALE]["bands"]["coarse"]["energy_ratio"] < 1e-3
+    # Counted by hand: cloth and body triangles of a frame that cross.
+    referee = evaluate.Referee(files / "half")
+    item = sequence.read(tiny / "dynamic" / "a-held.safetensors")
+    body = skeleton.skin(*referee.bind, item.joint_matrices[12::5].astype(np.float64))
+    faces = safetensors_io.read(files / "half")[0]["body.faces"]
+    pairs = [len(crossings.between(cloth, referee.faces, posed, faces)) for cloth, posed in zip(item.truth[12::5], body)]
+    assert row["truth"]["crossings"]["body"] == sum(pairs) / len(pairs) > 0
     assert (tmp_path / "e.png").exists() and (tmp_path / "e.txt").exists()

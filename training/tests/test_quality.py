@@ -74,7 +74,8 @@ def test_numbers_are_those_of_the_files(data, tmp_path):
     assert found["refused"] == {"mocap/punch": "stretch_p99 is 3, limit 1.6"} and found["drapes"] == 10
     assert "mocap/punch" not in found["missing"] and "mocap/dance_a" in found["missing"]
     text = (tmp_path / "report" / "report.md").read_text()
-    for needed in ("Development", "do not cross the body", "good.", "mocap/jump~2", row["sha256"][:12], "mocap/punch", "upside down"):
+    for needed in ("Development", "do not cross the body", "good.", "mocap/jump~2", row["sha256"][:12], "mocap/punch",
+                   "upside down"):
         assert needed in text
 
 
@@ -237,7 +238,8 @@ def test_a_seeded_fault_is_found(data, tmp_path, capsys, seeded, expected):
 
 
 @pytest.mark.parametrize("broken,message", [
-    ("no body", "no tensor 'body_faces'"), ("no manifest", "manifest.jsonl"), ("bad line", "manifest.jsonl:1"), ("no clips", "no .safetensors"),
+    ("no body", "no tensor 'body_faces'"), ("no manifest", "manifest.jsonl"), ("bad line", "manifest.jsonl:1"),
+    ("no clips", "no .safetensors"),
     ("other garment", "mixes two garments"), ("no truth", "no tensor 'truth'")])
 def test_unusable_data_is_refused_with_the_place(data, tmp_path, capsys, broken, message):
     path = data / "dynamic" / "mocap-walk.safetensors"

@@ -24,8 +24,8 @@ TANGLED = 10                   # crossing pairs of cloth triangles in a frame fr
 class Referee:
     """Looks at frames of one garment on one body.
 
-    mesh: metrics.Mesh; body: penetration.Body; bind: (vertices [b, 3] m, weights [b, J], bind matrices [J, 4, 4]) of the
-    body in bind pose.
+    mesh: metrics.Mesh; body: penetration.Body; bind: (vertices [b, 3] m, weights [b, J], bind matrices [J, 4, 4]) of
+    the body in bind pose; areas [n] m2 of the cloth's vertices.
     """
 
     def __init__(self, mesh, body, bind, areas):
@@ -38,7 +38,8 @@ class Referee:
         masks = tensors.get("body_parts")
         if masks is None:
             masks = np.asarray(tensors["body_collider"], np.uint32)
-        body = penetration.Body(tensors["body_faces"], faces, len(rest), masks=masks, touches=tensors.get("cloth_touches"))
+        body = penetration.Body(tensors["body_faces"], faces, len(rest), masks=masks,
+                                touches=tensors.get("cloth_touches"))
         bind = [np.asarray(tensors[name], np.float64) for name in ("body_vertices", "body_weights", "joint_bind")]
         return cls(metrics.Mesh(faces, rest, tensors.get("cloth_rest_length")), body, bind,
                    penetration.vertex_areas(rest, faces))
@@ -53,7 +54,7 @@ class Referee:
         return depth, crossings.within(cloth, self.mesh.faces), pairs
 
     def clip(self, cloth, matrices, frames):
-        """Numbers of `frames` of cloth [T, n, 3] m in the poses [T, J, 4, 4]; about 30 ms a frame, 100 where cloth crosses.
+        """Numbers of `frames` of cloth [T, n, 3] m in the poses [T, J, 4, 4]; 30 ms a frame, 100 where cloth crosses.
 
         Shares are of frames: crossed (any cloth triangle crosses the body), through (10 mm deep somewhere, or 30 pairs),
         tangled (10 pairs of cloth triangles and more), torn. Crossings are pairs a frame.
@@ -73,13 +74,15 @@ class Referee:
         return {
             "frames_measured": len(frames), "strain_p99": round(float(np.percentile(strains, 99)), 4),
             "stretch_p99": round(1 + float(p99.max()), 3), "stretch_max": round(1 + float(largest.max()), 3),
-            "stretch_max_frame": int(frames[largest.argmax()]), "torn_share": round(float((1 + largest > TORN).mean()), 4),
+            "stretch_max_frame": int(frames[largest.argmax()]),
+            "torn_share": round(float((1 + largest > TORN).mean()), 4),
             "crossed_share": round(float((against > 0).mean()), 4), "body_crossings": round(float(against.mean()), 2),
             "body_crossings_max": int(against.max()), "body_crossings_frame": int(frames[against.argmax()]),
             "tangled_share": round(float((own >= TANGLED).mean()), 4), "cloth_crossings": round(float(own.mean()), 2),
             "cloth_crossings_max": int(own.max()), "cloth_crossings_frame": int(frames[own.argmax()]),
             "penetration_area_share": round(under["area_share"], 6), "penetration_p99_mm": round(under["p99_mm"], 2),
-            "penetration_max_mm": round(under["max_mm"], 2), "through_share": round(float(((deepest > THROUGH) | (against >= THROUGH_PAIRS)).mean()), 4)}
+            "penetration_max_mm": round(under["max_mm"], 2),
+            "through_share": round(float(((deepest > THROUGH) | (against >= THROUGH_PAIRS)).mean()), 4)}
 
 
 def speeds(cloth):
@@ -95,7 +98,8 @@ def referee(body, garment):
     vertices, faces, weights, masks = cloth_job.collider(body, garment)
     count = len(garment.vertices)
     touched = penetration.Body(faces, garment.faces, count, masks=masks, touches=garment.touches)
-    return Referee(metrics.Mesh(garment.faces, garment.vertices), touched, (vertices, weights, skeleton.bind_matrices()),
+    return Referee(metrics.Mesh(garment.faces, garment.vertices), touched,
+                   (vertices, weights, skeleton.bind_matrices()),
                    penetration.vertex_areas(garment.vertices, garment.faces))
 
 

@@ -4,9 +4,9 @@
 
 Each clip is simulated again twice: with the garment's radius scaled by 0.05 %, and entered half a
 second later from its pose there, held (another history of the same motion). Printed is the mean
-vertex distance to the ground truth in DATA over the frames that count (metrics.WARM_UP): no network can be expected to do
-better. Beside it stands alive, the mean distance of the cloth from its mean shape in the hips' frame, and the floor's
-share of it.
+vertex distance to the ground truth in DATA over the frames that count (metrics.WARM_UP): no network
+can be expected to do better. Beside it stands alive, the mean distance of the cloth from its mean
+shape in the hips' frame, and the floor's share of it.
 """
 import argparse
 import concurrent.futures

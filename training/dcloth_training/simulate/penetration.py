@@ -48,14 +48,13 @@ class _Part:
         self.used, local = np.unique(closed, return_inverse=True)
         self.faces = np.ascontiguousarray(local.reshape(-1, 3), np.int64)
         # Pieces of cloth that hang together: where none of its triangles crosses the part, a piece lies on one side.
-        touching = np.zeros(cloth_faces.max(initial=-1) + 1 if len(cloth_faces) else 0, bool)
-        touching[cloth[cloth < len(touching)]] = True
-        self.cloth_numbers = np.flatnonzero(touching[cloth_faces].all(1)) if len(cloth_faces) else np.zeros(0, np.int64)
-        self.cloth_faces = cloth_faces[self.cloth_numbers]
         size = int(max(cloth.max(initial=-1), cloth_faces.max(initial=-1))) + 1
-        ones = np.ones(2 * len(self.cloth_faces), bool)
-        links = scipy.sparse.csr_matrix((ones, (self.cloth_faces[:, [0, 1]].ravel(), self.cloth_faces[:, [1, 2]].ravel())),
-                                        (size, size))
+        touching = np.zeros(size, bool)
+        touching[cloth] = True
+        self.cloth_numbers = np.flatnonzero(touching[cloth_faces].all(1))
+        self.cloth_faces = cloth_faces[self.cloth_numbers]
+        a, b = self.cloth_faces[:, [0, 1]].ravel(), self.cloth_faces[:, [1, 2]].ravel()
+        links = scipy.sparse.csr_matrix((np.ones(len(a), bool), (a, b)), (size, size))
         piece = scipy.sparse.csgraph.connected_components(links, directed=False)[1][cloth]
         self.examples, self.piece = np.unique(piece, return_index=True)[1], np.unique(piece, return_inverse=True)[1]
 
@@ -68,9 +67,10 @@ class _Part:
 class Body:
     """What cloth is kept out of, and which of the cloth.
 
-    faces [g, 3] of the body, outward; cloth_faces [c, 3], cloth_count n. part [g]: the number of the part that a face belongs
-    to (None: one part); masks [b]: instead of `part`, bit p where a body vertex belongs to part p (parts may overlap: a
-    face belongs to those that all its corners share). touches [n]: bit p where a cloth vertex may touch part p; None: all.
+    faces [g, 3] of the body, outward; cloth_faces [c, 3], cloth_count n. part [g]: the number of the part that a face
+    belongs to (None: one part); masks [b]: instead of `part`, bit p where a body vertex belongs to part p (parts may
+    overlap: a face belongs to those that all its corners share). touches [n]: bit p where a cloth vertex may touch part
+    p; None: all.
     """
 
     def __init__(self, faces, cloth_faces, cloth_count, part=None, masks=None, touches=None):

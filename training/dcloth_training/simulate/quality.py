@@ -3,11 +3,12 @@
     python3 -m dcloth_training.simulate.quality --data DATA -o REPORT [--floor floor.json] [--every N] [--pictures N]
 
 Writes REPORT/index.html (open it in a browser), report.json, report.md, and REPORT/clips/<clip>.png: frames evenly
-spaced, then those in which the cloth is stretched most, folded most and fastest, and those in which it crosses the body
-and itself most. All of it is measured on the files as they are, crossings and depth exactly; seconds and settings are the
-manifest's. What is not cloth is marked: frames that cross the body, that are tangled or torn. All clips are measured before any is drawn, and those whose figures stand out are drawn first. Stopped and started again
-it goes on: a file measured and drawn is not read again until it changes. A file whose hash is not the one in the
-manifest, or that is not in it, is reported and ends with status 1.
+spaced, then those in which the cloth is stretched most, folded most and fastest, and those in which it crosses the
+body and itself most. All of it is measured on the files as they are, crossings and depth exactly; seconds and settings
+are the manifest's. What is not cloth is marked: frames that cross the body, that are tangled or torn. All clips are
+measured before any is drawn, and those whose figures stand out are drawn first. Stopped and started again it goes on:
+a file measured and drawn is not read again until it changes. A file whose hash is not the one in the manifest, or that
+is not in it, is reported and ends with status 1.
 """
 import argparse
 import concurrent.futures
@@ -35,7 +36,7 @@ def read_manifest(path):
 
 
 def read_floor(path):
-    """{clip: {"floor_mean_mm", "floor_end_mm", "floor_entered_mm", "floor_relative"}} of floor.py's JSON; {} without."""
+    """{clip: {"floor_mean_mm", "floor_end_mm", "floor_entered_mm", "floor_relative"}} of floor.py."""
     if not path:
         return {}
     with open(path) as file:

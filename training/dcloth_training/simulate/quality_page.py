@@ -9,11 +9,12 @@ SORTED_BY = (("order", "listed order", None), ("crossed", "frames crossing the b
              ("stretch_max", "stretch, largest", "stretch_max"),
              ("stretch_p99", "stretch, 99th percentile", "stretch_p99"), ("torn", "torn frames", "torn_share"),
              ("folded", "folds", "folded_max"), ("speed", "speed", "speed_max"),
-             ("alive", "alive", "alive_mm"), ("fine", "fine motion", "fine_motion_mm"), ("floor", "floor", "floor_mean_mm"),
-             ("relative", "floor / alive", "floor_relative"))
+             ("alive", "alive", "alive_mm"), ("fine", "fine motion", "fine_motion_mm"),
+             ("floor", "floor", "floor_mean_mm"), ("relative", "floor / alive", "floor_relative"))
 FIGURES = (("frames", "frames", "{:d}"), ("crossed_share", "crossing the body", "{:.1%} of frames"),
            ("body_crossings_max", "at most", "{:d} pairs"), ("tangled_share", "tangled", "{:.1%} of frames"),
-           ("cloth_crossings_max", "at most", "{:d} pairs"), ("penetration_area_share", "area under the body", "{:.3%}"),
+           ("cloth_crossings_max", "at most", "{:d} pairs"),
+           ("penetration_area_share", "area under the body", "{:.3%}"),
            ("penetration_max_mm", "deepest", "{:.1f} mm"), ("strain_p99", "strain p99", "{:.1%}"),
            ("stretch_p99", "stretch p99", "{:.2f}"), ("stretch_max", "max", "{:.2f}"),
            ("torn_share", "torn frames", "{:.0%}"), ("folded_max", "folded edges", "{:.2%}"),

@@ -16,19 +16,19 @@ COLUMNS = (("clip", "clip"), ("frames", "frames"), ("seed", "seed"),
            ("fault", "fault"))
 ROLES = (("reported", "Reported: for the final figures alone"), ("development", "Development: never trained on"),
          ("validation", "Validation: chooses when training stops"), ("training", "Training"))
-GROUPS = (*((f"{role}_{source}", f"{title} ({source})") for role, title in ROLES for source in ("recorded", "scripted")),
-          ("drapes", "Quasi-static drapes"))
+GROUPS = (*((f"{role}_{source}", f"{title} ({source})") for role, title in ROLES
+            for source in ("recorded", "scripted")), ("drapes", "Quasi-static drapes"))
 # Of the frames of clips that nobody trains on.
 MOST_CROSSED, MOST_TANGLED = 0.01, 0.10
-MEANING = ("A frame crosses the body where any triangle of the cloth intersects one of the body that it may touch; it is "
-           "tangled where 10 pairs of cloth triangles or more intersect (pairs that share a vertex do not count). Both are "
-           "exact. Area under the body is the share of the cloth's area more than 1 mm deep. Strain is edge length over "
-           "rest length - 1, p99 over all edges and frames; stretch p99 and max are edge length over rest length in the "
-           "worst frame. A frame is torn where an edge is four times its length: a limb went through the cloth. Folded "
-           "edges are the share at which the cloth is bent by more than 120 degrees. Alive is the mean distance of the "
-           "cloth from its mean shape in the hips' frame, fine motion that of its waves shorter than about six edges. The "
-           "floor is the mean distance between two simulations of the clip that differ by 0.05 % of the garment's size: "
-           "no network can be expected to do better.")
+MEANING = (
+    "A frame crosses the body where any triangle of the cloth intersects one of the body that it may touch; it is tangled "
+    "where 10 pairs of cloth triangles or more intersect (pairs that share a vertex do not count). Both are exact. Area "
+    "under the body is the share of the cloth's area more than 1 mm deep. Strain is edge length over rest length - 1, p99 "
+    "over all edges and frames; stretch p99 and max are edge length over rest length in the worst frame. A frame is torn "
+    "where an edge is four times its length: a limb went through the cloth. Folded edges are the share at which the cloth "
+    "is bent by more than 120 degrees. Alive is the mean distance of the cloth from its mean shape in the hips' frame, "
+    "fine motion that of its waves shorter than about six edges. The floor is the mean distance between two simulations "
+    "of the clip that differ by 0.05 % of the garment's size: no network can be expected to do better.")
 
 
 def _cell(row, key):
@@ -52,7 +52,7 @@ def _over_frames(rows, key):
 
 
 def verdict(rows):
-    """Whether clips that nobody trains on are cloth: {"crossed_share", "tangled_share", "good"}; None without such clips."""
+    """Are clips that nobody trains on cloth? {"crossed_share", "tangled_share", "good"}; None without such clips."""
     own = [row for row in rows if row["group"] != "drapes" and not row["group"].startswith("training")]
     if not own:
         return None
@@ -73,9 +73,9 @@ def verdict_line(rows):
 
 def summary(rows):
     """One row a group: how much there is, what is not cloth, the worst of everything and the floor."""
-    lines = ["| group | files | frames | frames crossing the body | tangled frames | pairs of cloth a frame | area under the "
-             "body | deepest mm | strain p99, mean | stretch max | torn frames | folded edges | speed max m/s | alive mm, "
-             "mean | fine motion mm, mean | floor mm, mean (clips) | floor / alive |", "|---" * 17 + "|"]
+    lines = ["| group | files | frames | frames crossing the body | tangled frames | pairs of cloth a frame | area under "
+             "the body | deepest mm | strain p99, mean | stretch max | torn frames | folded edges | speed max m/s "
+             "| alive mm, mean | fine motion mm, mean | floor mm, mean (clips) | floor / alive |", "|---" * 17 + "|"]
     for group, title in GROUPS:
         own = [row for row in rows if row["group"] == group]
         if not own:
@@ -118,7 +118,8 @@ def markdown(found):
            MEANING, "", *verdict_line(rows), "", *summary(rows), "", "Pictures of every clip: `index.html`.", ""]
     out += ["## Where to look first", "",
             "Faults, then the clips with the most frames that cross the body, then the most stretched edge.", "",
-            *table(sorted(rows, key=lambda row: (not row["fault"], -row["crossed_share"], -row["stretch_max"]))[:10]), ""]
+            *table(sorted(rows, key=lambda row: (not row["fault"], -row["crossed_share"],
+                                                 -row["stretch_max"]))[:10]), ""]
     for group, title in GROUPS:
         own = [row for row in rows if row["group"] == group]
         if own:
