@@ -14,12 +14,14 @@
 
 #include "dcloth/dcloth.hpp"
 #include "tests/stability/garment.h"
+#include "tests/stability/player.h"
 
 namespace dcloth::stability {
 namespace {
 
 constexpr Precision kPrecision = Precision::kInt8;
 constexpr float kFrame = 1 / 60.0f, kTick = 1 / 30.0f;
+constexpr double kClockRoundingMm = 1e-4;  // a float's step at arm's length
 
 struct Level {
   const char* name;
@@ -103,7 +105,7 @@ double Median(std::vector<double> values) {
 
 struct LevelFigures {
   double error_mm = 0;      // mean distance to the truth
-  double to_mesh_mm = 0;    // and to the full network
+  double to_mesh_mm = 0;    // and to the full network, played by dcloth_cloth_tick and dcloth_cloth_skin
   double tick_us = 0;       // median; at half rate of the ticks of rest
   double mean_tick_us = 0;  // of all ticks, those of rest among them
 };
@@ -115,6 +117,7 @@ std::array<LevelFigures, DCLOTH_LEVEL_COUNT> Measure(const Garment& garment, dou
   std::vector<double> draws;
   size_t frames = 0;
   for (const Clip& clip : garment.clips) {
+    Player full(garment, kPrecision);
     std::vector<std::unique_ptr<Character>> levels;
     for (size_t level = 0; level < kLevels.size(); ++level)
       levels.push_back(std::make_unique<Character>(garment.model(kPrecision)));
@@ -125,10 +128,10 @@ std::array<LevelFigures, DCLOTH_LEVEL_COUNT> Measure(const Garment& garment, dou
         draws.push_back(levels[level]->Update(pose, 0, kLevels[level].stages, kLevels[level].flags));
         if (level != DCLOTH_LEVEL_HALF_RATE_MESH || frame % 2 == 1) times[level].push_back(us - draws.back());
       }
+      const std::vector<float>& mesh = full.Step(clip.motion[frame]);
       if (frame < 30) continue;
       ++frames;
       const size_t floats = 3 * garment.vertex_count();
-      const std::vector<float>& mesh = levels[DCLOTH_LEVEL_MESH]->positions();
       for (size_t level = 0; level < kLevels.size(); ++level) {
         const std::vector<float>& drawn = levels[level]->positions();
         figures[level].error_mm += DistanceMm(drawn.data(), clip.truth.data() + frame * floats, floats).mean;
@@ -208,7 +211,8 @@ void RecordLevels(const std::string& garment, const std::array<LevelFigures, DCL
 
 // Each level is nearer to the full network than the one below; whether that is nearer to the truth is the garment's
 // affair. At half rate the mesh stage's part is drawn late: where it changes faster than it is large, that is farther
-// off than leaving it out, but by twice its size at most.
+// off than leaving it out, but by twice its size at most. At the full level an update at 30 Hz draws what a tick and a
+// skinning of their own draw, but for the rounding of the clock.
 TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
   double draw_us = 0;
   const auto figures = Measure(garment(), &draw_us);
@@ -225,7 +229,7 @@ TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
   EXPECT_LT(figures[DCLOTH_LEVEL_STATIC].to_mesh_mm, figures[DCLOTH_LEVEL_FROZEN].to_mesh_mm);
   EXPECT_LT(figures[DCLOTH_LEVEL_SKELETON].to_mesh_mm, figures[DCLOTH_LEVEL_STATIC].to_mesh_mm);
   EXPECT_LT(figures[DCLOTH_LEVEL_HALF_RATE_MESH].to_mesh_mm, 2 * figures[DCLOTH_LEVEL_SKELETON].to_mesh_mm);
-  EXPECT_EQ(figures[DCLOTH_LEVEL_MESH].to_mesh_mm, 0);
+  EXPECT_LT(figures[DCLOTH_LEVEL_MESH].to_mesh_mm, kClockRoundingMm);
 }
 
 // At the end of a clip, where a character stands, the garment freezes. In the middle of a step it may creep on for long

@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "tests/stability/baseline.h"
+#include "tests/stability/garment.h"
 #include "tests/stability/player.h"
 
 namespace dcloth::stability {

@@ -12,8 +12,6 @@
 namespace dcloth::stability {
 namespace {
 
-constexpr double kJitterMm = 0.01;  // a tick, any vertex
-
 class RestTest : public StabilityCase {};
 
 struct Hold {

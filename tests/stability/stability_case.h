@@ -14,6 +14,13 @@ namespace dcloth::stability {
 // No vertex lies farther than this many times the garment's size from the hips.
 constexpr double kLargestReach = 2.0;
 
+// Of what a disturbance moved the garment by, this much may be left a second later. E_d then changes by no more, as a
+// mean of distances changes by less than the points move.
+constexpr double kLeftAfterASecond = 0.01;
+
+// What a garment that is at rest may still move in a tick, any vertex, in mm; and what three seconds leave of any past.
+constexpr double kJitterMm = 0.01;
+
 using CaseParameter = std::tuple<std::string, Precision>;
 
 inline std::string CaseName(const testing::TestParamInfo<CaseParameter>& info) {

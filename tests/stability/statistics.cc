@@ -78,17 +78,6 @@ double Mean(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-double BatchStandardError(std::span<const double> values, size_t batch) {
-  std::vector<double> means;
-  for (size_t at = 0; at + batch <= values.size(); at += batch)
-    means.push_back(Mean(values.subspan(at, batch)));
-  const double mean = Mean(means);
-  double squares = 0;
-  for (const double m : means) squares += (m - mean) * (m - mean);
-  const auto n = static_cast<double>(means.size());
-  return std::sqrt(squares / (n - 1) / n);
-}
-
 double Quantile(std::vector<double> values, double fraction) {
   const auto rank = static_cast<size_t>(std::ceil(fraction * static_cast<double>(values.size())));
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(std::max<size_t>(rank, 1) - 1);

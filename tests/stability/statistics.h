@@ -27,10 +27,6 @@ double OneSidedP(double t, size_t degrees);
 
 double Mean(std::span<const double> values);
 
-// Of the mean of a correlated series: from the means of equal batches, each long against the correlation. At
-// least two batches; a rest that fills no batch is left out.
-double BatchStandardError(std::span<const double> values, size_t batch);
-
 // Nearest rank; `fraction` in (0, 1].
 double Quantile(std::vector<double> values, double fraction);
 
