@@ -5,6 +5,7 @@
 #endif
 #include "dcloth/dcloth.h"
 #include "dcloth_generated.h"
+#include "kernels/matvec/matvec.h"
 
 namespace dcloth::converter {
 namespace {
@@ -12,8 +13,6 @@ namespace {
 constexpr uint64_t kFloat = sizeof(float);
 // tanh and the logistic function: x^2, seven and four terms of a rational function, a division, two clamps.
 constexpr uint64_t kActivationFlops = 25;
-
-uint64_t PaddedColumns(uint64_t columns) { return (columns + 31) / 32 * 32; }
 
 uint64_t Extent(const format::Tensor* tensor, uint32_t axis) { return tensor->shape()->Get(axis); }
 
@@ -25,9 +24,9 @@ PartWork Product(const format::Linear* linear) {
   const uint64_t width = int8 ? 1 : linear->weights()->dtype() == format::DType_F16 ? 2 : kFloat;
   PartWork work;
   work.flops = 2 * rows * columns;
-  work.weight_bytes = (int8 ? rows + rows % 2 : rows) * PaddedColumns(columns) * width;
-  if (int8) work.weight_bytes += (rows + PaddedColumns(columns)) * kFloat;
-  if (linear->bias() != nullptr) work.weight_bytes += PaddedColumns(columns) * kFloat;
+  work.weight_bytes = (int8 ? rows + rows % 2 : rows) * kernels::PaddedColumns(columns) * width;
+  if (int8) work.weight_bytes += (rows + kernels::PaddedColumns(columns)) * kFloat;
+  if (linear->bias() != nullptr) work.weight_bytes += kernels::PaddedColumns(columns) * kFloat;
   work.state_bytes = (rows + columns) * kFloat;
   work.int8 = int8;
   return work;
@@ -40,15 +39,55 @@ PartWork Sum(PartWork a, const PartWork& b) {
   return a;
 }
 
+PartWork CountStatic(const format::Model* model) {
+  return Sum(Product(model->static_stage()->hidden()), Product(model->static_stage()->increments()));
+}
+
+// A stage's product; none where the model lacks the stage.
+template <typename Stage>
+PartWork StageProduct(const Stage* stage, const format::Linear* (Stage::*linear)() const) {
+  return stage == nullptr ? PartWork{} : Product((stage->*linear)());
+}
+
+PartWork CountSkeletonInput(const format::Model* model) {
+  return StageProduct(model->skeleton_stage(), &format::SkeletonStage::input);
+}
+
+PartWork CountSkeletonHidden(const format::Model* model) {
+  return StageProduct(model->skeleton_stage(), &format::SkeletonStage::hidden);
+}
+
+PartWork CountMeshHidden(const format::Model* model) {
+  return StageProduct(model->mesh_stage(), &format::MeshStage::hidden);
+}
+
+PartWork CountMeshCoefficients(const format::Model* model) {
+  return StageProduct(model->mesh_stage(), &format::MeshStage::coefficients);
+}
+
+// P through the head of a reduced basis.
+PartWork CountHead(const format::Model* model) {
+  return StageProduct(model->displacement(), &format::Displacement::head);
+}
+
+PartWork CountBasis(const format::Model* model) {
+  return StageProduct(model->displacement(), &format::Displacement::basis);
+}
+
 // r, z and q of k units, then h' = (1 - z) q + z h, from two vectors of 3 k.
-PartWork Gates(uint64_t units) {
+PartWork CountSkeletonGates(const format::Model* model) {
+  if (model->skeleton_stage() == nullptr) return {};
+  const uint64_t units = Extent(model->skeleton_stage()->hidden()->weights(), 0);
   return {units * (3 * kActivationFlops + 8), 0, (6 + 2) * units * kFloat, false};
 }
 
 // The matrix of a vertex is the weighted sum of its bones' (12 numbers), then it moves a point.
 uint64_t SkinningFlops(uint64_t influences) { return 24 * influences + 18; }
 
-PartWork BodyPoints(const format::MeshStage* mesh, uint64_t n) {
+PartWork CountBodyPoints(const format::Model* model) {
+  const format::MeshStage* mesh = model->mesh_stage();
+  if (mesh == nullptr) return {};
+  const uint64_t n = model->garment()->vertices();
   const uint64_t influences = mesh->body_influences();
   PartWork work;
   work.flops = n * SkinningFlops(influences);
@@ -57,7 +96,10 @@ PartWork BodyPoints(const format::MeshStage* mesh, uint64_t n) {
   return work;
 }
 
-PartWork Layers(const format::MeshStage* mesh, uint64_t n) {
+PartWork CountMeshLayers(const format::Model* model) {
+  const format::MeshStage* mesh = model->mesh_stage();
+  if (mesh == nullptr) return {};
+  const uint64_t n = model->garment()->vertices();
   const uint64_t f = mesh->feature_width(), edges = Extent(mesh->columns(), 0);
   PartWork work;
   for (uint32_t l = 0; l < mesh->layers()->size(); ++l) {
@@ -79,7 +121,8 @@ PartWork Layers(const format::MeshStage* mesh, uint64_t n) {
   return work;
 }
 
-PartWork Skinning(const format::Model* model, uint64_t n) {
+PartWork CountSkinning(const format::Model* model) {
+  const uint64_t n = model->garment()->vertices();
   const uint64_t influences = model->static_stage()->influences();
   PartWork work;
   work.flops = n * (SkinningFlops(influences) + 12);  // the displacement between two ticks, added
@@ -89,7 +132,8 @@ PartWork Skinning(const format::Model* model, uint64_t n) {
 }
 
 // Per triangle two edges, their cross product and three sums; per vertex a length, a division, three products.
-PartWork Normals(const format::Model* model, uint64_t n) {
+PartWork CountNormals(const format::Model* model) {
+  const uint64_t n = model->garment()->vertices();
   const uint64_t triangles = Extent(model->garment()->faces(), 0);
   return {triangles * (6 + 9 + 9) + n * 10, triangles * 3 * sizeof(uint16_t), n * (1 + 2 + 2) * 3 * kFloat, false};
 }
@@ -97,44 +141,29 @@ PartWork Normals(const format::Model* model, uint64_t n) {
 }  // namespace
 
 const char* WorkPartName(WorkPart part) {
-  constexpr const char* kNames[kWorkPartCount] = {
-      "static",      "skeleton input",    "skeleton hidden", "skeleton gates", "body points", "mesh layers",
-      "mesh hidden", "mesh coefficients", "head",            "basis",          "skinning",    "normals"};
-  return kNames[static_cast<size_t>(part)];
+  if (part == WorkPart::kSkinning) return "skinning";
+  return part == WorkPart::kNormals ? "normals" : format::kTickParts[static_cast<size_t>(part)].name;
+}
+
+bool FindWorkPart(std::string_view name, WorkPart* part) {
+  for (size_t p = 0; p < kWorkPartCount; ++p) {
+    if (name != WorkPartName(static_cast<WorkPart>(p))) continue;
+    *part = static_cast<WorkPart>(p);
+    return true;
+  }
+  return false;
 }
 
 int StepOf(WorkPart part) {
-  if (part == WorkPart::kStatic) return DCLOTH_STEP_STATIC;
-  if (part <= WorkPart::kSkeletonGates) return DCLOTH_STEP_SKELETON;
-  if (part <= WorkPart::kMeshCoefficients) return DCLOTH_STEP_MESH;
-  if (part <= WorkPart::kBasis) return DCLOTH_STEP_DISPLACEMENT;
-  return part == WorkPart::kSkinning ? DCLOTH_STEP_SKINNING : DCLOTH_STEP_NORMALS;
+  if (part == WorkPart::kSkinning) return DCLOTH_STEP_SKINNING;
+  return part == WorkPart::kNormals ? DCLOTH_STEP_NORMALS : format::kTickParts[static_cast<size_t>(part)].step;
 }
 
 ModelWork CountWork(std::span<const std::byte> bytes) {
   const format::Model* model = format::GetModel(bytes.data());
-  const uint64_t n = model->garment()->vertices();
-  ModelWork work;
-  const auto at = [&](WorkPart part) -> PartWork& { return work[static_cast<size_t>(part)]; };
-  at(WorkPart::kStatic) = Sum(Product(model->static_stage()->hidden()), Product(model->static_stage()->increments()));
-  if (const format::SkeletonStage* skeleton = model->skeleton_stage()) {
-    at(WorkPart::kSkeletonInput) = Product(skeleton->input());
-    at(WorkPart::kSkeletonHidden) = Product(skeleton->hidden());
-    at(WorkPart::kSkeletonGates) = Gates(Extent(skeleton->hidden()->weights(), 0));
-  }
-  if (const format::MeshStage* mesh = model->mesh_stage()) {
-    at(WorkPart::kBodyPoints) = BodyPoints(mesh, n);
-    at(WorkPart::kMeshLayers) = Layers(mesh, n);
-    at(WorkPart::kMeshHidden) = Product(mesh->hidden());
-    at(WorkPart::kMeshCoefficients) = Product(mesh->coefficients());
-  }
-  if (const format::Displacement* displacement = model->displacement()) {
-    at(WorkPart::kHead) = Product(displacement->head());
-    at(WorkPart::kBasis) = Product(displacement->basis());
-  }
-  at(WorkPart::kSkinning) = Skinning(model, n);
-  at(WorkPart::kNormals) = Normals(model, n);
-  return work;
+#define DCLOTH_PART(part, number, name, step) Count##part(model),
+  return {DCLOTH_TICK_PARTS(DCLOTH_PART) CountSkinning(model), CountNormals(model)};
+#undef DCLOTH_PART
 }
 
 }  // namespace dcloth::converter

@@ -6,25 +6,17 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
+
+#include "engine/format/tick_parts.h"
 
 namespace dcloth::converter {
 
-// The pieces of a frame, in the engine's order; each is one kernel, called once or once a layer.
-enum class WorkPart : uint8_t {
-  kStatic,            // pivot increments: two products
-  kSkeletonInput,     // the GRU's products
-  kSkeletonHidden,
-  kSkeletonGates,
-  kBodyPoints,        // the mesh stage's input: posed body points
-  kMeshLayers,        // GSGRU layers with LayerNorm, PReLU and the embedding
-  kMeshHidden,        // vertex perceptron, n -> h
-  kMeshCoefficients,  // h -> coefficients
-  kHead,              // P through the head of a reduced basis
-  kBasis,             // the displacement: coefficients times basis
-  kSkinning,          // every drawn frame, as normals
-  kNormals,
-};
-constexpr size_t kWorkPartCount = 12;
+// The pieces of a frame, in the engine's order: the parts of a tick, then what every drawn frame runs.
+#define DCLOTH_PART(part, number, name, step) k##part,
+enum class WorkPart : uint8_t { DCLOTH_TICK_PARTS(DCLOTH_PART) kSkinning, kNormals };
+#undef DCLOTH_PART
+constexpr size_t kWorkPartCount = format::kTickPartCount + 2;
 
 struct PartWork {
   uint64_t flops = 0;         // floating or integer; a multiply-add is two
@@ -37,6 +29,8 @@ struct PartWork {
 using ModelWork = std::array<PartWork, kWorkPartCount>;
 
 const char* WorkPartName(WorkPart part);  // "skeleton input", "basis"
+// The piece with this name, as a dcloth_timer is told it; false for the others ("pose", "penetration").
+bool FindWorkPart(std::string_view name, WorkPart* part);
 // The DCLOTH_STEP_* under which the engine's timer counts it.
 int StepOf(WorkPart part);
 

@@ -16,7 +16,7 @@ HIGHWAY = re.compile(r"hwy/")
 EXCEPTIONS_AND_HEAP = re.compile(r"vector|string|memory|map|set|unordered_\w+|iostream|fstream|sstream|stdexcept|thread|mutex|chrono|cstdlib|stdlib\.h|cstdio|stdio\.h|cassert|assert\.h")
 # What the engine may know of the model file: the view, what fills it, what tells of a fault.
 FORMAT_FOR_ENGINE = {"engine/format/view.h", "engine/format/verify.h", "engine/format/diagnostic.h", "engine/format/limits.h",
-                     "engine/format/checksum.h"}
+                     "engine/format/checksum.h", "engine/format/tick_parts.h"}
 PACKING = re.compile(r"kernels/(half|kernels|kernel_list|scalar_math)\.h|kernels/\w+/\w+(?<!-inl)\.h")
 ROOMS = ("engine/", "kernels/", "converter/", "tools/", "platforms/", "tests/", "bench/")
 # The rooms of engine/src, each with those that it may see; "" is what lies in no room, the cloth that is made of them.

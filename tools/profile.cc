@@ -43,7 +43,6 @@ class Profiler {
         player_(model, model.info().stages, converter::PathText(options.sequence)),
         meter_(model.triangles(), model.info().vertex_count),
         pose_(poses_.joint_count() * 16),
-        timer_(model.info().stages),
         frame_count_(FrameCount(poses_, options.fps, sequence.path)) {
     if (options.cold) evictor_.emplace();
     if (frame_count_ < 2) {
@@ -97,7 +96,9 @@ class Profiler {
     frame.tick_ns = ticked - frame.start_ns;
     const TimedParts skin = timer_.Take();
     frame.skin_steps = skin.steps;
-    for (size_t p = 0; p < frame.parts.size(); ++p) frame.parts[p] = tick.parts[p] + skin.parts[p];
+    // A slice of a kernel says nothing of the kernel.
+    const bool whole = !options_.pipelined;
+    for (size_t p = 0; p < frame.parts.size(); ++p) frame.parts[p] = (whole ? tick.parts[p] : 0) + skin.parts[p];
     return frame;
   }
 

@@ -41,9 +41,9 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   auto* cloth = arena.Take<Cloth>(1);
   Cloth placed = {};
   placed.model = &model;
-  placed.binding = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count),
+  placed.rig = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count),
                     arena.Take<Affine>(model.joint_count), false};
-  placed.bound = arena.Take<Affine>(model.joint_count);
+  placed.skin_joints = arena.Take<Affine>(model.joint_count);
   placed.pose_older = arena.Take<Affine>(model.joint_count);
   placed.pose_before = arena.Take<Affine>(model.joint_count);
   placed.pose_now = arena.Take<Affine>(model.joint_count);
@@ -66,7 +66,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   if (storage != nullptr) {
     std::memset(storage, 0, arena.size());
     *out = new (cloth) Cloth(placed);
-    for (uint32_t j = 0; j < model.joint_count; ++j) placed.binding.joint_map[j] = j;
+    for (uint32_t j = 0; j < model.joint_count; ++j) placed.rig.joint_map[j] = j;
     OrderGarment(model, placed.body);
     ResetCloth(*out);
   }
@@ -100,7 +100,7 @@ void ResetCloth(Cloth* cloth) {
 bool TakeWind(const float* wind, Cloth* cloth, format::Diagnostic* diagnostic) {
   const float taken[3] = {wind[0], wind[1], wind[2]};
   double in_metres[3];
-  VectorFromHost(cloth->binding.space, taken, in_metres);
+  VectorFromHost(cloth->rig.space, taken, in_metres);
   const double speed =
       std::sqrt(in_metres[0] * in_metres[0] + in_metres[1] * in_metres[1] + in_metres[2] * in_metres[2]);
   if (!(speed <= kFastestWind)) {
@@ -118,7 +118,7 @@ uint32_t ModelStages(const ModelView& model) {
   return model.skeleton_stage.units != 0 ? DCLOTH_STAGES_SKELETON : DCLOTH_STAGES_STATIC;
 }
 
-void SkinFrame(Cloth* cloth, const BoundPose& bound, double behind, const dcloth_output& output, Stopwatch* watch) {
+void SkinFrame(Cloth* cloth, const SkinPose& skin, double behind, const dcloth_output& output, Stopwatch* watch) {
   const ModelView& model = *cloth->model;
   const kernels::KernelTable& kernels = ActiveKernels();
   const uint32_t whole = behind < 1 ? 0 : 1;
@@ -126,23 +126,23 @@ void SkinFrame(Cloth* cloth, const BoundPose& bound, double behind, const dcloth
   const TickPair ticks = {{cloth->increments[from], cloth->increments[to]},
                           {cloth->displacement[from], cloth->displacement[to]},
                           static_cast<float>(1 - (behind - whole))};
-  const Space& space = cloth->binding.space;
+  const Space& space = cloth->rig.space;
   const Surface surface = SurfaceOf(output);
-  SkinRelative(kernels, model, space, bound, ticks, cloth->matrices, surface);
-  watch->Lap(DCLOTH_STEP_SKINNING);
+  SkinRelative(kernels, model, space, skin, ticks, cloth->matrices, surface);
+  watch->Lap(DCLOTH_STEP_SKINNING, "skinning");
   if ((output.flags & DCLOTH_OUTPUT_OUTSIDE_BODY) != 0) {
-    KeepOutside(kernels, model, space, bound, cloth->body, surface);
-    watch->Lap(DCLOTH_STEP_PENETRATION);
+    KeepOutside(kernels, model, space, skin, cloth->body, surface);
+    watch->Lap(DCLOTH_STEP_PENETRATION, "penetration");
   }
   RunNormals(kernels, model, surface);
   RunTangents(model, space.mirrored, output, surface);
-  watch->Lap(DCLOTH_STEP_NORMALS);
+  watch->Lap(DCLOTH_STEP_NORMALS, "normals");
   // To the host's floats and back is exact but for the unit, whose error a float does not see.
   float origin[3];
   for (int i = 0; i < 3; ++i)
-    origin[space.axis[i]] = static_cast<float>(space.sign[i] * bound.origin[i] / space.metres_per_unit);
+    origin[space.axis[i]] = static_cast<float>(space.sign[i] * skin.origin[i] / space.metres_per_unit);
   FinishOutput(origin, space.mirrored, surface, output);
-  watch->Lap(DCLOTH_STEP_SKINNING);
+  watch->Lap(DCLOTH_STEP_SKINNING, "skinning");
 }
 
 }  // namespace dcloth::engine

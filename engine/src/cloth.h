@@ -1,5 +1,5 @@
 // One garment on one character: the memory of an instance, its reset, and a frame's skinning. Ticks are in
-// network/tick_work.h, time in update.h.
+// network/schedule.h, time in update.h.
 #ifndef DCLOTH_ENGINE_SRC_CLOTH_H_
 #define DCLOTH_ENGINE_SRC_CLOTH_H_
 
@@ -17,28 +17,6 @@
 
 namespace dcloth::engine {
 
-// Parts of a tick in the order in which they run.
-enum class TickPart : uint32_t {
-  kStatic,
-  kSkeletonInput,
-  kSkeletonHidden,
-  kSkeletonGates,
-  kBodyPoints,
-  kMeshLayers,
-  kMeshHidden,
-  kMeshCoefficients,
-  kCoefficients,
-  kDisplacement,
-  kDone
-};
-
-// How far the tick in work has come.
-struct TickWork {
-  TickPart part;
-  uint32_t items_done;  // of `part`
-  float input_scale;    // of the product in work
-};
-
 // Results of ticks that an instance keeps: two to draw between, and a third that is in work or, drawn late,
 // still needed.
 constexpr uint32_t kTickSlots = 3;
@@ -47,12 +25,12 @@ constexpr double kFastestWind = 100;  // m/s
 
 struct Cloth {
   const format::ModelView* model;
-  PoseBinding binding;  // outlives resets
+  HostRig rig;  // outlives resets
   float wind[3];        // the host's units a second along its axes; outlives resets
   RootMotion root;
   FrameClock clock;
   TickWork work;
-  Affine* bound;        // [joint_count], scratch of a tick and of a frame
+  Affine* skin_joints;  // [joint_count], SkinPose::joints of the tick or frame that is made; before, a tick's pose
   Affine* pose_older;   // [joint_count], the pose of the update before the last one
   Affine* pose_before;  // [joint_count], the pose of the last update
   Affine* pose_now;     // [joint_count], the pose of this one
@@ -95,7 +73,7 @@ uint32_t ModelStages(const format::ModelView& model);
 
 // Draws the garment as it was `behind` ticks before the newest complete one, 0 to 2, or at the oldest tick
 // where none is so old.
-void SkinFrame(Cloth* cloth, const BoundPose& bound, double behind, const dcloth_output& output, Stopwatch* watch);
+void SkinFrame(Cloth* cloth, const SkinPose& skin, double behind, const dcloth_output& output, Stopwatch* watch);
 
 }  // namespace dcloth::engine
 

@@ -5,7 +5,7 @@
 
 #include "engine/src/time/idle.h"
 #include "engine/src/time/pose_blend.h"
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 
 namespace dcloth::engine {
 namespace {
@@ -19,16 +19,16 @@ constexpr uint64_t kAllOfIt = UINT64_MAX;
 constexpr double kPipelinePace = 1.05;
 
 void StartTick(Cloth* cloth, const Affine* pose, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
-  BoundPose bound = {cloth->bound, {}};
-  BindPose(*cloth->model, pose, &bound);
-  BeginTick(cloth, bound, plan, elapsed_ticks, watch);
+  SkinPose skin = {cloth->skin_joints, {}};
+  MakeSkinPose(*cloth->model, pose, &skin);
+  BeginTick(cloth, skin, plan, elapsed_ticks, watch);
 }
 
 // The mesh stage at half rate runs in its first tick and then in every second one.
 TickPlan PlanTick(const Cloth& cloth, const dcloth_frame& frame) {
   if ((frame.flags & DCLOTH_FRAME_HALF_RATE_MESH) == 0 || frame.stages != DCLOTH_STAGES_MESH) return {frame.stages};
-  if (!AtHalfRate(cloth.plan)) return {frame.stages, MeshTurn::kRunFirst};
-  return {frame.stages, RunsMesh(cloth.plan) ? MeshTurn::kRest : MeshTurn::kRunBetween};
+  if (!AtHalfRate(cloth.plan)) return {frame.stages, MeshPace::kRunFirst};
+  return {frame.stages, RunsMesh(cloth.plan) ? MeshPace::kRest : MeshPace::kRunBetween};
 }
 
 bool Freezes(const dcloth_frame& frame) { return (frame.flags & DCLOTH_FRAME_FREEZE_IDLE) != 0; }
@@ -57,8 +57,8 @@ uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& fram
   for (uint32_t i = 0; i < due.count; ++i) {
     const Affine* pose = cloth->pose_now;
     if (due.fraction[i] < 1) {
-      PoseBetween(history, due.fraction[i], cloth->model->joint_count, cloth->bound);
-      pose = cloth->bound;
+      PoseBetween(history, due.fraction[i], cloth->model->joint_count, cloth->skin_joints);
+      pose = cloth->skin_joints;
     }
     if (freezes) CountTickBegun(cloth, pose);
     StartTick(cloth, pose, PlanTick(*cloth, frame), i == 0 ? 1 + due.skipped + due.waited : 1, watch);
@@ -68,7 +68,7 @@ uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& fram
 }
 
 // This frame's part of the tick in work, less what the frame has already `spent`.
-uint64_t RunPart(Cloth* cloth, const dcloth_frame& frame, uint64_t tick_cost, uint64_t spent, Stopwatch* watch) {
+uint64_t RunShare(Cloth* cloth, const dcloth_frame& frame, uint64_t tick_cost, uint64_t spent, Stopwatch* watch) {
   const double budget = kPipelinePace * cloth->clock.step() * static_cast<double>(tick_cost);
   if (budget >= static_cast<double>(tick_cost + spent)) return RunTick(cloth, kAllOfIt, Freezes(frame), watch);
   const auto whole = static_cast<uint64_t>(budget);
@@ -102,20 +102,21 @@ void RememberPose(Cloth* cloth, bool jumped) {
 }
 
 void Draw(Cloth* cloth, const Affine* pose, double behind, const dcloth_output& output, Stopwatch* watch) {
-  BoundPose bound = {cloth->bound, {}};
-  BindPose(*cloth->model, pose, &bound);
-  watch->Lap(DCLOTH_STEP_POSE);
-  SkinFrame(cloth, bound, behind, output, watch);
+  SkinPose skin = {cloth->skin_joints, {}};
+  MakeSkinPose(*cloth->model, pose, &skin);
+  watch->Lap(DCLOTH_STEP_POSE, "pose");
+  SkinFrame(cloth, skin, behind, output, watch);
 }
 
 }  // namespace
 
 bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_timer* timer) {
   Stopwatch watch(timer);
-  if (!PoseIsUsable(*cloth->model, cloth->binding, pose)) return false;
+  if (!PoseIsUsable(*cloth->model, cloth->rig, pose)) return false;
   ContinueTick(cloth, kAllOfIt, &watch);
-  ReadPose(*cloth->model, cloth->binding, pose, cloth->pose_before);
-  StartTick(cloth, cloth->pose_before, {stages}, 1, &watch);
+  ReadPose(*cloth->model, cloth->rig, pose, cloth->pose_now);
+  StartTick(cloth, cloth->pose_now, {stages}, 1, &watch);
+  std::swap(cloth->pose_before, cloth->pose_now);
   ContinueTick(cloth, kAllOfIt, &watch);
   cloth->clock.Restart();
   cloth->older_step = 0;
@@ -125,8 +126,8 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
 
 bool SkinCloth(Cloth* cloth, const dcloth_pose& pose, float blend, const dcloth_output& output, dcloth_timer* timer) {
   Stopwatch watch(timer);
-  if (!PoseIsUsable(*cloth->model, cloth->binding, pose)) return false;
-  ReadPose(*cloth->model, cloth->binding, pose, cloth->pose_now);
+  if (!PoseIsUsable(*cloth->model, cloth->rig, pose)) return false;
+  ReadPose(*cloth->model, cloth->rig, pose, cloth->pose_now);
   Draw(cloth, cloth->pose_now, 1 - static_cast<double>(blend), output, &watch);
   return true;
 }
@@ -135,8 +136,8 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
                  dcloth_timer* timer) {
   Stopwatch watch(timer);
   const format::ModelView& model = *cloth->model;
-  if (!PoseIsUsable(model, cloth->binding, pose)) return false;
-  ReadPose(model, cloth->binding, pose, cloth->pose_now);
+  if (!PoseIsUsable(model, cloth->rig, pose)) return false;
+  ReadPose(model, cloth->rig, pose, cloth->pose_now);
   if ((frame.flags & DCLOTH_FRAME_JUMPED) != 0) {
     std::memcpy(cloth->pose_before, cloth->pose_now, model.joint_count * sizeof(Affine));
     cloth->root.jumped = cloth->root.started;
@@ -146,24 +147,24 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
   uint64_t spent = 0;
   if (frozen) {
     cloth->clock.Rest(static_cast<double>(frame.seconds) * static_cast<double>(model.tick_rate));
-    watch.Lap(DCLOTH_STEP_POSE);
+    watch.Lap(DCLOTH_STEP_POSE, "pose");
     spent = RunTick(cloth, kAllOfIt, true, &watch);  // what was begun before the freeze
   } else {
     if (IsFrozen(*cloth)) cloth->clock.Rest(0);
     if (IsFrozen(*cloth) || !Freezes(frame)) cloth->idle_ticks = 0;
     const DueTicks due = PassTime(cloth, frame);
-    watch.Lap(DCLOTH_STEP_POSE);
+    watch.Lap(DCLOTH_STEP_POSE, "pose");
     spent = RunDueTicks(cloth, due, frame, &watch);
-    if (TickInWork(*cloth)) spent += RunPart(cloth, frame, TickCost(model, cloth->plan), spent, &watch);
+    if (TickInWork(*cloth)) spent += RunShare(cloth, frame, TickCost(model, cloth->plan), spent, &watch);
   }
-  RememberPose(cloth, (frame.flags & DCLOTH_FRAME_JUMPED) != 0);
   cloth->work_done = 0;
   if (spent != 0) {
     const uint64_t tick_cost = TickCost(model, {cloth->plan.stages});
     cloth->work_done = static_cast<float>(static_cast<double>(spent) / static_cast<double>(tick_cost));
   }
   const double behind = frozen ? 0 : cloth->clock.Behind(TickInWork(*cloth));
-  if (output != nullptr) Draw(cloth, cloth->pose_before, behind, *output, &watch);
+  if (output != nullptr) Draw(cloth, cloth->pose_now, behind, *output, &watch);
+  RememberPose(cloth, (frame.flags & DCLOTH_FRAME_JUMPED) != 0);
   return true;
 }
 

@@ -74,7 +74,7 @@ def owners():
             found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), tests)]
     for path in sorted((ROOT / "engine/format").glob("*.cc")):
         found[str(path.relative_to(ROOT))] = [(str(path.relative_to(ROOT)), VERIFIER)]
-    for name in ("state", "state_check", "state_layout"):
+    for name in ("state", "state_check"):
         found[f"engine/src/state/{name}.cc"] = [(f"engine/src/state/{name}.cc", STATE)]
     for path in sorted((ROOT / "converter").glob("*.cc")):
         file = str(path.relative_to(ROOT))

@@ -13,7 +13,7 @@
 #include "converter/model_work.h"
 #include "dcloth/dcloth.hpp"
 #include "engine/src/cloth.h"
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 #include "tests/stability/stability_case.h"
 
 namespace dcloth::stability {
@@ -23,11 +23,6 @@ using converter::WorkPart;
 using engine::TickPart;
 
 constexpr double kFlopsPerSecond = 100e9, kBytesPerSecond = 45e9;
-constexpr WorkPart kCounted[] = {WorkPart::kStatic,     WorkPart::kSkeletonInput, WorkPart::kSkeletonHidden,
-                                 WorkPart::kSkeletonGates, WorkPart::kBodyPoints, WorkPart::kMeshLayers,
-                                 WorkPart::kMeshHidden, WorkPart::kMeshCoefficients, WorkPart::kHead,
-                                 WorkPart::kBasis};
-static_assert(std::size(kCounted) == static_cast<size_t>(TickPart::kDone));
 
 struct Work {
   double flops = 0, bytes = 0, seconds = 0;
@@ -47,10 +42,10 @@ Work Counted(const converter::PartWork& part) {
 std::vector<Work> ItemsOf(const converter::OpenModel& model, const engine::Cloth& cloth) {
   const converter::ModelWork counted = converter::CountWork(model.bytes());
   std::vector<Work> items;
-  for (size_t p = 0; p < std::size(kCounted); ++p) {
+  for (size_t p = 0; p < format::kTickPartCount; ++p) {
     const auto part = static_cast<TickPart>(p);
     const uint64_t count = engine::TickItems(*cloth.model, {DCLOTH_STAGES_MESH}, part);
-    const Work whole = Counted(counted[static_cast<size_t>(kCounted[p])]);
+    const Work whole = Counted(counted[p]);
     const size_t layers = part == TickPart::kMeshLayers ? cloth.model->mesh_stage.layer_count : 1;
     const auto width = static_cast<double>(cloth.model->mesh_stage.feature_width);
     // A layer's multiply-adds by what it reads of a vertex (3 numbers, later F), as model_work.cc counts them.

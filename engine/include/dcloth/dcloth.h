@@ -253,6 +253,9 @@ typedef struct dcloth_timer {
   uint64_t (*now)(void* context);    /* called at step boundaries; null turns timing off */
   void* context;
   uint64_t elapsed[DCLOTH_STEP_COUNT]; /* added to, never reset */
+  /* Called after every piece of a step with its name ("mesh layers", static) and its time; or null. A piece that is run in
+     portions, or interleaved with another, comes several times. */
+  void (*piece)(void* context, const char* name, uint64_t elapsed);
 } dcloth_timer;
 
 /* Library version, "0.1.0". Memory: static. Thread: any. Errors: none. Cost: none. */

@@ -16,7 +16,7 @@
 #include "engine/src/base/lent_memory.h"
 #include "engine/src/draw/output.h"
 #include "engine/src/state/state.h"
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 #include "engine/src/update.h"
 
 namespace {
@@ -49,7 +49,10 @@ bool PoseArgumentIsUsable(const dcloth_pose* pose) {
          FloatsAreAligned(pose->joint_matrices) && pose->column_major <= 1;
 }
 
-bool TimerIsUsable(const dcloth_timer* timer) { return timer == nullptr || timer->struct_size >= sizeof(dcloth_timer); }
+// A timer of 0.1 ends before `piece`.
+bool TimerIsUsable(const dcloth_timer* timer) {
+  return timer == nullptr || timer->struct_size >= offsetof(dcloth_timer, piece);
+}
 
 bool OutputArgumentIsUsable(const dcloth_output* output, const ModelView& model) {
   return output != nullptr && dcloth::engine::OutputIsUsable(*output, model.vertex_count);
@@ -156,10 +159,10 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
                     "a cloth and the names of the host's joints", "");
     return diagnostic.status();
   }
-  dcloth::engine::PoseBinding& binding = ClothOf(cloth)->binding;
-  if (!dcloth::engine::MatchJoints(*ClothOf(cloth)->model, names, count, binding.joint_map, &diagnostic))
+  dcloth::engine::HostRig& rig = ClothOf(cloth)->rig;
+  if (!dcloth::engine::MatchJoints(*ClothOf(cloth)->model, names, count, rig.joint_map, &diagnostic))
     return diagnostic.status();
-  binding.host_joint_count = count;
+  rig.host_joint_count = count;
   return DCLOTH_OK;
 }
 
@@ -167,7 +170,7 @@ dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* sp
   const FloatEnvironment environment;
   Diagnostic diagnostic(error);
   if (cloth == nullptr || space == nullptr || space->struct_size < sizeof(dcloth_space) ||
-      !dcloth::engine::MakeSpace(*space, &ClothOf(cloth)->binding.space)) {
+      !dcloth::engine::MakeSpace(*space, &ClothOf(cloth)->rig.space)) {
     diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a space that is none",
                     "struct_size set, left, up and forward along three different axes, metres_per_unit from 0.0001 to "
                     "1000, joint_frames 0 or 1",
@@ -184,7 +187,7 @@ dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose*
     diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a cloth and a pose", "");
     return diagnostic.status();
   }
-  dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, *bind, &ClothOf(cloth)->binding, &diagnostic);
+  dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, *bind, &ClothOf(cloth)->rig, &diagnostic);
   return diagnostic.status();
 }
 

@@ -8,9 +8,9 @@ namespace {
 using format::BodyView;
 
 void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
-              const BoundPose& bound, const BodyMemory& memory) {
+              const SkinPose& skin, const BodyMemory& memory) {
   const BodyView& body = model.body;
-  for (size_t j = 0; j < model.joint_count; ++j) StoreFloats(ToHost(space, bound.joints[j]), memory.matrices + 12 * j);
+  for (size_t j = 0; j < model.joint_count; ++j) StoreFloats(ToHost(space, skin.joints[j]), memory.matrices + 12 * j);
   kernels::SkinningJob skinning = {};
   skinning.matrices = memory.matrices;
   skinning.positions = body.positions;
@@ -68,12 +68,12 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
 }
 
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
-                 const BoundPose& bound, const BodyMemory& memory, const Surface& surface) {
+                 const SkinPose& skin, const BodyMemory& memory, const Surface& surface) {
   const BodyView& body = model.body;
   if (body.vertex_count == 0) return;
   const double units_per_metre = 1 / space.metres_per_unit;
   const double clearance = static_cast<double>(body.clearance) * units_per_metre;
-  PoseBody(kernels, model, space, bound, memory);
+  PoseBody(kernels, model, space, skin, memory);
   FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
   kernels::NearestJob job = {};
   uint16_t nearest[kernels::kNearestPatch], suspect[kernels::kNearestPatch];

@@ -33,7 +33,7 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 // posed body until it is just that; one whose closest point is where that ends stays. Run it after skinning, while
 // positions are relative to the hips. Does nothing where the model has no body.
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
-                 const BoundPose& bound, const BodyMemory& memory, const Surface& surface);
+                 const SkinPose& skin, const BodyMemory& memory, const Surface& surface);
 
 // What the searches of a frame may take together, so that no pose and no model makes a frame endless: 16 ns a face. A vertex
 // that comes after stays where it is. The bundled garments look at 20 faces a vertex at most where they lie on the floor

@@ -39,7 +39,7 @@ void FillTouchLists(const format::ModelView& model, const TouchLists& lists);
 size_t SiteGroupCount(const format::BodyView& body);
 size_t MostGroupCount(const format::BodyView& body);
 
-// The body vertex at a site: groups lie in turn, and the last vertex fills up the last one.
+// The body vertex at a site: groups follow each other, and the last vertex fills up the last one.
 inline size_t BodyVertexAt(const format::BodyView& body, const TouchLists& lists, size_t site) {
   if (lists.sites != nullptr) return lists.sites[site];
   return site < body.vertex_count ? site : body.vertex_count - 1;

@@ -7,8 +7,8 @@ namespace {
 
 // A_j = [R_j | p_j - R_j (J_j + D_j)]. With p_j = G_j B_j^-1 J_j = R_j J_j + t_j the pivot J_j cancels: the translation
 // is t_j - R_j D_j, t_j that of G_j B_j^-1.
-Affine BoneMatrix(const Affine& bound, const double increment[3]) {
-  Affine matrix = bound;
+Affine BoneMatrix(const Affine& skin, const double increment[3]) {
+  Affine matrix = skin;
   for (auto& row : matrix.m) row[3] -= row[0] * increment[0] + row[1] * increment[1] + row[2] * increment[2];
   return matrix;
 }
@@ -16,7 +16,7 @@ Affine BoneMatrix(const Affine& bound, const double increment[3]) {
 }  // namespace
 
 void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
-                  const BoundPose& bound, const TickPair& ticks, float* matrices, const Surface& surface) {
+                  const SkinPose& skin, const TickPair& ticks, float* matrices, const Surface& surface) {
   const format::StaticStageView& stage = model.static_stage;
   const double blend = static_cast<double>(ticks.blend);
   for (size_t bone = 0; bone < stage.bone_count; ++bone) {
@@ -25,7 +25,7 @@ void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& 
       const double from = static_cast<double>(ticks.increments[0][3 * bone + c]);
       increment[c] = from + blend * (static_cast<double>(ticks.increments[1][3 * bone + c]) - from);
     }
-    const Affine matrix = BoneMatrix(bound.joints[stage.bones[bone]], increment);
+    const Affine matrix = BoneMatrix(skin.joints[stage.bones[bone]], increment);
     StoreFloats(ToHost(space, matrix), matrices + 12 * bone);
   }
   kernels::SkinningJob job = {};

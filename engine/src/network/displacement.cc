@@ -32,10 +32,10 @@ const float* BasisCoefficients(const ModelView& model, const float* coefficients
   return HasHead(model) ? coefficients + MixedCoefficientsAt(model) : coefficients;
 }
 
-void TurnMeshCoefficients(const ModelView& model, MeshTurn turn, float* q, float* before) {
+void PaceMeshCoefficients(const ModelView& model, MeshPace pace, float* q, float* before) {
   for (uint32_t i = 0; i < model.mesh_stage.coefficients.columns; ++i) {
-    const float made = turn == MeshTurn::kRest ? before[i] : q[i];
-    q[i] = turn == MeshTurn::kRunBetween ? 0.5f * (before[i] + made) : made;
+    const float made = pace == MeshPace::kRest ? before[i] : q[i];
+    q[i] = pace == MeshPace::kRunBetween ? 0.5f * (before[i] + made) : made;
     before[i] = made;
   }
 }

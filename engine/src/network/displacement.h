@@ -24,7 +24,7 @@ const float* BasisCoefficients(const format::ModelView& model, const float* coef
 // At half rate: Q of this tick from what the mesh stage made (`q`) and made last (`before`), which follows. The way
 // from run to run is straight and one tick late, so that wrinkles do not stop and go: half of it in the tick that ran,
 // the rest in the tick of rest. Rejected: to show each run at once and hold it, stop and go at half the tick rate.
-void TurnMeshCoefficients(const format::ModelView& model, MeshTurn turn, float* q, float* before);
+void PaceMeshCoefficients(const format::ModelView& model, MeshPace pace, float* q, float* before);
 
 // Makes them, once P and, with the mesh stage, Q are there: c = P head + Q, or zeros where P and Q are padded. P and Q
 // are kept. `stages` is one of DCLOTH_STAGES_* but STATIC; without the mesh stage Q is not read.

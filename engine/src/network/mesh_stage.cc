@@ -98,11 +98,11 @@ void ClearMeshState(const ModelView& model, const MeshMemory& memory) {
 
 // X: body points in the heading frame, standardised. Both are folded into the joint matrices,
 // diag(1/deviation) (H^-1 G_j B_j^-1 - mean), which is exact because a point's weights sum to 1.
-void PrepareBodyPoints(const ModelView& model, const BoundPose& bound, const Heading& heading,
+void PrepareBodyPoints(const ModelView& model, const SkinPose& skin, const Heading& heading,
                        const MeshMemory& memory) {
   const MeshStageView& stage = model.mesh_stage;
   for (size_t j = 0; j < model.joint_count; ++j) {
-    Affine matrix = ToHeading(heading, bound.joints[j]);
+    Affine matrix = ToHeading(heading, skin.joints[j]);
     for (int r = 0; r < 3; ++r) {
       matrix.m[r][3] -= static_cast<double>(stage.input_mean[r]);
       for (double& element : matrix.m[r]) element *= static_cast<double>(stage.input_inverse_deviation[r]);

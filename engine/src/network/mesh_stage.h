@@ -29,7 +29,7 @@ void ClearMeshState(const format::ModelView& model, const MeshMemory& memory);
 
 // The stage's steps in order. Layers and body points are cut into blocks of kGsgruBlock vertices, which may
 // be run in any portions from the first to the last; nothing of the pose is needed after the first step.
-void PrepareBodyPoints(const format::ModelView& model, const BoundPose& bound, const Heading& heading,
+void PrepareBodyPoints(const format::ModelView& model, const SkinPose& skin, const Heading& heading,
                        const MeshMemory& memory);
 size_t MeshBlocks(const format::ModelView& model);  // of a layer
 void PoseBodyPoints(const kernels::KernelTable& kernels, const format::ModelView& model, const MeshMemory& memory,

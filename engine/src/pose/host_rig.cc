@@ -59,32 +59,32 @@ void ListMissing(const format::ModelView& model, const char* const* names, uint3
 
 }  // namespace
 
-bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, PoseBinding* binding,
+bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostRig* rig,
                   format::Diagnostic* diagnostic) {
   const auto refuse = [&](const char* found) {
     return diagnostic->Fail(DCLOTH_ERROR_POSE, format::kNoOffset, nullptr, found,
                             "as many as in a pose, each with an inverse", "");
   };
-  if (!PoseIsUsable(model, *binding, bind)) return refuse("NaN, beyond 1e9 or another count");
+  if (!PoseIsUsable(model, *rig, bind)) return refuse("NaN, beyond 1e9 or another count");
   Affine inverse;
   for (size_t j = 0; j < model.joint_count; ++j) {
-    if (Invert(JointMatrix(bind, binding->joint_map[j]), &inverse) && Invert(InverseBind(model, j), &inverse)) continue;
+    if (Invert(JointMatrix(bind, rig->joint_map[j]), &inverse) && Invert(InverseBind(model, j), &inverse)) continue;
     char found[150];
     format::Text(found, sizeof(found)).Add("no inverse for joint '").Add(format::JointName(model, j)).Add("'");
     return refuse(found);
   }
   for (size_t j = 0; j < model.joint_count; ++j)
-    Invert(JointMatrix(bind, binding->joint_map[j]), &binding->inverse_bind[j]);
-  binding->has_bind_pose = true;
+    Invert(JointMatrix(bind, rig->joint_map[j]), &rig->inverse_bind[j]);
+  rig->has_bind_pose = true;
   return true;
 }
 
-Affine FromBindPose(const format::ModelView& model, const PoseBinding& binding, size_t joint, const Affine& host) {
-  Space world = binding.space;
-  world.turn_joints = true;
+Affine FromBindPose(const format::ModelView& model, const HostRig& rig, size_t joint, const Affine& host) {
+  Space world = rig.space;
+  world.converts_joints = true;
   Affine bind;
   Invert(InverseBind(model, joint), &bind);
-  return FromHost(world, host * binding.inverse_bind[joint]) * bind;
+  return FromHost(world, host * rig.inverse_bind[joint]) * bind;
 }
 
 bool MatchJoints(const format::ModelView& model, const char* const* names, uint32_t count, uint32_t* joint_map,

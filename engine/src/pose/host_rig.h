@@ -15,11 +15,11 @@
 namespace dcloth::engine {
 
 // Takes P_j^-1 of every joint of the model into the binding; refused, it changes nothing.
-bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, PoseBinding* binding,
+bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostRig* rig,
                   format::Diagnostic* diagnostic);
 
 // G_j in the model's space from the host's, by D_j.
-Affine FromBindPose(const format::ModelView& model, const PoseBinding& binding, size_t joint, const Affine& host);
+Affine FromBindPose(const format::ModelView& model, const HostRig& rig, size_t joint, const Affine& host);
 
 // Writes the host's index of every joint of the model into `joint_map`, [joint_count]; of equal names the
 // first. False where some are missing: the text names them, and `joint_map` is untouched.

@@ -45,7 +45,7 @@ Affine Translation(const double (&vector)[3]) {
 // Backward differences over the time since the last tick; none after a reset, the last ones after a jump. Between ticks of
 // different lengths a velocity is that of the middle. `acceleration` of the hips is in the heading frame, m/s^2: zero
 // until two velocities are known, and in the tick of a jump.
-void UpdateVelocity(const BoundPose& bound, const Heading& heading, double tick_rate, double elapsed_ticks,
+void UpdateVelocity(const SkinPose& skin, const Heading& heading, double tick_rate, double elapsed_ticks,
                     RootMotion* root, double (&acceleration)[3]) {
   for (double& a : acceleration) a = 0;
   if (root->jumped) {
@@ -54,7 +54,7 @@ void UpdateVelocity(const BoundPose& bound, const Heading& heading, double tick_
   }
   const double rate = root->started ? tick_rate / elapsed_ticks : 0;
   double now[3];
-  for (int r = 0; r < 3; ++r) now[r] = (bound.origin[r] - root->position[r]) * rate;
+  for (int r = 0; r < 3; ++r) now[r] = (skin.origin[r] - root->position[r]) * rate;
   if (root->velocity_age > 0) {
     const Heading back = {root->heading.cosine, -root->heading.sine};
     const Affine before = ToHeading(back, Translation(root->velocity));
@@ -98,30 +98,30 @@ Affine InverseBind(const format::ModelView& model, size_t joint) {
   return matrix;
 }
 
-bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose) {
-  if (pose.joint_count != binding.host_joint_count) return false;
+bool PoseIsUsable(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose) {
+  if (pose.joint_count != rig.host_joint_count) return false;
   bool usable = true;
   for (size_t j = 0; j < model.joint_count; ++j) {
-    const float* matrix = pose.joint_matrices + binding.joint_map[j] * kPoseFloats;
+    const float* matrix = pose.joint_matrices + rig.joint_map[j] * kPoseFloats;
     for (size_t i = 0; i < kPoseFloats; ++i)
       usable &= matrix[i] >= -kMaxPoseMagnitude && matrix[i] <= kMaxPoseMagnitude;
   }
   return usable;
 }
 
-void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints) {
+void ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints) {
   for (size_t j = 0; j < model.joint_count; ++j) {
-    const Affine host = JointMatrix(pose, binding.joint_map[j]);
-    joints[j] = binding.has_bind_pose ? FromBindPose(model, binding, j, host) : FromHost(binding.space, host);
+    const Affine host = JointMatrix(pose, rig.joint_map[j]);
+    joints[j] = rig.has_bind_pose ? FromBindPose(model, rig, j, host) : FromHost(rig.space, host);
   }
 }
 
-void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound) {
-  for (int r = 0; r < 3; ++r) bound->origin[r] = pose[model.hips].m[r][3];
+void MakeSkinPose(const format::ModelView& model, const Affine* pose, SkinPose* skin) {
+  for (int r = 0; r < 3; ++r) skin->origin[r] = pose[model.hips].m[r][3];
   for (size_t j = 0; j < model.joint_count; ++j) {
     Affine matrix = pose[j];
-    for (int r = 0; r < 3; ++r) matrix.m[r][3] -= bound->origin[r];
-    bound->joints[j] = matrix * InverseBind(model, j);
+    for (int r = 0; r < 3; ++r) matrix.m[r][3] -= skin->origin[r];
+    skin->joints[j] = matrix * InverseBind(model, j);
   }
 }
 
@@ -136,13 +136,13 @@ Affine ToHeading(const Heading& heading, const Affine& matrix) {
   return local;
 }
 
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, const double (&wind)[3],
+void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const double (&wind)[3],
                     double elapsed_ticks, RootMotion* root, float* x) {
   const format::FeaturesView& features = model.features;
-  const Heading heading = HeadingOf(bound.joints[model.hips], root->heading);
+  const Heading heading = HeadingOf(skin.joints[model.hips], root->heading);
   size_t i = 0;
   for (size_t joint = 0; joint < features.joint_count; ++joint) {
-    const Affine local = ToHeading(heading, bound.joints[features.joints[joint]]);
+    const Affine local = ToHeading(heading, skin.joints[features.joints[joint]]);
     if (IsCollapsed(local)) {
       i += 9;
       continue;
@@ -154,7 +154,7 @@ void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, cons
   if (features.root != format::RootKind::kNone) {
     const bool air = features.root == format::RootKind::kAir;
     double acceleration[3];
-    UpdateVelocity(bound, heading, static_cast<double>(model.tick_rate), elapsed_ticks, root, acceleration);
+    UpdateVelocity(skin, heading, static_cast<double>(model.tick_rate), elapsed_ticks, root, acceleration);
     if (air) std::memcpy(root->wind, wind, sizeof(root->wind));
     const Affine blown = ToHeading(heading, Translation(root->wind));
     for (int r = 0; r < 3; ++r, ++i)
@@ -164,7 +164,7 @@ void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, cons
     for (int r = 0; air && r < 3; ++r, ++i) x[i] = Standardise(features, i, acceleration[r]);
   }
   root->heading = heading;
-  for (int r = 0; r < 3; ++r) root->position[r] = bound.origin[r];
+  for (int r = 0; r < 3; ++r) root->position[r] = skin.origin[r];
   root->started = true;
   root->jumped = false;
 }

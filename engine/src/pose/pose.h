@@ -13,7 +13,7 @@ namespace dcloth::engine {
 constexpr float kMaxPoseMagnitude = 1e9f;
 
 // How a host gives its poses.
-struct PoseBinding {
+struct HostRig {
   Space space;
   uint32_t host_joint_count;  // matrices in a pose
   uint32_t* joint_map;        // [joint_count], the host's index of each joint of the model
@@ -28,18 +28,18 @@ Affine JointMatrix(const dcloth_pose& pose, size_t joint);
 Affine InverseBind(const format::ModelView& model, size_t joint);
 
 // Every joint is there and every matrix element of the model's joints is finite.
-bool PoseIsUsable(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose);
+bool PoseIsUsable(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose);
 
 // G_j of every joint, [joint_count], in the model's space.
-void ReadPose(const format::ModelView& model, const PoseBinding& binding, const dcloth_pose& pose, Affine* joints);
+void ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints);
 
-// G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
-struct BoundPose {
+// What skins a frame: G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
+struct SkinPose {
   Affine* joints;    // [joint_count]
   double origin[3];  // the hips' world position
 };
-// `pose` may be `bound->joints`.
-void BindPose(const format::ModelView& model, const Affine* pose, BoundPose* bound);
+// `pose` may be `skin->joints`.
+void MakeSkinPose(const format::ModelView& model, const Affine* pose, SkinPose* skin);
 
 // H's rotation about +Y: its X axis is (cosine, 0, -sine).
 struct Heading {
@@ -65,7 +65,7 @@ Affine ToHeading(const Heading& heading, const Affine& matrix);
 // Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped
 // features x [d]. A collapsed joint leaves its nine as they were, so x lives as long as the cloth.
 // `wind` is in m/s in the world.
-void UpdateFeatures(const format::ModelView& model, const BoundPose& bound, const double (&wind)[3],
+void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const double (&wind)[3],
                     double elapsed_ticks, RootMotion* root, float* x);
 
 }  // namespace dcloth::engine

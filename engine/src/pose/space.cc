@@ -16,7 +16,7 @@ bool MakeSpace(const dcloth_space& described, Space* space) {
   }
   if (seen != 7 || described.joint_frames > DCLOTH_JOINT_FRAMES_KEPT) return false;
   made.metres_per_unit = static_cast<double>(described.metres_per_unit);
-  made.turn_joints = described.joint_frames == DCLOTH_JOINT_FRAMES_CONVERTED;
+  made.converts_joints = described.joint_frames == DCLOTH_JOINT_FRAMES_CONVERTED;
   // The sign of the permutation times the signs of the axes: -1 for a left-handed host.
   const bool even = (made.axis[1] + 3 - made.axis[0]) % 3 == 1;
   made.mirrored = (even ? 1 : -1) * made.sign[0] * made.sign[1] * made.sign[2] < 0;
@@ -28,8 +28,8 @@ Affine FromHost(const Space& space, const Affine& host) {
   Affine matrix;
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) {
-      const double value = space.sign[r] * host.m[space.axis[r]][space.turn_joints ? space.axis[c] : c];
-      matrix.m[r][c] = space.turn_joints ? value * space.sign[c] : value;
+      const double value = space.sign[r] * host.m[space.axis[r]][space.converts_joints ? space.axis[c] : c];
+      matrix.m[r][c] = space.converts_joints ? value * space.sign[c] : value;
     }
     matrix.m[r][3] = space.sign[r] * host.m[space.axis[r]][3] * space.metres_per_unit;
   }

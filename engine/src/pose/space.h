@@ -16,7 +16,7 @@ struct Space {
   uint8_t axis[3] = {0, 1, 2};
   double sign[3] = {1, 1, 1};
   double metres_per_unit = 1;
-  bool turn_joints = true;  // joint frames are converted with the world
+  bool converts_joints = true;  // joint frames are converted with the world
   bool mirrored = false;    // left-handed: triangles' cross products point inwards
 };
 

@@ -125,7 +125,7 @@ double TickMicroseconds(const SceneCharacter& character, uint32_t ticks) {
 }
 
 // Fills ticks, held, microseconds, late and stale of each character for a frame of `seconds`; returns the ticks' cost,
-// at most `left` (0 where that is negative). A tick that does not fit lets smaller ones pass, and is first in its turn:
+// at most `left` (0 where that is negative). A tick that does not fit lets smaller ones pass, and goes first in the next frame:
 // ChooseLevels gives no level whose tick is longer than `left`, so nobody waits longer than the others take.
 double GrantTicks(Scene* scene, double seconds, double left) {
   SceneCharacter* const all = scene->characters;

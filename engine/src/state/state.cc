@@ -7,8 +7,7 @@
 #include "engine/src/network/displacement.h"
 #include "engine/src/time/idle.h"
 #include "engine/src/state/state_check.h"
-#include "engine/src/state/state_layout.h"
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "models and saved states are little-endian and used as they lie"
@@ -41,10 +40,10 @@ StateHead HeadOf(const Cloth& cloth) {
   head.tick_rate = model.tick_rate;
   head.tick_count = cloth.tick_count;
   head.stages = cloth.plan.stages;
-  head.part = static_cast<uint32_t>(cloth.work.part);
+  head.part = format::FactsOf(cloth.work.part).number;
   head.items_done = TickInWork(cloth) ? cloth.work.items_done : 0;
   head.jumped = cloth.root.jumped ? 1 : 0;
-  head.mesh_turn = static_cast<uint32_t>(cloth.plan.mesh);
+  head.mesh_pace = static_cast<uint32_t>(cloth.plan.mesh);
   head.idle_ticks = cloth.idle_ticks;
   head.tick_share = cloth.work_done;
   head.since = cloth.clock.since();
@@ -62,10 +61,36 @@ StateHead HeadOf(const Cloth& cloth) {
   return head;
 }
 
-TickPlan PlanOf(const StateHead& head) { return {head.stages, static_cast<MeshTurn>(head.mesh_turn)}; }
+TickPlan PlanOf(const StateHead& head) { return {head.stages, static_cast<MeshPace>(head.mesh_pace)}; }
 
-StatePosition PositionOf(const StateHead& head) {
-  return {head.tick_count, PlanOf(head), static_cast<TickPart>(head.part), head.items_done, head.idle_floats};
+// Between ticks. A stage that rests has no state: it starts from zero.
+void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
+  const ModelView& model = *cloth.model;
+  const size_t n = model.vertex_count, width = model.mesh_stage.feature_width;
+  spans->AddRow("features", cloth.features, model.features.length);
+  if (RunsSkeleton(at.plan)) {
+    const size_t units = model.skeleton_stage.units;
+    spans->Add("skeleton_state", cloth.coefficients, 1, units, units, kLargestHidden);
+  }
+  if (HasMesh(at.plan)) {
+    for (size_t layer = 0; layer < model.mesh_stage.layer_count; ++layer) {
+      spans->Add("mesh_state", cloth.mesh.state + layer * kernels::GsgruStateFloats(n, width), n, width, width,
+                 kLargestHidden);
+    }
+    if (AtHalfRate(at.plan))
+      spans->AddRow("mesh_before", cloth.mesh_before, model.mesh_stage.coefficients.columns);
+  }
+  if (at.idle_floats != 0) {
+    const bool own = at.idle_floats == IdleStartFloats(model);
+    spans->AddRow("idle_start", own ? cloth.idle_start : nullptr, static_cast<size_t>(at.idle_floats));
+  }
+  // A tick in work fills the oldest slot, whose rest a frame may still draw.
+  const uint32_t slots = at.work.part == TickPart::kDone ? at.tick_count : kTickSlots;
+  for (uint32_t back = 0; back < slots; ++back) {
+    const uint32_t slot = (cloth.newest + kTickSlots - back) % kTickSlots;
+    spans->AddRow("increments", cloth.increments[slot], size_t{3} * model.static_stage.bone_count);
+    if (cloth.displacement[slot] != nullptr) spans->AddRow("displacement", cloth.displacement[slot], 3 * n);
+  }
 }
 
 size_t SizeOf(const StateHead& head, const StateSpans& spans) {
@@ -143,6 +168,18 @@ void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
 
 }  // namespace
 
+StatePosition PositionOf(const StateHead& head) {
+  TickPart part = TickPart::kDone;
+  format::FindTickPart(head.part, &part);
+  return {head.tick_count, PlanOf(head), {part, head.items_done, 1.0f}, head.idle_floats};
+}
+
+void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpans* spans) {
+  if (position.tick_count == 0) return;
+  ListKept(cloth, position, spans);
+  if (position.work.part != TickPart::kDone) ListTickSpans(cloth, position.plan, position.work, spans);
+}
+
 uint64_t ModelIdentity(const ModelView& model) {
   return model.identity != 0 ? model.identity : format::Checksum(model.name, std::strlen(model.name));
 }
@@ -202,7 +239,7 @@ void RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth
   const bool own = head.identity == ModelIdentity(model) && head.idle_floats == IdleStartFloats(model);
   if (head.idle_floats != 0 && !own) cloth->idle_ticks = 0;
   ClampFeatures(*cloth);
-  ResumeTick(cloth, static_cast<TickPart>(head.part), head.items_done);
+  ResumeTick(cloth, PositionOf(head).work.part, head.items_done);
 }
 
 }  // namespace dcloth::engine

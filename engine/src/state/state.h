@@ -1,7 +1,7 @@
 // A cloth's recurrent state as bytes that outlive the process: little-endian, the same on every platform and
 // instruction set. Saved states come from save games, so each number is checked before the first one is used.
 //
-//   StateHead, then poses f64 [0 to 3][joint_count, 12], then the floats of state_layout.h; nothing between them.
+//   StateHead, then poses f64 [0 to 3][joint_count, 12], then the floats of ListStateSpans; nothing between them.
 #ifndef DCLOTH_ENGINE_SRC_STATE_STATE_H_
 #define DCLOTH_ENGINE_SRC_STATE_STATE_H_
 
@@ -9,6 +9,7 @@
 #include <cstdint>
 
 #include "engine/format/diagnostic.h"
+#include "engine/src/base/state_spans.h"
 #include "engine/src/cloth.h"
 
 namespace dcloth::engine {
@@ -25,8 +26,8 @@ struct StateHead {
   // The model's numbers that decide what follows.
   uint32_t joint_count, feature_count, bone_count, vertex_count, skeleton_units, layer_count, feature_width;
   float tick_rate;
-  // Where in time; see Cloth, TickWork and FrameClock.
-  uint32_t tick_count, stages, part, items_done, jumped, mesh_turn, idle_ticks;
+  // Where in time; see Cloth, TickWork and FrameClock. `part` is a number of engine/format/tick_parts.h.
+  uint32_t tick_count, stages, part, items_done, jumped, mesh_pace, idle_ticks;
   float tick_share;
   double since, waited, lag, older_step;
   double heading[2], position[3], velocity[3], yaw_rate, velocity_age, wind[3];
@@ -34,6 +35,24 @@ struct StateHead {
 };
 
 constexpr size_t kStateSummedFrom = offsetof(StateHead, size);
+
+// Where in time a state was saved, of which follows how many floats it has.
+struct StatePosition {
+  uint32_t tick_count;  // 0 to kTickSlots; with 0 there are no floats
+  TickPlan plan;
+  TickWork work;
+  uint64_t idle_floats;  // of Cloth::idle_start, of this model or another one
+};
+
+// The head's `part` has been checked.
+StatePosition PositionOf(const StateHead& head);
+
+// What the continuation of a cloth depends on, and nothing else. `position` is one that a tick of the model can have.
+//
+// Not among the floats: what a tick makes before it reads, integers of int8 products (made anew from their input),
+// padding. Rejected: to finish a tick in work before saving, which draws other frames than the cloth that goes on, and to
+// begin it anew, for which its start is gone.
+void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpans* spans);
 
 // Of the file where its writer told one, of its name before format 1.2.
 uint64_t ModelIdentity(const format::ModelView& model);

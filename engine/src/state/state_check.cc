@@ -5,7 +5,7 @@
 
 #include "engine/format/checksum.h"
 #include "engine/src/time/idle.h"
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 
 namespace dcloth::engine {
 namespace {
@@ -16,7 +16,7 @@ using format::Path;
 using format::Text;
 
 constexpr double kLargestPose = 1e3 * static_cast<double>(kMaxPoseMagnitude);  // in the largest unit
-constexpr double kLargestDouble = static_cast<double>(kLargestFloat);
+constexpr double kLargestDouble = static_cast<double>(kLargestSaved);
 constexpr uint64_t kMostIdleFloats = uint64_t{1} << 24;
 constexpr char kDamaged[] = "the bytes are damaged; reset the cloth instead";
 
@@ -46,27 +46,27 @@ bool CheckRange(const Field& field, double value, double low, double high, const
 }
 
 bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* diagnostic) {
-  constexpr auto kDone = static_cast<uint32_t>(TickPart::kDone);
   if (head.tick_count > kTickSlots) return FailCount(DCLOTH_FIELD(tick_count), head.tick_count, "0 to 3", diagnostic);
   const bool fresh = head.tick_count == 0;
   const bool known = head.stages == DCLOTH_STAGES_STATIC || head.stages == DCLOTH_STAGES_SKELETON ||
                      head.stages == DCLOTH_STAGES_MESH;
   if (fresh ? head.stages != DCLOTH_STAGES_MESH : !known || head.stages > ModelStages(model))
     return FailCount(DCLOTH_FIELD(stages), head.stages, "DCLOTH_STAGES_* that the model holds", diagnostic);
-  if (head.part > kDone || (fresh && head.part != kDone))
+  TickPart part = TickPart::kDone;
+  if (!format::FindTickPart(head.part, &part) || (fresh && part != TickPart::kDone))
     return FailCount(DCLOTH_FIELD(part), head.part, "a part of a tick", diagnostic);
   // Rest and the way between belong to the mesh stage alone.
-  constexpr auto kRest = static_cast<uint32_t>(MeshTurn::kRest);
-  if (head.mesh_turn > (!fresh && head.stages == DCLOTH_STAGES_MESH ? kRest : 0u))
-    return FailCount(DCLOTH_FIELD(mesh_turn), head.mesh_turn, "0, up to 3 with the mesh stage", diagnostic);
+  constexpr auto kRest = static_cast<uint32_t>(MeshPace::kRest);
+  if (head.mesh_pace > (!fresh && head.stages == DCLOTH_STAGES_MESH ? kRest : 0u))
+    return FailCount(DCLOTH_FIELD(mesh_pace), head.mesh_pace, "0, up to 3 with the mesh stage", diagnostic);
   if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
     return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
   const bool counting = head.idle_ticks != 0 && head.idle_ticks != kIdleTicks;
   if (counting ? head.idle_floats - 1 >= kMostIdleFloats : head.idle_floats != 0)
     return FailCount(DCLOTH_FIELD(idle_floats), head.idle_floats, "1 to 2^24 while it counts, else 0", diagnostic);
-  const TickPlan plan = {head.stages, static_cast<MeshTurn>(head.mesh_turn)};
-  const uint64_t items = TickItems(model, plan, static_cast<TickPart>(head.part));
-  if (head.part != kDone ? head.items_done >= items : head.items_done != 0)
+  const TickPlan plan = {head.stages, static_cast<MeshPace>(head.mesh_pace)};
+  const uint64_t items = TickItems(model, plan, part);
+  if (part != TickPart::kDone ? head.items_done >= items : head.items_done != 0)
     return FailCount(DCLOTH_FIELD(items_done), head.items_done, "fewer than the part has", diagnostic);
   if (head.jumped > (fresh ? 0u : 1u)) return FailCount(DCLOTH_FIELD(jumped), head.jumped, "0 or 1", diagnostic);
   return true;
@@ -198,13 +198,13 @@ bool CheckStateModel(const StateHead& head, const ModelView& model, bool other_m
     return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, idle_floats), &path, "another count", "the model's",
                             kFix);
   }
-  if (head.identity != identity && head.part != static_cast<uint32_t>(TickPart::kDone)) {
+  if (head.identity != identity && head.part != format::FactsOf(TickPart::kDone).number) {
     return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, part), nullptr,
                             "a tick in work in the state of another model", "a state between ticks",
                             "save after an update without DCLOTH_FRAME_PIPELINED");
   }
-  if (head.identity != identity && head.mesh_turn != 0) {
-    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, mesh_turn), nullptr,
+  if (head.identity != identity && head.mesh_pace != 0) {
+    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, mesh_pace), nullptr,
                             "a mesh stage at half rate in the state of another model", "one at full rate",
                             "save after a tick without DCLOTH_FRAME_HALF_RATE_MESH");
   }

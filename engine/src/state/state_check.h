@@ -7,7 +7,6 @@
 
 #include "engine/format/diagnostic.h"
 #include "engine/src/state/state.h"
-#include "engine/src/state/state_layout.h"
 
 namespace dcloth::engine {
 

@@ -78,7 +78,7 @@ bool IsStill(const Cloth& cloth, const Affine* pose) {
   bool still = true;
   if (cloth.model->features.root == format::RootKind::kAir) {
     double wind[3];
-    VectorFromHost(cloth.binding.space, cloth.wind, wind);
+    VectorFromHost(cloth.rig.space, cloth.wind, wind);
     for (int r = 0; r < 3; ++r) still &= wind[r] == cloth.root.wind[r];
   }
   for (size_t j = 0; j < cloth.model->joint_count; ++j) {

@@ -117,6 +117,7 @@ namespace DCloth
         public IntPtr now; // uint64_t (*)(void* context)
         public void* context;
         public fixed ulong elapsed[Native.DCLOTH_STEP_COUNT];
+        public IntPtr piece; // void (*)(void* context, const char* name, uint64_t elapsed)
     }
 
     [StructLayout(LayoutKind.Sequential)]

@@ -163,11 +163,12 @@ export const dcloth_space = Object.freeze({
 });
 
 export const dcloth_timer = Object.freeze({
-  bytes: 80,
+  bytes: 88,
   struct_size: 0,
   now: 4,
   context: 8,
   elapsed: 16,
+  piece: 80,
 });
 
 /**

@@ -33,7 +33,7 @@ inline engine::StateHead HeadOf(const StateBytes& bytes) {
 }
 
 inline bool InWork(const StateBytes& bytes) {
-  return HeadOf(bytes).part != static_cast<uint32_t>(engine::TickPart::kDone);
+  return HeadOf(bytes).part != format::FactsOf(engine::TickPart::kDone).number;
 }
 
 // As someone who knows the format does after changing bytes.

@@ -84,7 +84,7 @@ TEST(HotSwap, NotWithATickInWork) {
 TEST(HotSwap, NotBetweenTheTicksOfAHalfRate) {
   Garment older({}, 1), newer({}, 2);
   StateBytes state;
-  for (int frame = 0; state.empty() || HeadOf(state).mesh_turn == 0; ++frame) {
+  for (int frame = 0; state.empty() || HeadOf(state).mesh_pace == 0; ++frame) {
     ASSERT_LT(frame, 100);
     ASSERT_EQ(older.Update(frame * 0.01, kFrame, DCLOTH_FRAME_HALF_RATE_MESH), DCLOTH_OK);
     state = Save(older.cloth.get());

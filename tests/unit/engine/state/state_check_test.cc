@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "engine/src/time/idle.h"
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 #include "tests/unit/engine/state_fixture.h"
 #include "tests/unit/kernels/guarded_buffer.h"
 
@@ -75,7 +75,7 @@ TEST_F(StateCheckTest, CountsOfTheHead) {
     EXPECT_EQ(with([=](StateHead* h) { h->stages = stages; }), known) << stages;
     // Half rate is the mesh stage's.
     for (uint32_t turn = 1; turn <= 4; ++turn) {
-      EXPECT_EQ(with([=](StateHead* h) { h->stages = stages, h->mesh_turn = turn; }),
+      EXPECT_EQ(with([=](StateHead* h) { h->stages = stages, h->mesh_pace = turn; }),
                 stages == DCLOTH_STAGES_MESH && turn <= 3)
           << stages << " " << turn;
     }
@@ -107,7 +107,7 @@ TEST_F(StateCheckTest, AFreshHead) {
   ASSERT_TRUE(Holds(sound_)) << error_.text;
   const std::function<void(StateHead*)> changes[] = {
       [](StateHead* h) { h->stages = DCLOTH_STAGES_SKELETON; }, [](StateHead* h) { h->part = 0; },
-      [](StateHead* h) { h->mesh_turn = 1; },                   [](StateHead* h) { h->idle_ticks = 1, h->idle_floats = 1; },
+      [](StateHead* h) { h->mesh_pace = 1; },                   [](StateHead* h) { h->idle_ticks = 1, h->idle_floats = 1; },
       [](StateHead* h) { h->idle_ticks = kIdleTicks; },         [](StateHead* h) { h->jumped = 1; }};
   for (const auto& change : changes) {
     StateHead head = sound_;
@@ -121,7 +121,7 @@ TEST_F(StateCheckTest, NumbersOfTheHead) {
   ExpectRange(&StateHead::waited, -1, 1 << 20);
   ExpectRange(&StateHead::lag, 0, 2);
   ExpectRange(&StateHead::older_step, 0, 1 << 20);
-  const auto largest = static_cast<double>(kLargestFloat);
+  const auto largest = static_cast<double>(kLargestSaved);
   ExpectRange(&StateHead::yaw_rate, -largest, largest);
   ExpectRange(&StateHead::velocity_age, 0, 1e18);
   for (double (StateHead::* field)[3] : {&StateHead::position, &StateHead::velocity, &StateHead::wind}) {
@@ -136,9 +136,9 @@ TEST_F(StateCheckTest, NumbersOfTheHead) {
     }
   }
   StateHead head = sound_;
-  head.tick_share = kLargestFloat;
+  head.tick_share = kLargestSaved;
   EXPECT_TRUE(Holds(head)) << error_.text;
-  head.tick_share = std::nextafter(kLargestFloat, 1e30f);
+  head.tick_share = std::nextafter(kLargestSaved, 1e30f);
   EXPECT_FALSE(Holds(head));
 }
 
@@ -183,7 +183,7 @@ TEST_F(StateCheckTest, EveryNumberOfThePoses) {
 // Floats as saved, and as they lie in a cloth, in rows with gaps that are not looked at.
 TEST_F(StateCheckTest, EveryNumberOfTheSpans) {
   constexpr size_t kRows = 3, kColumns = 5, kStride = 8, kOffset = 12;
-  for (const float largest : {kLargestHidden, kLargestFloat}) {
+  for (const float largest : {kLargestHidden, kLargestSaved}) {
     for (const bool in_cloth : {false, true}) {
       std::vector<float> memory(kRows * kStride, NAN);
       kernels::GuardedBuffer<uint8_t> bytes(kOffset + kRows * kColumns * sizeof(float));

@@ -6,7 +6,7 @@
 #include <random>
 #include <set>
 
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 #include "kernels/matvec/matvec.h"
 #include "tests/attack/variants.h"
 #include "tests/unit/engine/allocation_trap.h"
@@ -351,8 +351,8 @@ TEST(State, NothingOfAnEarlierLifeIsLeft) {
     }
   };
   OwnedCloth saved(opened), fresh(opened), used(opened);
-  pause_in(&saved, engine::TickPart::kDisplacement);
-  pause_in(&used, engine::TickPart::kCoefficients);
+  pause_in(&saved, engine::TickPart::kBasis);
+  pause_in(&used, engine::TickPart::kHead);
   for (OwnedCloth* cloth : {&fresh, &used}) ASSERT_EQ(Restore(cloth, Save(&saved)), DCLOTH_OK);
   for (OwnedCloth* cloth : {&saved, &fresh, &used})
     ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.05), static_cast<float>(kTick), kAll), DCLOTH_OK);

@@ -1,6 +1,6 @@
 // DCLOTH_FRAME_HALF_RATE_MESH: the mesh stage in every second tick, its wrinkles on a straight way between.
 #include "engine/src/network/displacement.h"
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 #include "tests/unit/engine/update_fixture.h"
 
 namespace dcloth::testing {
@@ -88,8 +88,8 @@ TEST_F(HalfRateTest, CostsHalfOfTheMeshStage) {
   OwnedCloth cloth(opened_);
   const format::ModelView& model = *Inside(&cloth).model;
   const uint64_t full = engine::TickCost(model, {kAll}), skeleton = engine::TickCost(model, {DCLOTH_STAGES_SKELETON});
-  const uint64_t run = engine::TickCost(model, {kAll, engine::MeshTurn::kRunBetween});
-  const uint64_t rest = engine::TickCost(model, {kAll, engine::MeshTurn::kRest});
+  const uint64_t run = engine::TickCost(model, {kAll, engine::MeshPace::kRunBetween});
+  const uint64_t rest = engine::TickCost(model, {kAll, engine::MeshPace::kRest});
   EXPECT_EQ(run, full);
   EXPECT_LT(rest, full);
   EXPECT_GT(rest, skeleton) << "the mesh rows of the basis are read in a rest too";

@@ -73,13 +73,13 @@ TEST_F(UpdateEdgesTest, HitchesRunTwoTicksAtTheRightSpeed) {
   OwnedCloth once(opened_);
   ASSERT_EQ(once.Tick(stance, kAll), DCLOTH_OK);
   auto* inside = reinterpret_cast<engine::Cloth*>(once.get());
-  engine::BoundPose bound = {inside->bound, {}};
+  engine::SkinPose skin = {inside->skin_joints, {}};
   std::vector<float> features[2];
   for (const uint32_t elapsed : {1u, 3u}) {
     engine::RootMotion root = inside->root;
-    engine::ReadPose(*inside->model, inside->binding, OwnedCloth::Pose(Moved(stance, 0.01 * elapsed, 0.02 * elapsed)), inside->pose_now);
-    engine::BindPose(*inside->model, inside->pose_now, &bound);
-    engine::UpdateFeatures(*inside->model, bound, {0, 0, 0}, elapsed, &root, inside->features);
+    engine::ReadPose(*inside->model, inside->rig, OwnedCloth::Pose(Moved(stance, 0.01 * elapsed, 0.02 * elapsed)), inside->pose_now);
+    engine::MakeSkinPose(*inside->model, inside->pose_now, &skin);
+    engine::UpdateFeatures(*inside->model, skin, {0, 0, 0}, elapsed, &root, inside->features);
     features[elapsed / 2] = RootFeatures(&once, model_.numbers);
   }
   ExpectSameFeatures(features[0], features[1], "three ticks of the same speed");

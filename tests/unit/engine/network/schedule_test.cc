@@ -1,5 +1,5 @@
 // A tick cut into portions of any size is the tick in one piece, to the bit.
-#include "engine/src/network/tick_work.h"
+#include "engine/src/network/schedule.h"
 
 #include <algorithm>
 #include <random>
@@ -19,10 +19,10 @@ Cloth* Inside(OwnedCloth* cloth) { return reinterpret_cast<Cloth*>(cloth->get())
 size_t TickInPortions(Cloth* cloth, const std::vector<float>& matrices, uint32_t stages, uint64_t budget,
                       std::mt19937_64* random) {
   engine::Stopwatch watch(nullptr);
-  engine::BoundPose bound = {cloth->bound, {}};
-  engine::ReadPose(*cloth->model, cloth->binding, OwnedCloth::Pose(matrices), cloth->pose_now);
-  engine::BindPose(*cloth->model, cloth->pose_now, &bound);
-  engine::BeginTick(cloth, bound, {stages}, 1, &watch);
+  engine::SkinPose skin = {cloth->skin_joints, {}};
+  engine::ReadPose(*cloth->model, cloth->rig, OwnedCloth::Pose(matrices), cloth->pose_now);
+  engine::MakeSkinPose(*cloth->model, cloth->pose_now, &skin);
+  engine::BeginTick(cloth, skin, {stages}, 1, &watch);
   size_t portions = 0;
   uint64_t spent = 0;
   for (; engine::TickInWork(*cloth); ++portions) {
@@ -32,9 +32,9 @@ size_t TickInPortions(Cloth* cloth, const std::vector<float>& matrices, uint32_t
   return portions;
 }
 
-class TickWorkTest : public ::testing::TestWithParam<format::DType> {};
+class ScheduleTest : public ::testing::TestWithParam<format::DType> {};
 
-TEST_P(TickWorkTest, PortionsGiveTheSameBits) {
+TEST_P(ScheduleTest, PortionsGiveTheSameBits) {
   ModelSpec spec;
   spec.precision = GetParam();
   spec.rings = 21;  // 210 vertices: 14 blocks, the last one not full
@@ -63,7 +63,7 @@ TEST_P(TickWorkTest, PortionsGiveTheSameBits) {
 
 // A portion overshoots its budget by less than one item, and a model without a stage has a tick without its
 // parts.
-TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
+TEST_P(ScheduleTest, PortionsKeepTheirBudget) {
   for (const bool mesh : {true, false}) {
     ModelSpec spec;
     spec.precision = GetParam();
@@ -80,10 +80,10 @@ TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
     const uint64_t widest =
         40 * 32 * 4 * std::max<uint64_t>(mesh ? model.numbers.n : 0, model.numbers.d + 21 * 1 + 21);
     engine::Stopwatch watch(nullptr);
-    engine::BoundPose bound = {inside->bound, {}};
-    engine::BindPose(*inside->model, inside->pose_before, &bound);
+    engine::SkinPose skin = {inside->skin_joints, {}};
+    engine::MakeSkinPose(*inside->model, inside->pose_before, &skin);
     for (const uint64_t parts : {2, 3, 7, 20}) {
-      engine::BeginTick(inside, bound, {stages}, 1, &watch);
+      engine::BeginTick(inside, skin, {stages}, 1, &watch);
       uint64_t frames = 0;
       while (engine::TickInWork(*inside)) {
         const uint64_t budget = (cost + parts - 1) / parts, spent = engine::ContinueTick(inside, budget, &watch);
@@ -97,7 +97,55 @@ TEST_P(TickWorkTest, PortionsKeepTheirBudget) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryPrecision, TickWorkTest,
+// States of version 3 hold these floats in this order, wherever in a tick they were saved.
+TEST(TickPartsTest, ASavedTickKeepsItsOrder) {
+  ModelSpec spec;
+  spec.rings = 21;
+  const TestModel model = BuildModel(spec);
+  const OpenedModel opened(model);
+  OwnedCloth cloth(opened);
+  const Cloth& inside = *Inside(&cloth);
+  const auto at = [&](engine::TickPart part, uint32_t items_done, engine::TickPlan plan) {
+    engine::StateSpans spans;
+    engine::ListTickSpans(inside, plan, {part, items_done, 1.0f}, &spans);
+    std::string names;
+    for (uint32_t i = 0; i < spans.count; ++i) names += std::string(i == 0 ? "" : " ") + spans.spans[i].name;
+    return names;
+  };
+  using engine::TickPart;
+  constexpr engine::TickPlan kMesh = {DCLOTH_STAGES_MESH}, kRest = {DCLOTH_STAGES_MESH, engine::MeshPace::kRest};
+  constexpr engine::TickPlan kSkeleton = {DCLOTH_STAGES_SKELETON};
+  EXPECT_EQ(at(TickPart::kStatic, 0, kMesh), "body_matrices");
+  EXPECT_EQ(at(TickPart::kStatic, 0, kSkeleton), "");
+  EXPECT_EQ(at(TickPart::kSkeletonInput, 1, kMesh), "input_gates body_matrices");
+  EXPECT_EQ(at(TickPart::kSkeletonHidden, 0, kMesh), "input_gates body_matrices");
+  EXPECT_EQ(at(TickPart::kSkeletonHidden, 1, kSkeleton), "input_gates hidden_gates");
+  EXPECT_EQ(at(TickPart::kSkeletonHidden, 1, kRest), "input_gates hidden_gates");
+  EXPECT_EQ(at(TickPart::kSkeletonGates, 0, kMesh), "input_gates hidden_gates body_matrices");
+  EXPECT_EQ(at(TickPart::kBodyPoints, 1, kMesh), "body_matrices layer_input");
+  EXPECT_EQ(at(TickPart::kMeshLayers, 1, kMesh), "layer_input layer_output");
+  EXPECT_EQ(at(TickPart::kMeshHidden, 1, kMesh), "embedded mesh_hidden");
+  EXPECT_EQ(at(TickPart::kMeshCoefficients, 0, kMesh), "mesh_hidden");
+  EXPECT_EQ(at(TickPart::kHead, 0, kMesh), "mesh_coefficients");
+  EXPECT_EQ(at(TickPart::kHead, 0, kRest), "");
+  EXPECT_EQ(at(TickPart::kBasis, 0, kMesh), "mesh_coefficients");
+  EXPECT_EQ(at(TickPart::kBasis, 1, kRest), "mesh_coefficients");
+  EXPECT_EQ(at(TickPart::kBasis, 1, kSkeleton), "");
+  EXPECT_EQ(at(TickPart::kBasis, 0, {DCLOTH_STAGES_STATIC}), "");
+}
+
+// Numbers in saved states belong to one part each.
+TEST(TickPartsTest, NumbersOfParts) {
+  for (size_t p = 0; p <= format::kTickPartCount; ++p) {
+    engine::TickPart part{};
+    ASSERT_TRUE(format::FindTickPart(format::kTickParts[p].number, &part));
+    EXPECT_EQ(static_cast<size_t>(part), p) << "given twice";
+  }
+  engine::TickPart part{};
+  EXPECT_FALSE(format::FindTickPart(0xFFFF, &part));
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryPrecision, ScheduleTest,
                          ::testing::Values(format::DType_F32, format::DType_F16, format::DType_I8),
                          [](const auto& type) { return std::string(format::EnumNameDType(type.param)); });
 

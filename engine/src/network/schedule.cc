@@ -1,0 +1,394 @@
+#include "engine/src/network/schedule.h"
+
+#include <cstring>
+
+#include "engine/src/base/arithmetic.h"
+#include "engine/src/network/displacement.h"
+#include "engine/src/network/pose_stages.h"
+
+namespace dcloth::engine {
+namespace {
+
+using format::LinearView;
+using format::ModelView;
+
+// Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of
+// weights out of the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices
+// take 0.253 ms at F = 8 and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add, four fifths of it with
+// integer products; skinning takes 0.039 ms for 7,952 vertices.
+constexpr uint64_t kPerByte = 40;
+constexpr uint64_t kPerLayerVertex = 20000;
+constexpr uint64_t kPerMultiplyAdd = 27, kPerIntegerMultiplyAdd = 21;
+constexpr uint64_t kPerSkinnedVertex = 5000;
+constexpr uint64_t kPerGate = 1000;
+
+struct PartSize {
+  uint64_t items;
+  uint64_t item_cost;
+};
+
+// One part of a tick. A null function is one that the part has no use for.
+struct Part {
+  // None where the plan leaves the part out.
+  PartSize (*size)(const ModelView& model, const TickPlan& plan);
+  // Items [begin, begin + count). Null: the items are the panels of `product`.
+  void (*run)(Cloth* cloth, size_t begin, size_t count);
+  LinearProduct (*product)(const Cloth& cloth);
+  // What a tick that has come as far as `at` needs of what this part reads or makes. Called for every part, in order.
+  void (*save)(const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans);
+};
+
+PartSize ProductSize(const LinearView& linear, size_t rows) {
+  return {kernels::PanelCount(linear.columns), PanelBytes(linear, rows) * kPerByte};
+}
+
+uint64_t ProductCost(const LinearView& linear) {
+  const PartSize size = ProductSize(linear, linear.rows);
+  return size.items * size.item_cost;
+}
+
+// The first layer's rows are shorter; an average keeps the items of all layers alike.
+uint64_t LayerBlockCost(const ModelView& model) {
+  const uint64_t width = model.mesh_stage.feature_width, layers = model.mesh_stage.layer_count;
+  const uint64_t inputs = 3 + (layers - 1) * width;
+  const uint64_t multiply_adds = 3 * width * inputs / layers + 4 * width * width;
+  const bool integers = model.mesh_stage.layers[layers - 1].integers != nullptr;
+  return kernels::kGsgruBlock * (kPerLayerVertex + (integers ? kPerIntegerMultiplyAdd : kPerMultiplyAdd) * multiply_adds);
+}
+
+void ClearSkeletonState(Cloth* cloth) {
+  const size_t units = cloth->model->skeleton_stage.units;
+  if (units != 0) std::memset(cloth->coefficients, 0, units * sizeof(float));
+}
+
+// A stage that rested starts from zero: what it remembers belongs to a motion long past.
+void WakeStages(Cloth* cloth, const TickPlan& plan) {
+  if (RunsSkeleton(plan) && !RunsSkeleton(cloth->plan)) ClearSkeletonState(cloth);
+  if (HasMesh(plan) && !HasMesh(cloth->plan)) ClearMeshState(*cloth->model, cloth->mesh);
+  if (plan.mesh == MeshPace::kRunFirst)
+    std::memset(cloth->mesh_before, 0, cloth->model->mesh_stage.coefficients.columns * sizeof(float));
+  cloth->plan = plan;
+}
+
+// Columns of a product that are made by now, without padding.
+size_t Made(const TickWork& at, TickPart part, size_t columns) {
+  if (at.part < part) return 0;
+  const size_t made = at.items_done * kernels::kPanelColumns;
+  return at.part > part || made > columns ? columns : made;
+}
+
+void RunPanels(Cloth* cloth, const LinearProduct& product, size_t begin, size_t count) {
+  const kernels::KernelTable& kernels = ActiveKernels();
+  if (begin == 0) cloth->work.input_scale = QuantizeInput(kernels, product);
+  ApplyPanels(kernels, product, cloth->work.input_scale, begin, count);
+}
+
+float* MeshCoefficientsOf(const Cloth& cloth) { return cloth.coefficients + MeshCoefficientsAt(*cloth.model); }
+
+constexpr Part kStatic = {
+    [](const ModelView& model, const TickPlan&) {
+      return PartSize{1, ProductCost(model.static_stage.hidden) + ProductCost(model.static_stage.increments)};
+    },
+    [](Cloth* cloth, size_t, size_t) {
+      RunStaticStage(ActiveKernels(), cloth->model->static_stage, cloth->features, cloth->hidden, cloth->quantized,
+                     cloth->increments[NextTick(*cloth)]);
+    },
+    nullptr, nullptr};
+
+constexpr Part kSkeletonInput = {
+    [](const ModelView& model, const TickPlan& plan) {
+      const LinearView& input = model.skeleton_stage.input;
+      return RunsSkeleton(plan) ? ProductSize(input, input.rows) : PartSize{};
+    },
+    nullptr,
+    [](const Cloth& cloth) {
+      return SkeletonInput(cloth.model->skeleton_stage, cloth.features, cloth.skeleton, cloth.quantized);
+    },
+    [](const Cloth& cloth, const TickPlan&, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kSkeletonGates) return;
+      const size_t gates = size_t{3} * cloth.model->skeleton_stage.units;
+      spans->AddRow("input_gates", cloth.skeleton.gx, Made(at, TickPart::kSkeletonInput, gates));
+    }};
+
+constexpr Part kSkeletonHidden = {
+    [](const ModelView& model, const TickPlan& plan) {
+      const format::SkeletonStageView& stage = model.skeleton_stage;
+      return RunsSkeleton(plan) ? ProductSize(stage.hidden, stage.units) : PartSize{};
+    },
+    nullptr,
+    [](const Cloth& cloth) {
+      return SkeletonHidden(cloth.model->skeleton_stage, cloth.coefficients, cloth.skeleton, cloth.quantized);
+    },
+    [](const Cloth& cloth, const TickPlan&, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kSkeletonGates) return;
+      const size_t gates = size_t{3} * cloth.model->skeleton_stage.units;
+      spans->AddRow("hidden_gates", cloth.skeleton.gh, Made(at, TickPart::kSkeletonHidden, gates));
+    }};
+
+constexpr Part kSkeletonGates = {
+    [](const ModelView& model, const TickPlan& plan) {
+      return RunsSkeleton(plan) ? PartSize{1, model.skeleton_stage.units * kPerGate} : PartSize{};
+    },
+    [](Cloth* cloth, size_t, size_t) {
+      RunSkeletonGates(ActiveKernels(), cloth->model->skeleton_stage, cloth->skeleton, cloth->coefficients);
+    },
+    nullptr, nullptr};
+
+constexpr Part kBodyPoints = {
+    [](const ModelView& model, const TickPlan& plan) {
+      return RunsMesh(plan) ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex} : PartSize{};
+    },
+    [](Cloth* cloth, size_t begin, size_t count) {
+      PoseBodyPoints(ActiveKernels(), *cloth->model, cloth->mesh, begin, count);
+    },
+    nullptr,
+    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kBodyPoints || !RunsMesh(plan)) return;
+      spans->AddRow("body_matrices", cloth.mesh.matrices, size_t{12} * cloth.model->joint_count);
+      if (at.part != TickPart::kBodyPoints) return;
+      const size_t n = cloth.model->vertex_count, done = at.items_done * kernels::kGsgruBlock;
+      spans->Add("layer_input", MeshLayerInput(cloth.mesh, 0), done < n ? done : n, 3, kernels::GsgruInputStride(3),
+                 kLargestSaved);
+    }};
+
+constexpr Part kMeshLayers = {
+    [](const ModelView& model, const TickPlan& plan) {
+      if (!RunsMesh(plan)) return PartSize{};
+      return PartSize{MeshBlocks(model) * model.mesh_stage.layer_count, LayerBlockCost(model)};
+    },
+    [](Cloth* cloth, size_t begin, size_t count) {
+      RunMeshLayers(ActiveKernels(), *cloth->model, cloth->mesh, begin, count);
+    },
+    nullptr,
+    [](const Cloth& cloth, const TickPlan&, const TickWork& at, StateSpans* spans) {
+      const ModelView& model = *cloth.model;
+      const MeshMemory& mesh = cloth.mesh;
+      const size_t n = model.vertex_count;
+      if (at.part == TickPart::kMeshHidden) spans->AddRow("embedded", mesh.embedded, n);
+      if (at.part != TickPart::kMeshLayers) return;
+      const size_t width = model.mesh_stage.feature_width, layer = at.items_done / MeshBlocks(model);
+      const size_t begun = at.items_done % MeshBlocks(model) * kernels::kGsgruBlock, done = begun < n ? begun : n;
+      const size_t inputs = layer == 0 ? 3 : width;
+      spans->Add("layer_input", MeshLayerInput(mesh, layer), n, inputs, kernels::GsgruInputStride(inputs),
+                 kLargestSaved);
+      if (layer + 1 == model.mesh_stage.layer_count) {
+        spans->AddRow("embedded", mesh.embedded, done);
+      } else {
+        spans->Add("layer_output", MeshLayerInput(mesh, layer + 1), done, width, width, kLargestSaved);
+      }
+    }};
+
+constexpr Part kMeshHidden = {
+    [](const ModelView& model, const TickPlan& plan) {
+      return RunsMesh(plan) ? ProductSize(model.mesh_stage.hidden, model.mesh_stage.hidden.rows) : PartSize{};
+    },
+    nullptr, [](const Cloth& cloth) { return MeshHidden(cloth.model->mesh_stage, cloth.mesh, cloth.quantized); },
+    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kMeshCoefficients || !RunsMesh(plan)) return;
+      const size_t columns = cloth.model->mesh_stage.hidden.columns;
+      spans->AddRow("mesh_hidden", cloth.mesh.hidden, Made(at, TickPart::kMeshHidden, columns));
+    }};
+
+constexpr Part kMeshCoefficients = {
+    [](const ModelView& model, const TickPlan& plan) {
+      const LinearView& linear = model.mesh_stage.coefficients;
+      return RunsMesh(plan) ? ProductSize(linear, linear.rows) : PartSize{};
+    },
+    nullptr,
+    [](const Cloth& cloth) {
+      return MeshCoefficients(cloth.model->mesh_stage, cloth.mesh, cloth.quantized, MeshCoefficientsOf(cloth));
+    },
+    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kHead || !RunsMesh(plan)) return;
+      const size_t columns = cloth.model->mesh_stage.coefficients.columns;
+      spans->AddRow("mesh_coefficients", MeshCoefficientsOf(cloth), Made(at, TickPart::kMeshCoefficients, columns));
+    }};
+
+constexpr Part kHead = {
+    [](const ModelView& model, const TickPlan& plan) {
+      return RunsSkeleton(plan) ? PartSize{1, kPerGate + ProductCost(model.displacement.head)} : PartSize{};
+    },
+    [](Cloth* cloth, size_t, size_t) {
+      const ModelView& model = *cloth->model;
+      if (AtHalfRate(cloth->plan))
+        PaceMeshCoefficients(model, cloth->plan.mesh, MeshCoefficientsOf(*cloth), cloth->mesh_before);
+      MixCoefficients(ActiveKernels(), model, cloth->plan.stages, cloth->coefficients, cloth->quantized);
+    },
+    nullptr,
+    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
+      if (at.part != TickPart::kBasis || !RunsSkeleton(plan)) return;
+      // Without a head the basis multiplies Q itself; with one, what the head has mixed.
+      const LinearView& head = cloth.model->displacement.head;
+      if (head.rows != 0) {
+        spans->AddRow("mixed_coefficients", cloth.coefficients + MixedCoefficientsAt(*cloth.model), head.columns);
+      } else if (HasMesh(plan)) {
+        spans->AddRow("mesh_coefficients", MeshCoefficientsOf(cloth), cloth.model->mesh_stage.coefficients.columns);
+      }
+    }};
+
+LinearProduct BasisProduct(const Cloth& cloth) {
+  return DisplacementProduct(*cloth.model, cloth.plan.stages, cloth.coefficients, cloth.quantized,
+                             cloth.displacement[NextTick(cloth)]);
+}
+
+constexpr Part kBasis = {
+    [](const ModelView& model, const TickPlan& plan) {
+      const format::DisplacementView& displacement = model.displacement;
+      if (displacement.skeleton_rows == 0) return PartSize{};
+      if (!RunsSkeleton(plan)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
+      return ProductSize(displacement.basis,
+                         displacement.skeleton_rows + (HasMesh(plan) ? displacement.mesh_rows : 0));
+    },
+    [](Cloth* cloth, size_t begin, size_t count) {
+      if (RunsSkeleton(cloth->plan)) {
+        RunPanels(cloth, BasisProduct(*cloth), begin, count);
+      } else {
+        std::memset(cloth->displacement[NextTick(*cloth)], 0, DisplacementFloats(*cloth->model) * sizeof(float));
+      }
+    },
+    BasisProduct, nullptr};
+
+const Part& RowOf(TickPart part) {
+#define DCLOTH_PART(part, number, name, step) &k##part,
+  static constexpr const Part* kRows[] = {DCLOTH_TICK_PARTS(DCLOTH_PART)};
+#undef DCLOTH_PART
+  return *kRows[static_cast<size_t>(part)];
+}
+
+TickPart After(TickPart part) { return static_cast<TickPart>(static_cast<uint32_t>(part) + 1); }
+
+void Lap(TickPart part, Stopwatch* watch) {
+  const format::TickPartFacts& facts = format::FactsOf(part);
+  watch->Lap(facts.step, facts.name);
+}
+
+void RunItems(Cloth* cloth, TickPart part, size_t begin, size_t count) {
+  const Part& row = RowOf(part);
+  if (row.run != nullptr) {
+    row.run(cloth, begin, count);
+  } else {
+    RunPanels(cloth, row.product(*cloth), begin, count);
+  }
+}
+
+// Parts that one portion weaves together: the GRU's product waits for memory and the layers for arithmetic, and neither
+// needs the other. The layers but the last, which has its own to ask for, ask for the panels that come next; so little at
+// a time that any L2 holds it.
+constexpr TickPart kFirstWoven = TickPart::kSkeletonHidden, kLastWoven = TickPart::kMeshLayers;
+constexpr size_t kThreadBytes = size_t{64} << 10;
+
+bool IsWoven(const ModelView& model, const TickPlan& plan, const TickWork& work) {
+  return work.part == kFirstWoven && work.items_done == 0 && RunsMesh(plan) && model.mesh_stage.layer_count > 1;
+}
+
+void RunWoven(Cloth* cloth, Stopwatch* watch) {
+  const kernels::KernelTable& kernels = ActiveKernels();
+  const ModelView& model = *cloth->model;
+  const MeshMemory& mesh = cloth->mesh;
+  const size_t blocks = MeshBlocks(model), woven = (model.mesh_stage.layer_count - 1) * blocks;
+  PoseBodyPoints(kernels, model, mesh, 0, blocks);
+  Lap(TickPart::kBodyPoints, watch);
+  const LinearProduct product = kSkeletonHidden.product(*cloth);
+  const float input_scale = QuantizeInput(kernels, product);
+  const size_t panels = kernels::PanelCount(product.linear->columns), bytes = PanelBytes(*product.linear, product.row_count);
+  const size_t thread = bytes < kThreadBytes ? kThreadBytes / bytes : 1;
+  size_t blocks_done = 0;
+  for (size_t first = 0; first < panels; first += thread) {
+    const size_t count = thread < panels - first ? thread : panels - first;
+    const size_t end = woven * (first + count) / panels;
+    const ReadNext next = {static_cast<const uint8_t*>(product.linear->weights) + first * bytes, count * bytes};
+    RunMeshLayers(kernels, model, mesh, blocks_done, end - blocks_done, next);
+    blocks_done = end;
+    Lap(TickPart::kMeshLayers, watch);
+    ApplyPanels(kernels, product, input_scale, first, count);
+    Lap(TickPart::kSkeletonHidden, watch);
+  }
+  RunSkeletonGates(kernels, model.skeleton_stage, cloth->skeleton, cloth->coefficients);
+  Lap(TickPart::kSkeletonGates, watch);
+  RunMeshLayers(kernels, model, mesh, woven, blocks);
+  Lap(TickPart::kMeshLayers, watch);
+}
+
+uint64_t CostOfParts(const ModelView& model, const TickPlan& plan, TickPart first, TickPart last) {
+  uint64_t cost = 0;
+  for (TickPart part = first; part <= last; part = After(part)) {
+    const PartSize size = RowOf(part).size(model, plan);
+    cost += size.items * size.item_cost;
+  }
+  return cost;
+}
+
+void Publish(Cloth* cloth) {
+  cloth->newest = NextTick(*cloth);
+  if (cloth->tick_count < kTickSlots) ++cloth->tick_count;
+}
+
+}  // namespace
+
+uint64_t TickCost(const ModelView& model, const TickPlan& plan) {
+  return CostOfParts(model, plan, TickPart::kStatic, TickPart::kBasis);
+}
+
+void BeginTick(Cloth* cloth, const SkinPose& skin, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
+  const ModelView& model = *cloth->model;
+  double wind[3];
+  VectorFromHost(cloth->rig.space, cloth->wind, wind);
+  UpdateFeatures(model, skin, wind, elapsed_ticks, &cloth->root, cloth->features);
+  WakeStages(cloth, plan);
+  if (RunsMesh(plan)) PrepareBodyPoints(model, skin, cloth->root.heading, cloth->mesh);
+  cloth->work = {TickPart::kStatic, 0, 1.0f};
+  watch->Lap(DCLOTH_STEP_POSE, "pose");
+}
+
+uint64_t TickItems(const ModelView& model, const TickPlan& plan, TickPart part) {
+  return part == TickPart::kDone ? 0 : RowOf(part).size(model, plan).items;
+}
+
+// The integers of a product are made anew from its input, which it does not change.
+void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done) {
+  const FloatEnvironment arithmetic(ActiveSubnormals());
+  cloth->work = {part, items_done, 1.0f};
+  if (items_done == 0 || RowOf(part).product == nullptr) return;
+  cloth->work.input_scale = QuantizeInput(ActiveKernels(), RowOf(part).product(*cloth));
+}
+
+void ListTickSpans(const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
+  for (TickPart part = TickPart::kStatic; part != TickPart::kDone; part = After(part)) {
+    const Part& row = RowOf(part);
+    if (row.save != nullptr) row.save(cloth, plan, at, spans);
+  }
+}
+
+uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch) {
+  TickWork& work = cloth->work;
+  uint64_t spent = 0;
+  while (TickInWork(*cloth)) {
+    const PartSize size = RowOf(work.part).size(*cloth->model, cloth->plan);
+    const uint64_t left = size.items - work.items_done;
+    if (left == 0) {
+      work.part = After(work.part);
+      work.items_done = 0;
+      if (work.part == TickPart::kDone) Publish(cloth);
+      continue;
+    }
+    if (spent >= budget) break;
+    if (IsWoven(*cloth->model, cloth->plan, work)) {
+      const uint64_t cost = CostOfParts(*cloth->model, cloth->plan, kFirstWoven, kLastWoven);
+      if (cost <= budget - spent) {
+        RunWoven(cloth, watch);
+        work.part = After(kLastWoven);
+        spent += cost;
+        continue;
+      }
+    }
+    const uint64_t wanted = (budget - spent - 1) / size.item_cost + 1;
+    const uint64_t count = wanted < left ? wanted : left;
+    RunItems(cloth, work.part, work.items_done, static_cast<size_t>(count));
+    Lap(work.part, watch);
+    work.items_done += static_cast<uint32_t>(count);
+    spent += count * size.item_cost;
+  }
+  return spent;
+}
+
+}  // namespace dcloth::engine
