@@ -1,19 +1,19 @@
-"""Simulation: garment, mannequin, files and checks, without a solver."""
+"""Simulation: garment, files and checks, without a solver."""
 import json
 import struct
 
 import numpy as np
 import pytest
 
-from dcloth_training import safetensors_io, sequence
+from dcloth_training import figure, safetensors_io, sequence
 from dcloth_training.motion import procedural, skeleton
-from dcloth_training.simulate import (checks, clips, cloth_job, garment, mannequin, penetration, settings,
+from dcloth_training.simulate import (checks, clips, cloth_job, garment, settings,
                                       statics)
 
 
 @pytest.fixture(scope="module")
 def body():
-    return mannequin.mannequin()
+    return figure.load()
 
 
 def test_skirt_is_exactly_mirror_symmetric():
@@ -42,20 +42,17 @@ def test_radius_scale_moves_every_vertex_a_little():
     assert 1e-4 < shift < 4e-4
 
 
-def test_mannequin_is_closed_weighted_and_clear_of_the_skirt(body):
-    assert 2500 < len(body.vertices) < 4000
-    pairs = np.sort(np.concatenate([body.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
-    assert (np.unique(pairs, axis=0, return_counts=True)[1] == 2).all()
-    volume = np.einsum("ij,ij->i", body.vertices[body.faces[:, 0]], np.cross(
-        body.vertices[body.faces[:, 1]], body.vertices[body.faces[:, 2]])).sum() / 6
-    assert 0.04 < volume < 0.09  # cubic metres; positive means outward faces
-    assert np.allclose(body.weights.sum(1), 1) and (body.weights >= 0).all()
-    assert (body.weights > 0).sum(1).max() <= mannequin.MAX_INFLUENCES
-    keep, faces = mannequin.collider_mesh(body)
-    assert 1000 < len(keep) < len(body.vertices) and faces.max() < len(keep)
+def test_what_collides_is_the_skin_without_arms_and_head(body):
     skirt = garment.skirt()
-    depth, pairs = penetration.Body(faces, skirt.faces, len(skirt.vertices)).contact(skirt.vertices, body.vertices[keep])
-    assert depth.max() == 0.0 and len(pairs) == 0
+    keep, faces = cloth_job.collider_mesh(body, skirt)
+    assert 3000 < len(keep) < len(body.vertices) and faces.max() == len(keep) - 1
+    there = cloth_job.collided(body, skirt)
+    assert not there[body.vertices[:, 1] > 1.5].any() and not there[np.abs(body.vertices[:, 0]) > 0.3].any()
+    assert there[(body.vertices[:, 1] < 1.2) & (np.abs(body.vertices[:, 0]) < 0.3)].all()
+    masks = cloth_job.skin_parts(body, skirt)
+    assert ((masks > 0) == there).all()
+    thigh = np.argmax(body.weights, 1) == skeleton.INDEX["LeftUpLeg"]
+    assert (masks[thigh] & 2).all() and not (masks[thigh & (body.vertices[:, 1] < 0.6)] & ~np.uint32(2)).any()
 
 
 def test_pins_follow_the_hips():

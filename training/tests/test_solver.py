@@ -1,11 +1,11 @@
 """The cloth solver: physics it must keep to, and input it must refuse."""
-import dataclasses
 
 import numpy as np
 import pytest
 
+from dcloth_training import figure
 from dcloth_training.motion import rotations, skeleton
-from dcloth_training.simulate import (checks, clips, cloth_job, garment, garment_robe, mannequin, run as ground_truth,
+from dcloth_training.simulate import (clips, cloth_job, garment, run as ground_truth,
                                       settings, solver, statics)
 
 try:
@@ -135,7 +135,7 @@ def test_air_that_follows_carries_cloth_along():
 
 def test_skirt_hangs_symmetric_and_still():
     skirt, rest = garment.skirt(), skeleton.rest_motion(75)
-    result = cloth_job.simulate(rest, mannequin.mannequin(), skirt, [73, 74])
+    result = cloth_job.simulate(rest, figure.load(), skirt, [73, 74])
     drape = result.cloth[1]
     lopsided = np.linalg.norm(drape - drape[skirt.mirror] * [-1, 1, 1], axis=1).mean()
     moving = np.linalg.norm(result.cloth[1] - result.cloth[0], axis=1).mean()
@@ -143,20 +143,17 @@ def test_skirt_hangs_symmetric_and_still():
 
 
 def test_a_skirt_kicked_up_comes_down_again():
-    motion, skirt, body = skeleton.rest_motion(100), garment.skirt(), mannequin.mannequin()
+    motion, skirt, body = skeleton.rest_motion(100), garment.skirt(), figure.load()
     up = np.clip(np.minimum(np.arange(100) / 8, (68 - np.arange(100)) / 8), 0, 1)
     motion.local[:, skeleton.INDEX["RightUpLeg"]] = rotations.about_axis("X", -1.95 * up)   # past level
     motion.local[:, skeleton.INDEX["LeftUpLeg"]] = rotations.about_axis("X", 0.95 * up)
-    hem = {}
-    for yoke in (skirt.yoke, 0.0):
-        cloth = cloth_job.simulate(motion, body, dataclasses.replace(skirt, yoke=yoke), [0, -1]).cloth
-        hem[yoke] = cloth[:, -garment.COLUMNS:, 1].mean(1)
-    assert hem[skirt.yoke][1] == pytest.approx(hem[skirt.yoke][0], abs=0.01)
-    assert hem[0.0][1] > hem[0.0][0] + 0.1        # folded at the waistband, for good
+    cloth = cloth_job.simulate(motion, body, skirt, [0, -1]).cloth
+    hem = cloth[:, -garment.COLUMNS:, 1].mean(1)
+    assert hem[1] == pytest.approx(hem[0], abs=0.01)
 
 
 def test_a_pose_has_one_drape_whatever_came_before():
-    skirt, body = garment.skirt(), mannequin.mannequin()
+    skirt, body = garment.skirt(), figure.load()
     kicks, crouches = (clips.load(f"procedural/{name}") for name in ("kicks", "crouch_walk"))
     poses = statics.without_root(skeleton.Motion(*(np.concatenate([
         getattr(kicks, part)[20:140:30], getattr(crouches, part)[20:140:30]]) for part in ("root", "local"))))
@@ -170,25 +167,6 @@ def test_a_pose_has_one_drape_whatever_came_before():
     apart = np.linalg.norm(first - second, axis=-1).mean(1)
     differ = np.linalg.norm(first - first.mean(0), axis=-1).mean()
     assert differ > 0.01 and apart.max() < 0.002   # without braces over dents: 0.02 to 0.03
-
-
-def test_a_robe_survives_a_raised_arm_and_one_drawn_back():
-    motion, robe = skeleton.rest_motion(32), garment_robe.robe()
-    way = np.clip(np.arange(32) / 20, 0, 1)[:, None, None]
-    way = way * way * (3 - 2 * way)
-    for joint, axis, angle in (("RightArm", "Z", -1.3), ("LeftArm", "Z", -1.2), ("Chest", "X", 0.5)):
-        at = skeleton.INDEX[joint]
-        motion.local[:, at] = rotations.about_axis(axis, angle * way[:, 0, 0])
-    body = mannequin.mannequin(robe.not_colliding)
-
-    def strain(worn):
-        return checks.measure(cloth_job.simulate(motion, body, worn, np.arange(24, 32)), body, worn, every=4)
-
-    good = strain(robe)
-    assert checks.refuse(good) is None and good["through_share"] == 0, good
-    # Taut tethers to yoke, belt and cuffs leave all the strain to the edges half way between them.
-    taut = strain(dataclasses.replace(robe, slack=1.0))
-    assert taut["stretch_p99"] > good["stretch_p99"] + 0.1, (good, taut)
 
 
 def test_broken_input_ends_the_run_and_says_when():

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from dcloth_training.motion import (gait, procedural, random_script, rotations, skeleton, timing,
+from dcloth_training.motion import (gait, procedural, random_script, retarget, rotations, skeleton, timing,
                                     variations)
 from dcloth_training.motion.skeleton import FPS
 
@@ -154,8 +154,8 @@ def test_random_clip_moves_like_a_person(seed):
     # Limits from recorded people: the knee of a sprinter turns with 20-25 rad/s, the foot of a
     # recorded sideways run reaches 9 m/s and 250 m/s^2.
     assert angular_speed(motion.local).max() < 25
-    assert np.linalg.norm(speed, axis=-1).max() < 10 and acceleration.max() < 250
-    assert places[..., 1].min() > 0.03 and places[:, 0, 1].max() < skeleton.HIP_HEIGHT + 0.3
+    assert np.linalg.norm(speed, axis=-1).max() < 11 and acceleration.max() < 250     # toes swing fastest
+    assert retarget.lowest(motion).min() > -0.02 and places[:, 0, 1].max() < skeleton.HIP_HEIGHT + 0.3
 
 
 def test_random_clips_are_reproducible_differ_and_use_every_segment():
@@ -188,7 +188,7 @@ def test_legs_come_from_the_clips_they_are_taken_of():
     frames = min(map(len, (body, left, right)))
     assert len(mixed) == frames and np.array_equal(mixed.root, body.root[:frames])
     for name, joint in skeleton.INDEX.items():
-        leg = name.endswith(("Leg", "Foot"))
+        leg = name.endswith(("Leg", "Foot", "ToeBase"))
         source = (left if name.startswith("Left") else right) if leg else body
         assert np.array_equal(mixed.local[:, joint], source.local[:frames, joint]), name
 

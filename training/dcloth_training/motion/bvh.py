@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import rotations, skeleton
+from . import retarget, rotations, skeleton
 
 MAX_BYTES = 64 << 20
 MAX_JOINTS = 512
@@ -128,7 +128,7 @@ def read(path):
     if frames == 0 or len(values) != frames * width:
         raise BvhError(f"{path}: {len(values)} motion values, expected {frames} frames x {width}")
     try:
-        data = np.array(values, dtype=np.float64).reshape(frames, width)
+        data = np.array(list(map(float, values))).reshape(frames, width)
     except ValueError as error:
         raise BvhError(f"{path}: motion values: {error}") from None
     if not np.isfinite(data).all() or np.abs(data).max() > 1e6:
@@ -149,13 +149,13 @@ def read(path):
 
 
 def read_motion(path):
-    """Read a clip of the project's own skeleton -> skeleton.Motion (30 frames/s)."""
+    """Read a recorded clip of 15 joints and bring it onto the figure -> skeleton.Motion (30 frames/s)."""
     clip = read(path)
-    if tuple(clip.names) != skeleton.NAMES:
-        raise BvhError(f"{path}: joints {clip.names}, expected {list(skeleton.NAMES)}")
-    if np.abs(clip.offsets - skeleton.OFFSETS).max() > 1e-3:
-        raise BvhError(f"{path}: bone offsets differ from the project's skeleton by "
-                       f"{np.abs(clip.offsets - skeleton.OFFSETS).max():.4f} m")
+    if tuple(clip.names) != retarget.NAMES:
+        raise BvhError(f"{path}: joints {clip.names}, expected {list(retarget.NAMES)}")
+    apart = np.abs(clip.offsets - retarget.OFFSETS).max()
+    if apart > 1e-3:
+        raise BvhError(f"{path}: bone offsets differ from those of recorded clips by {apart:.4f} m, allowed 0.001")
     if abs(clip.frame_seconds * skeleton.FPS - 1) > 1e-3:
         raise BvhError(f"{path}: {1 / clip.frame_seconds:.2f} frames/s, expected {skeleton.FPS}")
-    return skeleton.Motion(clip.root, clip.local)
+    return retarget.onto_figure(clip.root, clip.local)

@@ -7,10 +7,11 @@ joins them. Every ingredient is C1 in time, so joint velocities never jump.
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from . import rotations
+from . import retarget, rotations
 from .skeleton import (ANKLE_HEIGHT, FPS, HIP_HEIGHT, INDEX, NAMES, OFFSETS, Motion,
-                       SHIN_LENGTH, THIGH_LENGTH)
+                       SHIN_LENGTH, SPINE, THIGH_LENGTH)
 
+HEEL = 0.045                   # metres from the ankle back to where the heel touches the ground
 # Parameter tracks and their rest values. Speeds in m/s, turn in rad/s, lengths in m, angles rad.
 PARAMETERS = {"forward": 0.0, "left": 0.0, "turn": 0.0, "crouch": 0.0, "lean": 0.0,
               "sway": 0.0, "sway_rate": 0.7, "circle": 0.0, "twist": 0.0, "arms": 0.0,
@@ -46,6 +47,14 @@ def _periodic(phase, keys):
     """C1 curve through (phase, value) keys, repeated."""
     x, y = np.array(keys).T
     return PchipInterpolator(np.concatenate([x - 1, x, x + 1]), np.tile(y, 3))(phase % 1.0)
+
+
+def _ankle_over(pitch):
+    """How much higher the ankle is over a foot that stands on its ball (pitch > 0) or its heel than over a flat one."""
+    ball = OFFSETS[INDEX["LeftToeBase"]]
+    on_ball = ball[1] * (1 - np.cos(pitch)) + ball[2] * np.sin(pitch)
+    on_heel = -ANKLE_HEIGHT * (1 - np.cos(pitch)) - HEEL * np.sin(pitch)
+    return np.maximum(np.maximum(on_ball, on_heel), 0)
 
 
 def _leg(hips, hip_position, ankle, foot_world):
@@ -120,15 +129,14 @@ def pose(tracks, phase_start=0.0, events=()):
     local[:, 0] = hips
     for side, sign, own_phase in (("Left", 1.0, phase), ("Right", -1.0, phase + 0.5)):
         step, lift = _foot_cycle(own_phase % 1.0, duty)
-        toe_off = _periodic(own_phase - duty + 0.62, ((0.30, 0.0), (0.60, 1.0), (0.86, 0.0)))
-        up = active * (0.045 + 0.05 * np.minimum(speed, 1.5) + 0.12 * run) * lift
-        up = up + stride * (0.055 + 0.10 * run) * toe_off + 0.85 * soft_positive(jump - 0.03, 0.04)
-        side_ways = sign * (abs(OFFSETS[INDEX["LeftUpLeg"], 0]) - 0.018 + p["width"])
-        place = direction * (travel * step)[:, None]
-        place = place + np.stack([side_ways, ANKLE_HEIGHT + up, -0.01 - 0.06 * run], -1)
         bend = stride * smooth_step(p["forward"] / 0.5) * _periodic(
             own_phase - duty + 0.62,
             ((0.0, -0.22), (0.14, 0.0), (0.36, 0.02), (0.62, 0.75), (0.86, 0.0)))
+        up = active * (0.045 + 0.05 * np.minimum(speed, 1.5) + 0.12 * run) * lift
+        up = up + _ankle_over(bend) + 0.85 * soft_positive(jump - 0.03, 0.04)
+        side_ways = sign * (abs(OFFSETS[INDEX["LeftUpLeg"], 0]) - 0.018 + p["width"])
+        place = direction * (travel * step)[:, None]
+        place = place + np.stack([side_ways, ANKLE_HEIGHT + up, -0.01 - 0.06 * run], -1)
         bend = bend + 3.5 * soft_positive(jump - 0.03, 0.04)
         for kind, at, size in events:
             if kind == f"kick_{side.lower()}":
@@ -143,18 +151,21 @@ def pose(tracks, phase_start=0.0, events=()):
                       @ rotations.about_axis("X", np.minimum(bend, 1.0)))
         local[:, joint], local[:, joint + 1], local[:, joint + 2] = _leg(
             hips, hip_position, ankle, foot_world)
+        local[:, joint + 3] = retarget.toes(foot_world)
 
         arm = INDEX[f"{side}Arm"]
         swing = -0.40 * np.minimum(stride, 1.3) * np.cos(2 * np.pi * own_phase) + 0.10
         swing = swing - 0.25 * run + 2.5 * p["sway"] * np.sin(beat + 0.9 * sign)
         raise_up = 1.36 - 1.05 * p["arms"] - 1.7 * soft_positive(jump, 0.04)
-        local[:, arm] = (rotations.about_axis("X", swing * (1 - 0.6 * p["arms"]))
-                         @ rotations.about_axis("Z", -sign * raise_up))
+        whole = (rotations.about_axis("X", swing * (1 - 0.6 * p["arms"]))
+                 @ rotations.about_axis("Z", -sign * raise_up))
+        local[:, arm - 1] = retarget.shoulder(whole, sign)
+        local[:, arm] = np.swapaxes(local[:, arm - 1], -1, -2) @ whole
         flex = 0.30 + 1.05 * run - 0.15 * p["arms"] + 0.15 * stride * np.cos(2 * np.pi * own_phase)
         local[:, arm + 1] = rotations.about_axis("Y", -sign * flex)
-    local[:, INDEX["Chest"]] = (rotations.about_axis("Y", -1.5 * yaw)
-                                @ rotations.about_axis("Z", -0.8 * roll)
-                                @ rotations.about_axis("X", 0.03 + 0.04 * run - 0.25 * p["crouch"]))
-    local[:, INDEX["Neck"]] = (rotations.about_axis("Y", 0.5 * yaw)
-                               @ rotations.about_axis("X", -0.4 * pitch))
+    chest = (rotations.about_axis("Y", -1.5 * yaw) @ rotations.about_axis("Z", -0.8 * roll)
+             @ rotations.about_axis("X", 0.03 + 0.04 * run - 0.25 * p["crouch"]))
+    neck = rotations.about_axis("Y", 0.5 * yaw) @ rotations.about_axis("X", -0.4 * pitch)
+    local[:, [INDEX[name] for name in SPINE]] = retarget.split(chest, len(SPINE))[:, None]
+    local[:, [INDEX["Neck"], INDEX["Head"]]] = retarget.split(neck, 2)[:, None]
     return Motion(root, local)

@@ -1,4 +1,4 @@
-"""The project's humanoid: 15 joints, T-pose at rest, world-aligned joint frames.
+"""The figure's skeleton: 22 joints with Mixamo's names and hierarchy, T-pose at rest, world-aligned joint frames.
 
 Motion is a root position plus one local rotation a joint and frame; forward kinematics turns
 it into the world matrices G_j a host would hand to the engine.
@@ -7,37 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import figure
+
 FPS = 30.0
 
-# name, parent, offset from the parent in the T-pose (metres; +Y up, +Z front, +X left).
-_JOINTS = (
-    ("Hips", -1, (0.0, 0.0, 0.0)),
-    ("Chest", 0, (0.0, 0.236151, 0.0)),
-    ("Neck", 1, (0.0, 0.223894, 0.0)),
-    ("RightArm", 1, (-0.183110, 0.243536, -0.024050)),
-    ("RightForeArm", 3, (-0.274788, 0.0, 0.0)),
-    ("RightHand", 4, (-0.258947, 0.0, 0.0)),
-    ("LeftArm", 1, (0.183110, 0.243536, -0.024050)),
-    ("LeftForeArm", 6, (0.274788, 0.0, 0.0)),
-    ("LeftHand", 7, (0.258947, 0.0, 0.0)),
-    ("RightUpLeg", 0, (-0.084887, 0.0, 0.0)),
-    ("RightLeg", 9, (0.0, -0.421546, 0.0)),
-    ("RightFoot", 10, (0.0, -0.409870, 0.0)),
-    ("LeftUpLeg", 0, (0.084887, 0.0, 0.0)),
-    ("LeftLeg", 12, (0.0, -0.421546, 0.0)),
-    ("LeftFoot", 13, (0.0, -0.409870, 0.0)),
-)
-NAMES = tuple(j[0] for j in _JOINTS)
-PARENTS = np.array([j[1] for j in _JOINTS], dtype=np.int32)
-OFFSETS = np.array([j[2] for j in _JOINTS], dtype=np.float64)
+_FIGURE = figure.load()
+NAMES = _FIGURE.names
+PARENTS = _FIGURE.parents
+# From the parent in the T-pose, metres; +Y up, +Z front, +X left. The hips are the origin of all.
+OFFSETS = np.where(PARENTS[:, None] >= 0, _FIGURE.joints - _FIGURE.joints[PARENTS], 0.0)
 INDEX = {name: i for i, name in enumerate(NAMES)}
+SPINE = ("Spine", "Spine1", "Spine2")
 # What moves a garment that hangs from the waist, and one with sleeves.
 LOWER_BODY = ("Hips", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg")
-WHOLE_BODY = (*LOWER_BODY, "Chest", "LeftArm", "RightArm", "LeftForeArm", "RightForeArm")
-THIGH_LENGTH = 0.421546
-SHIN_LENGTH = 0.409870
-ANKLE_HEIGHT = 0.05
-HIP_HEIGHT = THIGH_LENGTH + SHIN_LENGTH + ANKLE_HEIGHT
+WHOLE_BODY = (*LOWER_BODY, "Spine2", "LeftArm", "RightArm", "LeftForeArm", "RightForeArm")
+THIGH_LENGTH = -OFFSETS[INDEX["LeftLeg"], 1]
+SHIN_LENGTH = -OFFSETS[INDEX["LeftFoot"], 1]
+HIP_HEIGHT = _FIGURE.joints[0, 1]
+ANKLE_HEIGHT = _FIGURE.joints[INDEX["LeftFoot"], 1]
 # The joint that takes a joint's place under reflection in the plane x = 0.
 MIRROR = np.array([INDEX[n.replace("Left", "\0").replace("Right", "Left").replace("\0", "Right")]
                    for n in NAMES], dtype=np.int32)

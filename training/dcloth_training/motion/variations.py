@@ -9,7 +9,7 @@ All ingredients are C1 in time, so that joint speeds stay within the factors sta
 import numpy as np
 
 from . import rotations, timing
-from .skeleton import FPS, INDEX, Motion
+from .skeleton import FPS, INDEX, SPINE, Motion
 
 RATE = (0.8, 1.25)            # playback speed, constant part
 RATE_WAVER = 0.08             # slow change of playback speed on top, of its value
@@ -25,14 +25,15 @@ OVERLAP_FRAMES = 15           # two clips fade into each other: half a second
 # (X of the hips) and in how far thighs are turned about the bone (Y), scripts in neither. Knees bend
 # one way only.
 _THIGH = {"X": 5.0, "Y": 8.0, "Z": 4.0}
-OFFSETS = {"Hips": {"X": 8.0, "Y": 4.0, "Z": 4.0}, "Chest": {"X": 4.0, "Y": 4.0, "Z": 4.0},
+_BACK = {"X": 4.0 / 3, "Y": 4.0 / 3, "Z": 4.0 / 3}       # each of the spine's three
+OFFSETS = {"Hips": {"X": 8.0, "Y": 4.0, "Z": 4.0}, **dict.fromkeys(SPINE, _BACK),
            "LeftUpLeg": _THIGH, "RightUpLeg": _THIGH, "LeftLeg": {"X": 4.0}, "RightLeg": {"X": 4.0}}
 # Arms vary by themselves: what is drawn for hips and legs, and so every skirt, stays as it was.
 ARM_OFFSETS = {"LeftArm": {"X": 8.0, "Y": 8.0, "Z": 8.0}, "RightArm": {"X": 8.0, "Y": 8.0, "Z": 8.0}}
 # Degrees by which a leaning take tilts the pelvis forward (back where negative) and to a side, on top of
 # 8 degrees of waver, and how much of that the upper body and the legs make up for.
 LEAN_FORWARD, LEAN_ASIDE, LEAN_WAVER = (-15.0, 40.0), (-12.0, 12.0), 8.0
-UPRIGHT = {"Chest": (0.0, 1.0), "LeftUpLeg": (0.5, 1.0), "RightUpLeg": (0.5, 1.0)}
+UPRIGHT = {"Spine": (0.0, 1.0), "LeftUpLeg": (0.5, 1.0), "RightUpLeg": (0.5, 1.0)}
 _LEGS = tuple(name for name in INDEX if name.endswith("Leg"))
 
 
@@ -41,7 +42,7 @@ def _both_sides(*endings):
                  for side in ("Left", "Right"))
 
 
-_LEG_SIDES, _ARM_SIDES = _both_sides("Leg", "Foot"), _both_sides("Arm", "Hand")
+_LEG_SIDES, _ARM_SIDES = _both_sides("Leg", "Foot", "ToeBase"), _both_sides("Shoulder", "Arm", "Hand")
 
 
 def band_limited(frames, generator, low=OFFSET_HERTZ[0], high=OFFSET_HERTZ[1], waves=3):

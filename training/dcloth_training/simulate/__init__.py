@@ -1,1 +1,1 @@
-"""Ground truth: mannequin, garment, and the cloth simulation that drapes one on the other."""
+"""Ground truth: garments, and the cloth simulation that drapes one on the other."""

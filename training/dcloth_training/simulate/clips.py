@@ -11,7 +11,7 @@ import zlib
 
 import numpy as np
 
-from ..motion import bvh, procedural, timing, variations
+from ..motion import bvh, clearance, procedural, timing, variations
 
 MAX_FRAMES = 150
 LONG_FRAMES = 300             # random procedural clips and variations
@@ -160,7 +160,7 @@ def _variation(name, motion_folder):
 
 
 def load(name, motion_folder=None):
-    """The finished motion of a clip: at the origin, eased in, MAX_FRAMES or LONG_FRAMES at most."""
+    """The finished motion of a clip: at the origin, eased in, arms clear of the body, MAX_FRAMES or LONG_FRAMES at most."""
     if "~" in name:
         motion, frames = _variation(name, motion_folder), LONG_FRAMES
     elif name.startswith("procedural/random_"):
@@ -169,7 +169,7 @@ def load(name, motion_folder=None):
         motion = timing.to_origin(variations.offset_joints(motion, generator, max(STRENGTHS)))
     else:
         motion, frames = _take(name, motion_folder), MAX_FRAMES
-    return timing.ease_in(motion, EASE_FRAMES)[:frames]
+    return clearance.clear(timing.ease_in(motion, EASE_FRAMES)[:frames])
 
 
 def seed(name):

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..motion import skeleton
-from . import closed_arms, mannequin, settings, solver
+from . import settings, solver
 
 # Parts of the body that cloth touches one by one: crossing legs must not swallow what is between. A garment may
 # say which of its vertices touch which parts (garment.Garment.touches): bit p is PARTS[p].
-PARTS = (("Hips", "Chest", "Neck"), ("LeftUpLeg", "LeftLeg", "LeftFoot"),
-         ("RightUpLeg", "RightLeg", "RightFoot"), ("LeftArm",), ("RightArm",),
-         ("LeftForeArm", "LeftHand"), ("RightForeArm", "RightHand"))
+PARTS = (("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head", "LeftShoulder", "RightShoulder"),
+         ("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg", "RightLeg", "RightFoot", "RightToeBase"),
+         ("LeftArm", "LeftForeArm", "LeftHand"), ("RightArm", "RightForeArm", "RightHand"))
 OVERLAP = 2      # rings of vertices
 
 
@@ -49,32 +49,32 @@ def body_parts(weights, faces):
     return masks
 
 
-def skin_parts(body):
+def collided(body, garment):
+    """Which vertices [b] of a figure.Figure `garment` collides with; bool."""
+    bare = [skeleton.INDEX[name] for name in garment.not_colliding]
+    return body.weights[:, bare].sum(1) < 0.5
+
+
+def collider_mesh(body, garment):
+    """The collided part of the body: vertex numbers [k] and faces [g, 3] into them."""
+    there = collided(body, garment)
+    renumber = np.cumsum(there, dtype=np.int32) - 1
+    return np.flatnonzero(there), renumber[body.faces[there[body.faces].all(1)]]
+
+
+def skin_parts(body, garment):
     """Bit masks [b] of the parts each vertex of the whole skin belongs to; 0 where nothing collides with it."""
-    keep, faces = mannequin.collider_mesh(body)
+    keep, faces = collider_mesh(body, garment)
     masks = np.zeros(len(body.vertices), np.uint32)
     masks[keep] = body_parts(body.weights[keep], faces)
     return masks
 
 
 def collider(body, garment):
-    """What `garment` touches of `body` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks [b].
-
-    The collider's skin; for a garment that chooses its parts the arms are closed surfaces of their own.
-    """
-    keep, faces = mannequin.collider_mesh(body)
-    vertices, weights = body.vertices[keep], body.weights[keep]
-    masks = body_parts(weights, faces)
-    if garment.touches is None:
-        return vertices, faces, weights, masks
-    bit = {part[0]: np.uint32(1 << p) for p, part in enumerate(PARTS)}
-    arms = closed_arms.closed_arms()
-    masks = masks & ~np.bitwise_or.reduce([bit[joint] for joint, *_ in arms])
-    for joint, points, triangles, own in arms:
-        faces = np.concatenate([faces, triangles + np.int32(len(vertices))])
-        vertices, weights = np.concatenate([vertices, points]), np.concatenate([weights, own])
-        masks = np.concatenate([masks, np.full(len(points), bit[joint])])
-    return vertices, faces, weights, masks
+    """What `garment` touches of `body` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks [b]."""
+    keep, faces = collider_mesh(body, garment)
+    weights = body.weights[keep]
+    return body.vertices[keep], faces, weights, body_parts(weights, faces)
 
 
 def simulate(motion, body, garment, record, chosen=None):

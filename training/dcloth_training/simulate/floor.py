@@ -16,9 +16,9 @@ import sys
 
 import numpy as np
 
-from .. import command, dataset, metrics, sequence
+from .. import command, dataset, figure, metrics, sequence
 from ..motion import skeleton
-from . import clips, cloth_job, mannequin, run, settings
+from . import clips, cloth_job, run, settings
 
 RADIUS_SCALE = 1.0005
 ENTER_FRAME = 15        # the second history begins here,
@@ -43,7 +43,7 @@ def floor(name, options, chosen):
     What was entered late is None for clips that end before the second history is forgotten.
     """
     motion, make = run.prepare(name, options), run.GARMENTS[options.garment]
-    body = mannequin.mannequin(make().not_colliding)
+    body = figure.load()
     path = os.path.join(options.data, "dynamic", clips.file_stem(name) + ".safetensors")
     data = sequence.read(path)
     joined, frames = run.with_lead(motion)

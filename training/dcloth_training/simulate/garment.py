@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..motion.skeleton import HIP_HEIGHT, INDEX, LOWER_BODY
-from .mannequin import NOT_COLLIDING
 
+# Arms and head never hold up a skirt, and arms that brush it tangle it. A garment with sleeves says otherwise.
+NOT_COLLIDING = tuple(name for name in INDEX if "Shoulder" in name or "Arm" in name or "Hand" in name
+                      or name in ("Neck", "Head"))
 RINGS = 71
 PLEATS = 14
 COLUMNS = PLEATS * 8
@@ -19,7 +21,7 @@ PINNED_RINGS = 6              # a waistband of 4 cm
 YOKE = 0.25                   # m that never rise above the waistband: softer or shorter, a flip stays
 LENGTH = 0.58                 # metres down the side, waist to hem: ends at the knee
 WAIST_ABOVE_HIPS = 0.115      # metres
-WAIST_HALF_WIDTH = 0.158      # x, metres: the mannequin's waist plus collision shell
+WAIST_HALF_WIDTH = 0.158      # x, metres: the waist plus collision shell
 WAIST_HALF_DEPTH = 0.126      # z
 HIP_HALF_WIDTH = 0.215        # reached HIP_AT of the way down
 HIP_HALF_DEPTH = 0.190
@@ -34,7 +36,7 @@ class Garment:
 
     pin_joints [n]: the joint each pinned vertex follows, -1 where free; the hips unless given.
     not_colliding: joints whose part of the body this garment is not collided with
-    (mannequin.mannequin takes it). yoke: see cloth_solver.h. touches [n]: bit masks of the parts of the body
+    (cloth_job.collided says which vertices are left). yoke: see cloth_solver.h. touches [n]: bit masks of the parts of the body
     (cloth_job.PARTS) a vertex is collided with, None: all of them. slack: factor on the setting `tether`, above 1
     where cloth spans pins that move apart: a taut tether on either side leaves all the stretch to the edges between.
     felt: joints whose rotations move the garment: the network's features, and what static poses are told apart by.

@@ -18,9 +18,9 @@ import time
 
 import numpy as np
 
-from .. import command, safetensors_io, sequence
+from .. import command, figure, safetensors_io, sequence
 from ..motion import skeleton, timing
-from . import checks, clips, cloth_job, garment, garment_robe, mannequin, settings, statics
+from . import checks, clips, cloth_job, garment, settings, statics
 
 _LOCK = threading.Lock()
 
@@ -33,11 +33,11 @@ def with_lead(motion):
     return joined, np.arange(len(lead), len(joined))
 
 
-GARMENTS = {"skirt": garment.skirt, "robe": garment_robe.robe}
+GARMENTS = {"skirt": garment.skirt}
 
 
 def make_character(path, body, worn):
-    """Writes mannequin, topology and the garment as it hangs in the bind pose, unless they are there."""
+    """Writes the figure, topology and the garment as it hangs in the bind pose, unless they are there."""
     if os.path.exists(path):
         return
     rest = skeleton.rest_motion(settings.DRAPE_FRAMES)
@@ -50,12 +50,12 @@ def make_character(path, body, worn):
           f"{1e3 * lopsided.mean():.2f} mm (mean), made symmetric; {hung.seconds:.0f} s",
           flush=True)
     touch = {} if worn.touches is None else {"cloth_touches": worn.touches.astype(np.int32),
-                                             "body_parts": cloth_job.skin_parts(body).astype(np.int32)}
+                                             "body_parts": cloth_job.skin_parts(body, worn).astype(np.int32)}
     safetensors_io.write(path, {
         "joint_bind": skeleton.bind_matrices().astype(np.float32),
         "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces,
         "body_weights": body.weights.astype(np.float32),
-        "body_collider": body.collider.astype(np.uint8),
+        "body_collider": cloth_job.collided(body, worn).astype(np.uint8),
         "cloth_template": (0.5 * (drape + reflected)).astype(np.float32),
         "cloth_rest": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
         "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8), **touch,
@@ -167,7 +167,7 @@ def arguments(argv=None):
 def run(options):
     """-> how many clips were refused."""
     worn = GARMENTS[options.garment]()
-    body = mannequin.mannequin(worn.not_colliding)
+    body = figure.load()
     # All of them before the first is simulated: a clip that cannot be read must not stop a batch half way.
     chosen = list(tasks(options, (options, body, worn)))
     for folder in ("dynamic", "static"):
