@@ -6,6 +6,7 @@ held-out clips are never read here. A clip and its mirror image have one float16
 """
 import glob
 import os
+import re
 from dataclasses import dataclass
 from typing import Optional
 
@@ -23,6 +24,9 @@ REPORTED = ("evaluation/dance", "evaluation/dance001", "evaluation/indian_dance_
             "child/8_belle_dance001")
 # Taken from the training clips to choose when to stop; each has relatives left in training.
 VALIDATION = ("mocap/walk", "procedural/hula_twist", "mocap/stealthy_walk")
+# Takes of a person of whom nothing is trained on: they choose when to stop as well.
+VALIDATION_TAKES = tuple(f"child/8_{name}" for name in (
+    "belle002", "catch001", "dab", "mermaid", "pick_up", "robot", "wave_hello", "zombie"))
 
 
 def source(clip):
@@ -119,11 +123,21 @@ def path_of(folder, name):
     return next((path for path in paths if os.path.exists(path)), paths[0])
 
 
+def _apart(stem):
+    """Is this the file of a clip that is for measuring alone: reported, or of people under unknown terms?"""
+    whole = re.split("-from|-take|~", stem)[0]
+    return stem.startswith("evaluation-") or whole in {_stems(name)[0] for name in REPORTED}
+
+
 def find(folder, kind, exclude=()):
-    """Paths of a kind ("dynamic" or "static"), sorted, without excluded clip names."""
+    """Paths to learn from and choose with, of a kind ("dynamic" or "static"), sorted, without excluded clip names.
+
+    Clips for the final figures (REPORTED) and those in evaluation/ are never among them.
+    """
     left_out = {stem for name in exclude for stem in _stems(name)}
     paths = sorted(glob.glob(os.path.join(folder, kind, "*.safetensors")))
-    return [p for p in paths if os.path.splitext(os.path.basename(p))[0] not in left_out]
+    stems = [os.path.splitext(os.path.basename(path))[0] for path in paths]
+    return [path for path, stem in zip(paths, stems) if stem not in left_out and not _apart(stem)]
 
 
 def check(item, path, rig, character):
@@ -168,9 +182,27 @@ def add_residuals(clips, static, standardise, character, folder=None):
 
 
 def split(clips, validation):
-    """(training, validation) clips by name; mirror images stay with their clip."""
-    return ([c for c in clips if c.name not in validation],
-            [c for c in clips if c.name in validation])
+    """(training, validation) clips by name; mirror images stay with their clip. A take's name means all its pieces.
+
+    Clips of people who validate (role) are not trained on, whether they are named or not. A clip for the final figures
+    alone is refused.
+    """
+    refuse_reported({c.name for c in clips} | set(validation))
+    chosen = [c for c in clips if named(c.name, validation)]
+    return [c for c in clips if not named(c.name, validation) and role(c.name) != "validation"], chosen
+
+
+def named(clip, names):
+    """Is a clip, or the take that it is a piece of, among the names?"""
+    return clip in names or clip.partition("@")[0] in names
+
+
+def refuse_reported(names):
+    """Ends with an error if a clip for the final figures is to be learned from or chosen with."""
+    found = sorted(name for name in names if role(name) == "reported")
+    if found:
+        raise ValueError(f"clip '{found[0]}' is for the final figures alone: no network is trained on it or chosen by it; "
+                         f"allowed are all clips but {', '.join(REPORTED)}")
 
 
 WARM_UP = 12    # ticks in which a state from elsewhere cannot know how the cloth was moving

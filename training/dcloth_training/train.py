@@ -33,7 +33,8 @@ def arguments(argv=None):
     add("--out", required=True)
     add("--start", help="folder of a finished training to go on from: its features and stage 1 stay, stage 2 learns on")
     add("--export", help="bundle to write at the end")
-    add("--validation", default=",".join(dataset.VALIDATION), help="clips that choose the epoch, comma separated")
+    add("--validation", default=",".join(dataset.VALIDATION + dataset.VALIDATION_TAKES),
+        help="clips or takes that choose the epoch, comma separated")
     add("--held-out", default=",".join(dataset.HELD_OUT),
         help="clips to measure the network on, never read here, comma separated; the bundle names them")
     add("--seed", type=int, default=1)
@@ -141,7 +142,7 @@ def prepare(options, log):
         log(f"held out, never read: {', '.join(kept_out)}")
     if held_out != dataset.HELD_OUT and len(kept_out) < len(held_out):
         log(f"held out: no clip {', '.join(name for name in held_out if name not in kept_out)}")
-    absent = [name for name in wanted if name not in there]
+    absent = [name for name in wanted if not any(dataset.named(clip, [name]) for clip in there)]
     if absent:
         log(f"validation: no clip {', '.join(absent)}")
     log(f"bones: {', '.join(names)}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dcloth_training import figure, safetensors_io, sequence
-from dcloth_training.motion import procedural, skeleton
+from dcloth_training.motion import skeleton
 from dcloth_training.simulate import (checks, clips, cloth_job, garment, settings,
                                       statics)
 
@@ -68,15 +68,9 @@ def test_settings_change_one_value_and_refuse_unknown():
         settings.with_changes(bogus=1)
 
 
-def test_clip_lists_hold_nothing_out_twice():
-    assert len(set(clips.training())) == len(clips.training()) == len(
-        clips.PROCEDURAL + clips.RECORDED + clips.STANCES)
-    assert not set(clips.HELD_OUT) & set(clips.training())
-    assert {c.split("/")[1] for c in clips.PROCEDURAL} == set(procedural.TRAINING)
-    for name in clips.HELD_OUT:
-        assert all(not c.startswith(name.split("@")[0] + "@") for c in clips.training())
+def test_a_demo_clip_is_whole_and_starts_at_the_origin():
     motion = clips.load("procedural/demo_sway_spin")
-    assert len(motion) <= clips.MAX_FRAMES and np.allclose(motion.root[0, [0, 2]], 0, atol=1e-9)
+    assert len(motion) > 140 and np.allclose(motion.root[0, [0, 2]], 0, atol=1e-9)
     with pytest.raises(ValueError, match="--motion"):
         clips.load("mocap/walk")
 

@@ -70,9 +70,11 @@ def _leg(hips, hip_position, ankle, foot_world):
     cosine = (length ** 2 - THIGH_LENGTH ** 2 - SHIN_LENGTH ** 2) / (2 * THIGH_LENGTH * SHIN_LENGTH)
     knee = np.arccos(np.clip(cosine, -1, 1))
     behind = np.arctan2(SHIN_LENGTH * np.sin(knee), THIGH_LENGTH + SHIN_LENGTH * np.cos(knee))
-    outward = np.arctan2(reach[:, 0], np.maximum(-reach[:, 1], 0.05))
-    swing = np.arcsin(np.clip(reach[:, 2] / np.maximum(distance, 1e-6), -0.999, 0.999))
-    thigh = rotations.about_axis("Z", outward) @ rotations.about_axis("X", -swing - behind)
+    # Swing first: a leg that is kicked over the hips' height turns on without a jump.
+    outward = np.arcsin(np.clip(reach[:, 0] / np.maximum(distance, 1e-6), -0.999, 0.999))
+    swing = np.arctan2(reach[:, 2], -reach[:, 1])
+    thigh = (rotations.about_axis("X", -swing) @ rotations.about_axis("Z", outward)
+             @ rotations.about_axis("X", -behind))
     shin = rotations.about_axis("X", knee)
     foot = (hips @ thigh @ shin).transpose(0, 2, 1) @ foot_world
     return thigh, shin, foot
@@ -141,7 +143,7 @@ def pose(tracks, phase_start=0.0, events=()):
         for kind, at, size in events:
             if kind == f"kick_{side.lower()}":
                 raised = np.cos(np.clip((time - at) / 0.42, -1, 1) * np.pi / 2) ** 2
-                place = place + raised[:, None] * np.array([0.0, size, 0.75 * size + 0.1])
+                place = place + raised[:, None] * np.array([0.0, size, min(0.75 * size + 0.1, 0.62)])
                 bend = bend - 0.5 * raised
         ankle = ground + np.einsum("tij,tj->ti", facing, place)
         joint = INDEX[f"{side}UpLeg"]

@@ -104,6 +104,18 @@ SCRIPTS = {
         (1.4, {"lean": 0.0, "turn": 0.0}), (2.1, {"lean": -0.25, "crouch": 0.03, "turn": 0.8}),
         (2.7, {"lean": 0.0, "crouch": 0.0, "turn": 0.0}), (3.3, {"forward": 0.4, "lean": -0.1}),
         (3.9, {"lean": 0.0, "forward": 0.0})]),
+    "deep_squats": (21, 0.0, (), [
+        (0.0, {}), (0.4, {}), (1.3, {"crouch": 0.42, "lean": 0.12, "width": 0.05, "arms": 0.3}), (1.7, {"crouch": 0.42}),
+        (2.5, {"crouch": 0.0, "lean": 0.0}), (2.7, {"crouch": 0.0}),
+        (3.4, {"crouch": 0.50, "lean": 0.18, "width": 0.05, "arms": 0.3}), (3.7, {"crouch": 0.50, "lean": 0.18}),
+        (4.4, {"crouch": 0.0, "lean": 0.0, "width": 0.0, "arms": 0.0})]),
+    "front_kick": (22, 0.0, (("kick_right", 1.2, 0.85), ("kick_left", 2.9, 0.95)), [
+        (0.0, {}), (0.8, {"lean": 0.0}), (1.2, {"lean": -0.12, "crouch": 0.02}), (1.7, {"lean": 0.0, "crouch": 0.0}),
+        (2.5, {"lean": 0.0}), (2.9, {"lean": -0.15, "crouch": 0.02}), (3.4, {"lean": 0.0, "crouch": 0.0})]),
+    "high_kick": (23, 0.0, (("kick_left", 1.2, 1.25), ("kick_right", 3.0, 1.4)), [
+        (0.0, {}), (0.8, {"lean": 0.0}), (1.2, {"lean": -0.25, "crouch": 0.02, "arms": 0.4}),
+        (1.7, {"lean": 0.0, "crouch": 0.0}), (2.6, {"lean": 0.0}), (3.0, {"lean": -0.3, "crouch": 0.02, "arms": 0.4}),
+        (3.5, {"lean": 0.0, "crouch": 0.0, "arms": 0.1})]),
     "walk_back_and_forth": (18, 0.8, (), [
         (0.0, {"forward": -0.6}), (1.2, {"forward": -0.8}), (1.9, {"forward": 0.9}),
         (2.9, {"forward": 1.4}), (3.5, {"forward": 0.0}), (4.2, {"forward": -0.9})]),

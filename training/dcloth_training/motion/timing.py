@@ -2,7 +2,9 @@
 import numpy as np
 
 from . import rotations
-from .skeleton import MIRROR, Motion
+from .skeleton import INDEX, MIRROR, Motion, joint_matrices
+
+T_POSE_DEGREES = 40.0          # an arm that is farther from level has left the T-pose
 
 
 def sample(motion, times):
@@ -93,3 +95,15 @@ def approach(motion, reach, hold):
                             np.broadcast_to(first.local[0], (count,) + start.shape),
                             np.broadcast_to(u[:, None], (count, len(start))))
     return Motion(np.repeat(first.root, count, 0), local)
+
+
+def between_t_poses(motion):
+    """(first, last) frame of what is between the T-pose that a take begins in and the one that it ends in, last exclusive.
+
+    In a T-pose both upper arms and both forearms point to the sides, seen from the hips, within T_POSE_DEGREES.
+    """
+    turn = joint_matrices(motion)[:, :, :3, :3]
+    along = [(turn[:, INDEX[side + joint], :, 0] * turn[:, 0, :, 0]).sum(1)
+             for side in ("Left", "Right") for joint in ("Arm", "ForeArm")]
+    left = np.flatnonzero(np.min(along, 0) <= np.cos(np.radians(T_POSE_DEGREES)))
+    return (int(left[0]), int(left[-1]) + 1) if len(left) else (0, 0)

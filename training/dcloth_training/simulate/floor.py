@@ -81,7 +81,7 @@ def overall(source, rows):
 
 def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("clips", nargs="*", help="default: every held-out and training clip")
+    parser.add_argument("clips", nargs="*", help="default: every clip that validates, of development and of training")
     parser.add_argument("--data", required=True, help="ground truth made by run.py")
     parser.add_argument("--motion")
     parser.add_argument("--workers", type=int, default=2)
@@ -93,7 +93,7 @@ def arguments(argv=None):
 
 def measure(options):
     rows = []
-    names = options.clips or clips.HELD_OUT + clips.training()
+    names = options.clips or clips.VALIDATION + clips.DEVELOPMENT + clips.training()
     for name in names:
         run.prepare(name, options)      # one that cannot be read is refused before the first is simulated
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:

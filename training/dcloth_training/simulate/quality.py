@@ -85,7 +85,8 @@ def standing_out(rows):
 def sources(data):
     """Paths of every file of ground truth in the order of the report, drapes last; and clips not simulated yet."""
     order = {name: i for i, name in enumerate(
-        clips.HELD_OUT + clips.training() + clips.RANDOM + clips.VARIATIONS + clips.WIDE + clips.MIXED + clips.LEANING)}
+        clips.DEVELOPMENT + clips.VALIDATION + clips.training() + clips.RANDOM + clips.VARIATIONS + clips.WIDE
+        + clips.MIXED + clips.LEANING)}
     places = {clips.file_stem(name): i for name, i in order.items()}
     out = []
     for kind in ("dynamic", "static"):

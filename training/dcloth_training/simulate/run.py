@@ -1,7 +1,7 @@
 """Make the ground truth: one resumable, atomic file a clip.
 
     python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
-        [--clips held_out,static,training,random,variations,wide,mixed,leaning | --clips mocap/walk] [--root fixed]
+        [--clips static,validation,development,training,random,variations,wide,mixed,leaning | --clips mocap/walk] [--root fixed]
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
 and one JSON line a clip in DIR/manifest.jsonl. Finished files are skipped; a clip that fails or is
@@ -109,7 +109,7 @@ def prepare(name, options):
 
 
 def static_tours(options, felt):
-    """[(file number, poses)] of the quasi-static drapes; always the same poses."""
+    """[(file number, poses)] of the quasi-static drapes; always the same poses, of training clips alone."""
     motions = []
     for name in clips.training() + clips.VARIATIONS + clips.WIDE + clips.MIXED:
         if name.startswith("procedural/") or options.motion:
@@ -121,10 +121,6 @@ def static_tours(options, felt):
 
 def tasks(options, context):
     """(name, function, arguments) of each file that is not there yet, once, in order of importance."""
-    groups = {"held_out": clips.HELD_OUT, "procedural": clips.PROCEDURAL,
-              "recorded": clips.RECORDED, "training": clips.training(),
-              "random": clips.RANDOM, "variations": clips.VARIATIONS, "wide": clips.WIDE,
-              "mixed": clips.MIXED, "leaning": clips.LEANING}
     met = set()
 
     def wanted(path):
@@ -144,7 +140,7 @@ def tasks(options, context):
                     yield name, run_clip, (name, "static", joined, frames[rests], chosen,
                                            context, path)
             continue
-        for name in groups.get(word, [word]):
+        for name in clips.group(word):
             path = os.path.join(options.out, "dynamic", clips.file_stem(name) + ".safetensors")
             if wanted(path):
                 motion, frames = with_lead(prepare(name, options))
@@ -156,7 +152,8 @@ def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", required=True)
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
-    parser.add_argument("--clips", default="held_out,static,training,random,variations,wide,mixed,leaning")
+    parser.add_argument("--clips", default="static,validation,development,training,random,variations,wide,mixed,leaning",
+                        help="groups or single clips, in order of importance; 'reported' last, for the final figures")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--garment", choices=GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
