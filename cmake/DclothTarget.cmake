@@ -59,3 +59,19 @@ function(dcloth_offline target)
   dcloth_common(${target})
   set_target_properties(${target} PROPERTIES CXX_STANDARD 20 CXX_STANDARD_REQUIRED ON)
 endfunction()
+
+# dcloth_precompile(GROUP TARGET HEADER...): TARGET finds the headers parsed already; the first target of a group, an executable,
+# parses them, the others of the same folder, with the same flags, take its. No source may rely on them: cross builds and builds
+# with a compiler cache go without.
+function(dcloth_precompile group target)
+  if(NOT DCLOTH_PRECOMPILED_HEADERS)
+    return()
+  endif()
+  get_property(leader GLOBAL PROPERTY DCLOTH_PRECOMPILED_${group})
+  if(leader)
+    target_precompile_headers(${target} REUSE_FROM ${leader})
+  else()
+    set_property(GLOBAL PROPERTY DCLOTH_PRECOMPILED_${group} ${target})
+    target_precompile_headers(${target} PRIVATE ${ARGN})
+  endif()
+endfunction()

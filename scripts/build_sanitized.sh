@@ -1,13 +1,12 @@
 #!/usr/bin/env bash
-# `build_sanitized.sh FOLDER [TARGET...]`: builds tests and fuzzers, or the targets named, with clang under
-# AddressSanitizer and UndefinedBehaviorSanitizer. One tree for both: the libraries are compiled once, with the counters
-# that libFuzzer steers by. DCLOTH_SANITIZE=thread in the environment: under ThreadSanitizer instead, without fuzzers.
+# `build_sanitized.sh FOLDER [TARGET...]`: builds tests, or the targets named, with clang under AddressSanitizer and
+# UndefinedBehaviorSanitizer. In the environment DCLOTH_SANITIZE=thread: under ThreadSanitizer instead; DCLOTH_FUZZERS=ON:
+# libraries get the counters that libFuzzer steers by, and there are fuzzers (scripts/fuzz.sh).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=$1
 shift
-sanitizers=${DCLOTH_SANITIZE:-address,undefined} fuzzers=ON
-[ "$sanitizers" != thread ] || fuzzers=OFF
+sanitizers=${DCLOTH_SANITIZE:-address,undefined} fuzzers=${DCLOTH_FUZZERS:-OFF}
 command -v clang++ >/dev/null || {
   echo "build_sanitized: found no clang++; run scripts/install_dependencies.sh build test" >&2
   exit 2

@@ -14,8 +14,8 @@ if ! [[ $seconds =~ ^[1-9][0-9]*$ ]]; then
   echo "fuzz: found SECONDS '$seconds'; allowed: a whole number from 1" >&2
   exit 2
 fi
-folder=build-sanitize
-scripts/build_sanitized.sh "$folder" fuzzers
+folder=build-fuzz
+DCLOTH_FUZZERS=ON scripts/build_sanitized.sh "$folder" fuzzers
 
 mkdir -p out/fuzz/corpus out/fuzz/findings
 rm -rf out/fuzz/seeds

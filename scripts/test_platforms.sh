@@ -7,7 +7,7 @@
 # frames (DCLOTH_PICTURE_FRAMES, 20) against this machine's program; "command_line", on Windows alone: tests/cli with
 # dcloth.exe, and its models and vertices against the native ones. Both want DCLOTH_TOOL, a native `dcloth`, and the picture
 # on AArch64 `dcloth_picture` where that build has it; without DCLOTH_TOOL they are built.
-# What ran and what was left out is printed last; what is known of each platform: platforms/README.md.
+# Continuous integration runs kernels, engine and pictures on AArch64. What ran and what was left out is printed last; what is known of each platform: platforms/README.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -183,4 +183,7 @@ for platform in "${platforms[@]}"; do
   report "$platform" "$log" "$status" >>"$summary" || failed=1
 done
 cat "$summary"
+read -r -a counts <<<"$(awk -f scripts/count_tests.awk "$summary")"
+[ "$failed" -eq 0 ] || [ "${counts[1]}" -gt 0 ] || counts[1]=1
+echo "test_platforms: ${counts[0]} passed, ${counts[1]} failed"
 exit $failed

@@ -2,7 +2,7 @@
 """Keeps of what fuzzers found the inputs that reach every edge: tests/fuzz/kept/TARGET.pack, which fuzz_replay runs in
 every build.
 
-Usage: keep.py FUZZERS FOLDER [TARGET...]    after scripts/fuzz.sh: keep.py build-sanitize out/fuzz
+Usage: keep.py FUZZERS FOLDER [TARGET...]    after scripts/fuzz.sh: keep.py build-fuzz out/fuzz
 
 A pack holds inputs one behind the other, each after its length (32 bits, little-endian). Inputs above a target's limit are
 left out: the edges that only they reach are few, and they would be most of the bytes.
