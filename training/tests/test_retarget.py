@@ -126,3 +126,36 @@ def test_clearing_is_the_same_on_both_sides():
     cleared = clearance.clear(hanging(1.6)).local
     flip = np.diag([-1.0, 1.0, 1.0])
     assert np.abs(flip @ cleared[:, INDEX["LeftArm"]] @ flip - cleared[:, INDEX["RightArm"]]).max() < 0.05
+
+
+def crossed_legs(motion, every=5):
+    """How deep one leg lies inside the other below the middle of the thigh, metres, a frame [k]."""
+    body, bind = figure.load(), skeleton.bind_matrices()
+    nearest = np.argmax(body.weights, 1)
+    left, right = (np.isin(nearest, [INDEX[side + n] for n in ("UpLeg", "Leg")]) for side in ("Left", "Right"))
+    low, out = body.vertices[:, 1] < 0.72, []
+    for points in skeleton.skin(body.vertices, body.weights, bind, skeleton.joint_matrices(motion)[::every]):
+        normals = raster.vertex_normals(points, body.faces)[right]
+        distance, at = cKDTree(points[right]).query(points[left & low], distance_upper_bound=0.12)
+        near = np.isfinite(distance)
+        out.append(((points[right][at[near]] - points[left & low][near]) * normals[at[near]]).sum(1).max(initial=0))
+    return np.array(out)
+
+
+def test_legs_that_would_cross_stand_beside_each_other():
+    motion = skeleton.rest_motion(30)
+    way = np.clip(np.arange(30) / 15, 0, 1)
+    for side, sign in (("Left", -1), ("Right", 1)):
+        motion.local[:, INDEX[side + "UpLeg"]] = rotations.about_axis("Z", sign * 0.14 * way)
+    cleared = clearance.clear(motion)
+    assert crossed_legs(motion).max() > 0.02 and crossed_legs(cleared).max() < 0.006
+    turned = rotations.angle_between(motion.local, cleared.local)
+    thighs = [INDEX["LeftUpLeg"], INDEX["RightUpLeg"]]
+    assert turned[:, thighs].max() < 0.2 and np.delete(turned, thighs, 1).max() < 1e-6
+    assert np.abs(turned[:, thighs[0]] - turned[:, thighs[1]]).max() < 0.02
+
+
+def test_standing_and_walking_legs_are_left_alone():
+    for motion in (skeleton.rest_motion(4), procedural.clip("walk_start_stop")):
+        legs = [INDEX[side + "UpLeg"] for side in ("Left", "Right")]
+        assert rotations.angle_between(clearance.clear(motion).local, motion.local)[:, legs].max() < 0.02

@@ -1,8 +1,8 @@
-"""Arms kept out of the trunk and the thighs.
+"""Arms kept out of the trunk and the thighs, legs out of each other.
 
 Recorded people have other hips than the figure, so an arm that hangs at their side may lie inside of hers; and takes
 joined from several people put one person's arms beside another's waist. Here each arm is turned about its shoulder by
-the smallest angle that clears it, smoothly over time.
+the smallest angle that clears it, smoothly over time, and both legs about their hips where they cross.
 """
 import functools
 
@@ -25,6 +25,9 @@ _TRUNK = (("Hips", 1.06), ("Spine", 1.12), ("Spine1", 1.22), ("Spine2", 1.33))
 _ARM = (("Arm", "ForeArm", (0.4, 0.55, 0.7, 0.86)), ("ForeArm", "Hand", (0.0, 0.25, 0.5, 0.75, 1.0)),
         ("Hand", None, (0.3, 0.65, 1.0)))
 _HAND_LENGTH = 0.15
+# The same of a leg, below where the thighs touch anyhow.
+_LEG = (("UpLeg", "Leg", (0.45, 0.6, 0.75, 0.9)), ("Leg", "Foot", (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)))
+LEG_GAP, LEG_LARGEST = 0.002, 0.35
 
 
 def _surface_points(skin):
@@ -92,25 +95,95 @@ def _body():
     return tubes, arms
 
 
-def _deepest(points, radius, tubes, matrices):
+@functools.lru_cache(maxsize=1)
+def _legs():
+    """The left leg's measuring points (joint, offset, radius towards the other leg) and the right leg's tubes."""
+    skin = figure.load()
+    points, owner = _surface_points(skin)
+    samples = []
+    for joint, end, shares in _LEG:
+        first, last = skin.joints[INDEX["Left" + joint]], skin.joints[INDEX["Left" + end]]
+        for share in shares:
+            at = first + share * (last - first)
+            ring = (np.abs(points[:, 1] - at[1]) < 0.012) & (points[:, 0] > 0)
+            samples.append((INDEX["Left" + joint], at - first, at[0] - points[ring, 0].min()))
+    tubes = []
+    for name in ("RightUpLeg", "RightLeg"):
+        here = points[owner == INDEX[name]]
+        tubes.append(_Tube(INDEX[name], here, here[:, 1].min(), here[:, 1].max()))
+    return samples, tubes
+
+
+def _deepest(points, radius, tubes, matrices, gap=GAP):
     """How far [T] the point that is deepest of all must go, which [T], and the way out [T, 3]."""
     worst, where, way = np.full(len(points), -1.0), np.zeros(len(points), int), np.zeros((len(points), 3))
     rows = np.arange(len(points))
     for tube in tubes:
         depth, out = tube.depth(matrices, points)
-        depth = np.where(depth > -1, depth + radius + GAP, -1.0)
+        depth = np.where(depth > -1, depth + radius + gap, -1.0)
         k = np.argmax(depth, 1)
         deeper = depth[rows, k] > worst
         worst[deeper], where[deeper], way[deeper] = depth[rows, k][deeper], k[deeper], out[rows, k][deeper]
     return worst, where, way
 
 
-def clear(motion):
-    """`motion` with arms outside of trunk and thighs -> Motion; the same where they already were.
+def _smoothed(turned, largest):
+    turned = ndimage.gaussian_filter1d(turned, SMOOTH_FRAMES, axis=0, mode="nearest")
+    length = np.linalg.norm(turned, axis=-1, keepdims=True)
+    return turned * np.minimum(1, largest / np.maximum(length, 1e-9))
 
-    Forearm and hand keep their bend. A quick crossing may leave a centimetre inside. Cost: 0.03 ms a frame, 0.5 ms a
-    frame in which an arm is turned.
+
+def clear(motion):
+    """`motion` with arms outside of trunk and thighs, and legs outside of each other -> Motion; the same where they were.
+
+    Knees, forearms and hands keep their bend. A quick crossing may leave a centimetre inside. Cost: 0.05 ms a frame,
+    0.5 ms a frame in which a limb is turned.
     """
+    return _clear_arms(_clear_legs(motion))
+
+
+def _clear_legs(motion):
+    """Both thighs turned about their hips by half of what parts the legs."""
+    samples, tubes = _legs()
+    matrices = joint_matrices(motion)
+    thighs = [INDEX["LeftUpLeg"], INDEX["RightUpLeg"]]
+    hips = [matrices[:, thigh, :3, 3] for thigh in thighs]
+    radius = np.array([r for *_, r in samples])
+    points = np.stack([matrices[:, j, :3, 3] + matrices[:, j, :3, :3] @ offset for j, offset, _ in samples], 1)
+    right = [INDEX["RightUpLeg"], INDEX["RightLeg"]]
+
+    def deepest(frames, turned):
+        left_turn, right_turn = (rotations.matrix_from_vector(t[frames]) for t in turned)
+        now = hips[0][frames, None] + (points[frames] - hips[0][frames, None]) @ np.swapaxes(left_turn, 1, 2)
+        other = matrices[frames]
+        for joint in right:
+            other[:, joint, :3, :3] = right_turn @ other[:, joint, :3, :3]
+            from_hip = other[:, joint, :3, 3] - hips[1][frames]
+            other[:, joint, :3, 3] = hips[1][frames] + (right_turn @ from_hip[..., None])[..., 0]
+        return (now, *_deepest(now, radius, tubes, other, LEG_GAP))
+
+    turned = np.zeros((2, len(motion), 3))
+    _, depth, _, _ = deepest(np.arange(len(motion)), turned)
+    near = np.flatnonzero(ndimage.maximum_filter1d(depth, 2 * int(4 * SMOOTH_FRAMES) + 1, mode="nearest") > ENOUGH)
+    rows = np.arange(len(near))
+    for step in range(ROUNDS * STEPS if len(near) else 0):
+        now, depth, where, way = deepest(near, turned)
+        if depth.max() < ENOUGH and step % STEPS == 0:
+            break
+        for side, sign in ((0, 1), (1, -1)):
+            lever = np.cross(now[rows, where] - hips[side][near], sign * way)
+            turned[side, near] += (0.5 * np.maximum(depth, 0) / np.maximum((lever ** 2).sum(1), 0.01))[:, None] * lever
+        if step % STEPS == STEPS - 1:
+            turned = np.stack([_smoothed(t, LEG_LARGEST) for t in turned])
+    local = motion.local.copy()
+    above = matrices[:, 0, :3, :3]
+    for thigh, turn in zip(thighs, turned):
+        if turn.any():
+            local[:, thigh] = np.swapaxes(above, 1, 2) @ rotations.matrix_from_vector(turn) @ above @ local[:, thigh]
+    return Motion(motion.root, local)
+
+
+def _clear_arms(motion):
     tubes, arms = _body()
     matrices = joint_matrices(motion)
     local = motion.local.copy()
@@ -133,9 +206,7 @@ def clear(motion):
             lever = np.cross(now[rows, where], way)
             turned[near] += (np.maximum(depth, 0) / np.maximum((lever ** 2).sum(1), 0.01))[:, None] * lever
             if step % STEPS == STEPS - 1:
-                turned = ndimage.gaussian_filter1d(turned, SMOOTH_FRAMES, axis=0, mode="nearest")
-                length = np.linalg.norm(turned, axis=1, keepdims=True)
-                turned *= np.minimum(1, LARGEST / np.maximum(length, 1e-9))
+                turned = _smoothed(turned, LARGEST)
         above = matrices[:, INDEX[side + "Shoulder"], :3, :3]
         local[:, joint] = np.swapaxes(above, 1, 2) @ rotations.matrix_from_vector(turned) @ above @ local[:, joint]
     return Motion(motion.root, local)
