@@ -1,9 +1,9 @@
 #include "converter/loss.h"
+#include "kernels/half.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "converter/half.h"
 
 namespace dcloth::converter {
 namespace {
@@ -58,7 +58,7 @@ TensorLoss LossOf(const Matrix& exact, std::span<const uint16_t> halves) {
   const auto columns = static_cast<size_t>(exact.cols());
   // QuantizeHalf refuses what would round past the last half.
   return Measure(
-      exact, [&](size_t j, size_t c) { return static_cast<double>(HalfToFloat(halves[j * columns + c])); },
+      exact, [&](size_t j, size_t c) { return static_cast<double>(kernels::FloatFromHalf(halves[j * columns + c])); },
       [](size_t, size_t) { return 65520.0; });
 }
 

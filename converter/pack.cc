@@ -7,8 +7,8 @@
 #include <span>
 #include <utility>
 
-#include "converter/half.h"
 #include "converter/quantize.h"
+#include "kernels/half.h"
 #include "kernels/matvec/matvec_pack.h"
 
 namespace dcloth::converter {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "converter/error.h"
-#include "converter/half.h"
+#include "kernels/half.h"
 
 namespace dcloth::converter {
 namespace {
@@ -113,7 +113,7 @@ std::vector<uint16_t> QuantizeHalf(const std::string& name, const Matrix& weight
   halves.reserve(static_cast<size_t>(weights.size()));
   for (Eigen::Index j = 0; j < weights.rows(); ++j) {
     for (Eigen::Index c = 0; c < weights.cols(); ++c) {
-      halves.push_back(FloatToHalf(weights(j, c)));
+      halves.push_back(kernels::HalfFromFloat(weights(j, c)));
       if ((halves.back() & 0x7C00u) == 0x7C00u) {
         throw Error({"", name,
                      "the weight " + std::to_string(weights(j, c)) + " at row " + std::to_string(j) + ", column " +

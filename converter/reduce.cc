@@ -6,7 +6,7 @@
 #include <string>
 
 #include "converter/error.h"
-#include "converter/half.h"
+#include "kernels/half.h"
 #include "kernels/matvec/matvec.h"
 
 namespace dcloth::converter {
@@ -17,7 +17,7 @@ constexpr double kSmallestScale = 1e-6;  // of the strongest direction's; a disp
 
 bool AllHalves(const Matrix& matrix) {
   return std::all_of(matrix.data(), matrix.data() + matrix.size(),
-                     [](float value) { return HalfToFloat(FloatToHalf(value)) == value; });
+                     [](float value) { return kernels::FloatFromHalf(kernels::HalfFromFloat(value)) == value; });
 }
 
 MatrixD Stack(const Bundle& bundle) {

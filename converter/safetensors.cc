@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "converter/error.h"
-#include "converter/half.h"
 #include "converter/safetensors_header.h"
+#include "kernels/half.h"
 
 namespace dcloth::converter {
 namespace {
@@ -141,7 +141,7 @@ std::vector<float> FloatsOf(const SafeFile& file, const SafeTensor& tensor) {
     for (size_t i = 0; i < values.size(); ++i) {
       uint16_t half;
       std::memcpy(&half, tensor.bytes.data() + 2 * i, 2);
-      values[i] = HalfToFloat(half);
+      values[i] = kernels::FloatFromHalf(half);
     }
   } else {
     throw Error({file.path(), tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), "F32 or F16", ""});

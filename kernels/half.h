@@ -7,6 +7,8 @@
 
 namespace dcloth::kernels {
 
+constexpr float kMaxHalf = 65504.0f;  // floats whose magnitude is below 65520 round to it or below
+
 inline float FloatFromBits(uint32_t bits) {
   float value;
   std::memcpy(&value, &bits, sizeof(value));

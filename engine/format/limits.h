@@ -7,6 +7,8 @@
 
 namespace dcloth::format {
 
+constexpr float kLargestFloat = 3.402823466e38f;  // all that is neither infinite nor NaN
+
 constexpr uint32_t kFormatMajor = 1;
 constexpr uint64_t kAlignment = 64;               // of the file, of its size and of every tensor
 constexpr uint64_t kMaxModelBytes = 0x7FFFFFFEu;  // FlatBuffers' offsets are signed 32-bit

@@ -2,12 +2,12 @@
 
 #include <cstring>
 
+#include "engine/format/limits.h"
 #include "kernels/prefetch.h"
 
 namespace dcloth::format {
 namespace {
 
-constexpr float kLargestFloat = 3.402823466e38f;
 constexpr float kSmallestNormal = 1.17549435e-38f;
 constexpr size_t kAheadBytes = 2048;
 

@@ -1,6 +1,7 @@
 #include "engine/format/verify_body.h"
 
 #include "engine/format/scan.h"
+#include "kernels/nearest/nearest_order.h"
 #include "kernels/skinning/skinning.h"
 
 namespace dcloth::format {
@@ -65,6 +66,21 @@ bool VerifyTouch(const Body& body, const Path& parent, uint32_t garment_vertices
          VerifyTouched(touched, check, view);
 }
 
+// The orders that the search wants. Whether every vertex is there is not looked at: others make a poor search only.
+bool VerifyOrders(const Body& body, const Path& parent, uint32_t garment_vertices, Checker* check, BodyView* view) {
+  const Path sites = {&parent, "sites"};
+  if (body.garment_order() != nullptr &&
+      !check->Indices({&parent, "garment_order"}, body.garment_order(), {garment_vertices}, garment_vertices,
+                      &view->garment_order)) {
+    return false;
+  }
+  if (body.sites() == nullptr) return true;
+  if (view->touched_by == nullptr)
+    return check->Fail(sites, &body, "sites without body.touched_by", "sites with classes alone");
+  const auto groups = static_cast<uint32_t>(kernels::CountSiteGroups(view->touched_by, view->vertex_count));
+  return check->Indices(sites, body.sites(), {groups, kernels::kNearestGroup}, view->vertex_count, &view->sites);
+}
+
 }  // namespace
 
 bool VerifyBody(const Body& body, Checker* check, ModelView* model) {
@@ -92,7 +108,8 @@ bool VerifyBody(const Body& body, Checker* check, ModelView* model) {
          check->Indices({&path, "joints"}, body.joints(), influences, model->joint_count, &view->joints) &&
          check->WeightRows({&path, "weights"}, body.weights(), influences, &view->weights) &&
          check->Indices(faces, body.faces(), {f, 3}, b, &view->faces) && VerifyRings(body, path, check, view) &&
-         VerifyTouch(body, path, model->vertex_count, check, view);
+         VerifyTouch(body, path, model->vertex_count, check, view) &&
+         VerifyOrders(body, path, model->vertex_count, check, view);
 }
 
 }  // namespace dcloth::format

@@ -110,6 +110,8 @@ struct BodyView {
   uint32_t influences;
   const uint8_t* touch_classes;  // [n], class of each garment vertex; null where every one touches all of the body
   const uint8_t* touched_by;     // [vertex_count], bit c: touched by class c; null with the one before
+  const uint16_t* garment_order;  // [n], indices; null before 1.5
+  const uint16_t* sites;          // [groups, 16], indices of body vertices; null before 1.5 and without classes
   float clearance;  // metres
   float reach;      // metres
 };

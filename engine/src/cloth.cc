@@ -135,13 +135,13 @@ void SkinFrame(Cloth* cloth, const SkinPose& skin, double behind, const dcloth_o
     watch->Lap(DCLOTH_STEP_PENETRATION, "penetration");
   }
   RunNormals(kernels, model, surface);
-  RunTangents(model, space.mirrored, output, surface);
+  RunTangents(kernels, model, space.mirrored, output, surface);
   watch->Lap(DCLOTH_STEP_NORMALS, "normals");
   // To the host's floats and back is exact but for the unit, whose error a float does not see.
   float origin[3];
   for (int i = 0; i < 3; ++i)
     origin[space.axis[i]] = static_cast<float>(space.sign[i] * skin.origin[i] / space.metres_per_unit);
-  FinishOutput(origin, space.mirrored, surface, output);
+  FinishOutput(kernels, origin, space.mirrored, surface, output);
   watch->Lap(DCLOTH_STEP_SKINNING, "skinning");
 }
 

@@ -128,7 +128,7 @@ HWY_INLINE VI AddPairs(DI di, VW w, VW x, VI sum, VI& spare) {
 }
 
 // Sums that take turns: VNNI's latency is that of four of its products.
-constexpr size_t kTurns = HWY_TARGET == HWY_AVX3 ? 2 : 1;
+constexpr size_t kSums = HWY_TARGET == HWY_AVX3 ? 2 : 1;
 
 }  // namespace
 
@@ -143,7 +143,7 @@ void MatvecI8(const MatvecI8Job& job) {
   const VF x_scale = hn::Set(df, job.x_scale);
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
     const int8_t* weights = job.weights + panel * job.panel_rows * kPanelColumns;
-    VI sum[kTurns][kVectors], spare[kVectors];
+    VI sum[kSums][kVectors], spare[kVectors];
     for (size_t i = 0; i < kVectors; ++i) spare[i] = hn::Zero(di);
     for (auto& turn : sum) {
       for (VI& v : turn) v = hn::Zero(di);
@@ -156,7 +156,7 @@ void MatvecI8(const MatvecI8Job& job) {
       const auto x = hn::BitCast(dw, hn::Set(di, pair));
       for (size_t i = 0; i < kVectors; ++i) {
         const auto w = hn::PromoteTo(dw, hn::Load(db, row + i * 2 * kLanes));
-        sum[r % kTurns][i] = AddPairs(di, w, x, sum[r % kTurns][i], spare[i]);
+        sum[r % kSums][i] = AddPairs(di, w, x, sum[r % kSums][i], spare[i]);
       }
     };
     size_t j = 0;
@@ -168,7 +168,7 @@ void MatvecI8(const MatvecI8Job& job) {
     for (size_t i = 0; i < kVectors; ++i) {
       const size_t column = panel * kPanelColumns + i * kLanes;
       VI all = hn::RearrangeToOddPlusEven(sum[0][i], spare[i]);
-      for (size_t turn = 1; turn < kTurns; ++turn) all = hn::Add(all, sum[turn][i]);
+      for (size_t other = 1; other < kSums; ++other) all = hn::Add(all, sum[other][i]);
       const VF total = hn::ConvertTo(df, all);
       Finish(job, column, hn::Mul(hn::Mul(total, x_scale), hn::Load(df, job.column_scales + column)));
     }

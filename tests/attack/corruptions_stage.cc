@@ -249,6 +249,16 @@ std::vector<Corruption> BodyParts() {
     return corruption;
   };
   return {
+      spoil("garment_order_beyond", "body.garment_order[59]: ", "found 60; allowed: indices below 60",
+            [](M* m, B* b) { *Data<uint16_t>(m, *b->garment_order, 59) = 60; }),
+      spoil("garment_order_short", "body.garment_order.shape: ", "found [59]; allowed: [60]",
+            [](M*, B* b) { b->garment_order->shape[0] = 59; }),
+      spoil("sites_beyond", "body.sites[31]: ", "found 17; allowed: indices below 17",
+            [](M* m, B* b) { *Data<uint16_t>(m, *b->sites, 31) = 17; }),
+      spoil("sites_one_group_short", "body.sites.shape: ", "found [1, 16]; allowed: [2, 16]",
+            [](M*, B* b) { b->sites->shape[0] = 1; }),
+      spoil("sites_without_classes", "body.sites: ", "found sites without body.touched_by; allowed: sites with classes",
+            [](M*, B* b) { b->touch_classes.reset(), b->touched_by.reset(); }),
       spoil("touch_classes_alone", "body.touched_by: ", "found no bits beside body.touch_classes; allowed: both",
             [](M*, B* b) { b->touched_by.reset(); }),
       spoil("touched_by_alone", "body.touch_classes: ", "found no classes beside body.touched_by; allowed: both",

@@ -191,7 +191,10 @@ std::vector<OddFile> OddFiles() {
       {"ones_everywhere",
        [](ModelSpec* s) { s->static_width = s->units = s->mesh_width = s->mesh_basis = s->layers = 1; }},
       {"cloth_that_touches_nothing", [](ModelSpec* s) { s->body = s->touch = true; },
-       [](M* m) { Fill<uint8_t>(m, *m->body->touched_by, 17, 0); }},
+       [](M* m) {
+         Fill<uint8_t>(m, *m->body->touched_by, 17, 0);
+         m->body->sites.reset();
+       }},
       {"cloth_of_eight_classes", [](ModelSpec* s) { s->body = s->touch = true; },
        [](M* m) {
          Fill<uint8_t>(m, *m->body->touched_by, 17, 0xFF);

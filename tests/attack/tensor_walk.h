@@ -42,7 +42,8 @@ class TensorWalk {
     if (m->displacement) AddLinear(m->displacement->basis, m->displacement->head);
     if (m->body) {
       Add(m->body->positions, m->body->joints, m->body->weights, m->body->faces, m->body->row_starts,
-          m->body->columns, m->body->touch_classes, m->body->touched_by);
+          m->body->columns, m->body->touch_classes, m->body->touched_by,
+          m->body->garment_order, m->body->sites);
     }
   }
 

@@ -31,7 +31,7 @@ CHECKED = ("-fsanitize=bounds,object-size", "-fsanitize-undefined-trap-on-error"
 
 # Source to the tests that own it.
 KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
-           for family in ("activation", "gru", "gsgru", "nearest", "normals", "skinning")}
+           for family in ("activation", "gru", "gsgru", "nearest", "normals", "output", "skinning")}
 KERNELS["nearest"].append("kernels_nearest_cases_test")
 KERNELS["gsgru"].append("kernels_gsgru_i8_test")
 KERNELS["matvec"] = [f"kernels_{kind}_test"

@@ -5,6 +5,7 @@
 
 #include "dcloth/dcloth.h"
 #include "engine/format/diagnostic.h"
+#include "engine/format/limits.h"
 #include "engine/format/verify.h"
 #include "engine/format/view.h"
 #include "engine/src/pose/host_rig.h"
@@ -40,8 +41,6 @@ Cloth* ClothOf(dcloth_cloth* cloth) { return reinterpret_cast<Cloth*>(cloth); }
 constexpr char kVersion[] =
     DCLOTH_TEXT(DCLOTH_VERSION_MAJOR) "." DCLOTH_TEXT(DCLOTH_VERSION_MINOR) "." DCLOTH_TEXT(DCLOTH_VERSION_PATCH);
 
-constexpr float kLongestSeconds = 3.4028235e38f;  // the largest float: all that is not infinite
-
 bool FloatsAreAligned(const float* values) { return reinterpret_cast<uintptr_t>(values) % sizeof(float) == 0; }
 
 bool PoseArgumentIsUsable(const dcloth_pose* pose) {
@@ -67,7 +66,7 @@ bool FrameIsUsable(const dcloth_frame* frame, uint32_t held) {
   constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HALF_RATE_MESH |
                               DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
   return frame != nullptr && frame->struct_size >= sizeof(dcloth_frame) && StagesAreUsable(frame->stages, held) &&
-         frame->seconds >= 0.0f && frame->seconds <= kLongestSeconds && (frame->flags & ~kFlags) == 0;
+         frame->seconds >= 0.0f && frame->seconds <= dcloth::format::kLargestFloat && (frame->flags & ~kFlags) == 0;
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "dcloth/dcloth_scene.h"
+#include "engine/format/limits.h"
 #include "engine/src/base/arithmetic.h"
 #include "engine/src/base/lent_memory.h"
 #include "engine/src/scene/scene.h"
@@ -16,12 +17,11 @@ using dcloth::format::kNoOffset;
 
 constexpr uint32_t kMostCharacters = 65536;
 constexpr float kMost = 1e9f;  // larger numbers count as this one: sums stay exact enough
-constexpr float kLargestFloat = 3.4028235e38f;
 
 Scene* SceneOf(dcloth_scene* scene) { return reinterpret_cast<Scene*>(scene); }
 
 // False for NaN and infinity.
-bool IsUsable(float value) { return value >= 0.0f && value <= kLargestFloat; }
+bool IsUsable(float value) { return value >= 0.0f && value <= dcloth::format::kLargestFloat; }
 
 void Limit(float* value) {
   if (*value > kMost) *value = kMost;

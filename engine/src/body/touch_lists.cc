@@ -1,7 +1,6 @@
 #include "engine/src/body/touch_lists.h"
 
-#include "engine/src/body/patch_order.h"
-#include "kernels/nearest/nearest.h"
+#include "kernels/nearest/nearest_order.h"
 
 namespace dcloth::engine {
 namespace {
@@ -10,6 +9,7 @@ using format::BodyView;
 using format::kMaxTouchClasses;
 using kernels::kNearestGroup;
 
+static_assert(kMaxTouchClasses == kernels::kTouchClasses);
 constexpr size_t kMasks = size_t{1} << kMaxTouchClasses;  // of classes that touch a vertex
 
 size_t Groups(size_t sites) { return (sites + kNearestGroup - 1) / kNearestGroup; }
@@ -37,25 +37,6 @@ struct GroupCounts {
   uint32_t of[kMasks] = {};
 };
 
-// Numbers from 0 to count - 1 that `belongs`; returns their end.
-template <typename Belongs>
-uint32_t Append(size_t count, Belongs belongs, uint16_t* list, uint32_t end) {
-  for (size_t i = 0; i < count; ++i) {
-    if (belongs(i)) list[end++] = static_cast<uint16_t>(i);
-  }
-  return end;
-}
-
-void FillSites(const BodyView& body, const GroupCounts& counts, uint16_t* sites) {
-  for (size_t mask = 1; mask < kMasks; ++mask) {
-    if (counts.of[mask] == 0) continue;
-    const uint32_t end = Append(body.vertex_count, [&](size_t i) { return body.touched_by[i] == mask; }, sites, 0);
-    OrderByPlace(body.positions, sites, end);
-    for (size_t i = end; i < counts.of[mask] * kNearestGroup; ++i) sites[i] = sites[end - 1];
-    sites += counts.of[mask] * kNearestGroup;
-  }
-}
-
 // The groups that class `index` touches; returns their end.
 uint32_t AppendGroups(const GroupCounts& counts, size_t index, uint16_t* groups, uint32_t end) {
   size_t group = 0;
@@ -70,13 +51,16 @@ uint32_t AppendGroups(const GroupCounts& counts, size_t index, uint16_t* groups,
 }  // namespace
 
 TouchLists PlaceTouchLists(const format::ModelView& model, Arena* arena) {
+  const BodyView& body = model.body;
   TouchLists lists = {};
-  lists.order = arena->Take<uint16_t>(model.vertex_count);
-  if (model.body.touch_classes == nullptr) return lists;
-  const GroupCounts counts(model.body);
+  if (body.garment_order == nullptr) lists.made_order = arena->Take<uint16_t>(model.vertex_count);
+  lists.order = body.garment_order != nullptr ? body.garment_order : lists.made_order;
+  if (body.touch_classes == nullptr) return lists;
+  const GroupCounts counts(body);
   size_t groups = 0;
   for (size_t c = 0; c < kMaxTouchClasses; ++c) groups += counts.TouchedBy(c);
-  lists.sites = arena->Take<uint16_t>(counts.All() * kNearestGroup);
+  if (body.sites == nullptr) lists.made_sites = arena->Take<uint16_t>(counts.All() * kNearestGroup);
+  lists.sites = body.sites != nullptr ? body.sites : lists.made_sites;
   lists.groups = arena->Take<uint16_t>(groups);
   lists.order_starts = arena->Take<uint32_t>(kMaxTouchClasses + 1);
   lists.group_starts = arena->Take<uint32_t>(kMaxTouchClasses + 1);
@@ -86,23 +70,19 @@ TouchLists PlaceTouchLists(const format::ModelView& model, Arena* arena) {
 void FillTouchLists(const format::ModelView& model, const TouchLists& lists) {
   const BodyView& body = model.body;
   const size_t n = model.vertex_count;
-  if (body.touch_classes == nullptr) {
-    const uint32_t end = Append(n, [](size_t) { return true; }, lists.order, 0);
-    OrderByPlace(model.template_positions, lists.order, end);
-    return;
-  }
+  if (lists.made_order != nullptr)
+    kernels::OrderPoints(model.template_positions, body.touch_classes, n, lists.made_order);
+  if (body.touch_classes == nullptr) return;
+  if (lists.made_sites != nullptr)
+    kernels::OrderSites(body.positions, body.touched_by, body.vertex_count, lists.made_sites);
   const GroupCounts counts(body);
-  FillSites(body, counts, lists.sites);
-  uint32_t order_end = 0, group_end = 0;
+  for (size_t c = 0; c <= kMaxTouchClasses; ++c) lists.order_starts[c] = 0;
+  for (size_t i = 0; i < n; ++i) ++lists.order_starts[body.touch_classes[i] + 1];
+  lists.group_starts[0] = 0;
   for (size_t c = 0; c < kMaxTouchClasses; ++c) {
-    const uint32_t begin = lists.order_starts[c] = order_end;
-    lists.group_starts[c] = group_end;
-    order_end = Append(n, [&](size_t i) { return body.touch_classes[i] == c; }, lists.order, order_end);
-    group_end = AppendGroups(counts, c, lists.groups, group_end);
-    OrderByPlace(model.template_positions, lists.order + begin, order_end - begin);
+    lists.order_starts[c + 1] += lists.order_starts[c];
+    lists.group_starts[c + 1] = AppendGroups(counts, c, lists.groups, lists.group_starts[c]);
   }
-  lists.order_starts[kMaxTouchClasses] = order_end;
-  lists.group_starts[kMaxTouchClasses] = group_end;
 }
 
 size_t SiteGroupCount(const BodyView& body) {

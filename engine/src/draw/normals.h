@@ -15,7 +15,8 @@ void RunNormals(const kernels::KernelTable& kernels, const format::ModelView& mo
 // xyz: the direction in which u grows, the triangles' (dP/du |det|) summed, made perpendicular to the normal
 // and unit. w: 1 or -1, so that the bitangent is w cross(normal, tangent); `mirrored` as in Space. Run it
 // after the normals and before FinishOutput. Does nothing where surface.tangents is null.
-void RunTangents(const format::ModelView& model, bool mirrored, const dcloth_output& output, const Surface& surface);
+void RunTangents(const kernels::KernelTable& kernels, const format::ModelView& model, bool mirrored,
+                 const dcloth_output& output, const Surface& surface);
 
 }  // namespace dcloth::engine
 

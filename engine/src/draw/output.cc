@@ -1,8 +1,7 @@
 #include "engine/src/draw/output.h"
 
 #include <cstdint>
-
-#include "kernels/half.h"
+#include <cstring>
 
 namespace dcloth::engine {
 namespace {
@@ -40,61 +39,16 @@ float* At(float* values, size_t stride_bytes, size_t vertex) {
   return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(values) + stride_bytes * vertex);
 }
 
-struct Box {
-  float low[3] = {3.4e38f, 3.4e38f, 3.4e38f}, high[3] = {-3.4e38f, -3.4e38f, -3.4e38f};
-
-  // A position that is NaN leaves it as it is.
-  void Add(const float* position) {
-    for (int c = 0; c < 3; ++c) {
-      low[c] = position[c] < low[c] ? position[c] : low[c];
-      high[c] = position[c] > high[c] ? position[c] : high[c];
-    }
-  }
-};
-
-// Two boxes by turns, so that a vertex need not wait for the one before it: skinning takes 47.5 us instead of 49.2.
-Box MovePositions(const float origin[3], uint32_t count, const Surface& surface) {
-  Box even, odd;
-  const auto move = [&](uint32_t i, Box* box) {
-    float* position = At(surface.positions, surface.position_stride_bytes, i);
-    const float moved[3] = {position[0] + origin[0], position[1] + origin[1], position[2] + origin[2]};
-    for (int c = 0; c < 3; ++c) position[c] = moved[c];
-    box->Add(moved);
-  };
-  uint32_t i = 0;
-  for (; i + 1 < count; i += 2) {
-    move(i, &even);
-    move(i + 1, &odd);
-  }
-  if (i < count) move(i, &even);
-  for (int c = 0; c < 3; ++c) {
-    even.low[c] = odd.low[c] < even.low[c] ? odd.low[c] : even.low[c];
-    even.high[c] = odd.high[c] > even.high[c] ? odd.high[c] : even.high[c];
-  }
-  return even;
-}
-
-// The same for tight positions without a box: four at a time are three vectors, 2 us instead of 10 for the skirt.
-void MoveTight(const float origin[3], uint32_t count, float* positions) {
-  constexpr uint32_t kFour = 12;
-  float step[kFour];
-  for (uint32_t k = 0; k < kFour; ++k) step[k] = origin[k % 3];
-  for (uint32_t four = 0; four < count / 4; ++four, positions += kFour) {
-    for (uint32_t k = 0; k < kFour; ++k) positions[k] += step[k];
-  }
-  for (uint32_t k = 0; k < count % 4 * 3; ++k) positions[k] += step[k];
-}
-
 // From scratch to the host's buffer.
-void Store(const Attribute& attribute, size_t vertex, const float* values) {
-  uint8_t* to = static_cast<uint8_t*>(attribute.data) + size_t{attribute.stride_bytes} * vertex;
-  for (uint32_t i = 0; i < attribute.elements; ++i) {
-    if (attribute.format == DCLOTH_FORMAT_FLOAT16) {
-      reinterpret_cast<uint16_t*>(to)[i] = kernels::HalfFromFloat(values[i]);
-    } else {
-      reinterpret_cast<float*>(to)[i] = values[i];
-    }
+void Store(const kernels::KernelTable& kernels, const Attribute& attribute, const float* scratch, size_t vertices) {
+  if (attribute.format == DCLOTH_FORMAT_FLOAT16) {
+    kernels.store_half({scratch, static_cast<uint16_t*>(attribute.data), attribute.stride_bytes, attribute.elements,
+                        vertices});
+    return;
   }
+  auto* to = static_cast<uint8_t*>(attribute.data);
+  const size_t bytes = attribute.elements * sizeof(float);
+  for (size_t i = 0; i < vertices; ++i) std::memcpy(to + i * attribute.stride_bytes, scratch + i * attribute.elements, bytes);
 }
 
 }  // namespace
@@ -147,32 +101,20 @@ Surface SurfaceOf(const dcloth_output& output) {
   return surface;
 }
 
-void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, const dcloth_output& output) {
-  const bool has_box = output.bounds != nullptr;
-  Box box;
-  if (!has_box && surface.position_stride_bytes == kPositionElements * sizeof(float)) {
-    MoveTight(origin, output.vertex_count, surface.positions);
-  } else {
-    box = MovePositions(origin, output.vertex_count, surface);
-  }
+void FinishOutput(const kernels::KernelTable& kernels, const float origin[3], bool mirrored, const Surface& surface,
+                  const dcloth_output& output) {
+  const size_t n = output.vertex_count;
+  kernels.move({surface.positions, surface.position_stride_bytes, origin, output.bounds, n});
   if (mirrored && surface.normals != nullptr) {
-    for (uint32_t i = 0; i < output.vertex_count; ++i) {
+    for (size_t i = 0; i < n; ++i) {
       float* normal = At(surface.normals, surface.normal_stride_bytes, i);
       for (int c = 0; c < 3; ++c) normal[c] = -normal[c];
     }
   }
-  if (ScratchBytes(output) != 0) {
-    for (uint32_t i = 0; i < output.vertex_count; ++i) {
-      Store(Positions(output), i, At(surface.positions, surface.position_stride_bytes, i));
-      if (surface.normals != nullptr) Store(Normals(output), i, At(surface.normals, surface.normal_stride_bytes, i));
-      if (surface.tangents != nullptr) Store(Tangents(output), i, At(surface.tangents, surface.tangent_stride_bytes, i));
-    }
-  }
-  if (!has_box) return;
-  for (int c = 0; c < 3; ++c) {
-    output.bounds[c] = box.low[c];
-    output.bounds[3 + c] = box.high[c];
-  }
+  if (ScratchBytes(output) == 0) return;
+  Store(kernels, Positions(output), surface.positions, n);
+  if (surface.normals != nullptr) Store(kernels, Normals(output), surface.normals, n);
+  if (surface.tangents != nullptr) Store(kernels, Tangents(output), surface.tangents, n);
 }
 
 }  // namespace dcloth::engine

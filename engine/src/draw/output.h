@@ -6,6 +6,7 @@
 
 #include "dcloth/dcloth.h"
 #include "engine/src/pose/space.h"
+#include "kernels/kernels.h"
 
 namespace dcloth::engine {
 
@@ -29,7 +30,8 @@ Surface SurfaceOf(const dcloth_output& output);
 
 // Moves positions by `origin` (host units), turns normals outward in a mirrored space, stores what is no
 // float in its format and takes the bounds.
-void FinishOutput(const float origin[3], bool mirrored, const Surface& surface, const dcloth_output& output);
+void FinishOutput(const kernels::KernelTable& kernels, const float origin[3], bool mirrored, const Surface& surface,
+                  const dcloth_output& output);
 
 }  // namespace dcloth::engine
 

@@ -1,4 +1,5 @@
 #include "tests/unit/converter/bundle_builder.h"
+#include "kernels/half.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -9,7 +10,6 @@
 #include <span>
 #include <stdexcept>
 
-#include "converter/half.h"
 
 namespace dcloth::testing {
 namespace {
@@ -88,7 +88,7 @@ class Builder {
     if (trained && spec_.half_weights) {
       tensor.type = SafeType::kF16;
       std::vector<uint16_t> halves;
-      for (const float value : values) halves.push_back(converter::FloatToHalf(value));
+      for (const float value : values) halves.push_back(kernels::HalfFromFloat(value));
       const auto bytes = std::as_bytes(std::span(halves));
       tensor.bytes.assign(bytes.begin(), bytes.end());
     } else {

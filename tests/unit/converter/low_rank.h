@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "converter/bundle.h"
-#include "converter/half.h"
+#include "kernels/half.h"
 
 namespace dcloth::testing {
 
@@ -26,7 +26,7 @@ inline void LowerRank(converter::Bundle* bundle, uint32_t rank, bool halves = fa
       basis->row(j) = row.cast<float>();
     }
     if (!halves) return;
-    *basis = basis->unaryExpr([](float x) { return converter::HalfToFloat(converter::FloatToHalf(x)); }).eval();
+    *basis = basis->unaryExpr([](float x) { return kernels::FloatFromHalf(kernels::HalfFromFloat(x)); }).eval();
   };
   mix(&bundle->skeleton->basis, 1.0);
   if (bundle->mesh) mix(&bundle->mesh->basis, 0.3);

@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "converter/file.h"
-#include "converter/half.h"
+#include "kernels/half.h"
 #include "kernels/kernels.h"
 #include "kernels/matvec/matvec_pack.h"
 #include "tests/unit/converter/error_text.h"

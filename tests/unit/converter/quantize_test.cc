@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "converter/half.h"
+#include "kernels/half.h"
 #include "tests/unit/converter/error_text.h"
 
 namespace dcloth::converter {
@@ -238,7 +238,7 @@ TEST(QuantizeTest, HalvesAreNearestAndOverflowIsRefusedWithItsPlace) {
   for (size_t i = 0; i < halves.size(); ++i) {
     const float weight = weights.data()[i];
     // Normal halves: 11 significant bits.
-    EXPECT_LE(std::abs(HalfToFloat(halves[i]) - weight), std::abs(weight) * 0x1p-11f + 0x1p-25f);
+    EXPECT_LE(std::abs(kernels::FloatFromHalf(halves[i]) - weight), std::abs(weight) * 0x1p-11f + 0x1p-25f);
   }
   weights(3, 2) = -65520;
   EXPECT_TRUE(Mentions(ErrorText([&] { QuantizeHalf("mesh.basis", weights); }), "mesh.basis", "at row 3, column 2",

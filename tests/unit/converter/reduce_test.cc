@@ -66,7 +66,7 @@ TEST(BasisRankTest, ToleranceIsThatOfTheStoredNumbers) {
   EXPECT_EQ(BasisRank(tilted).rank(), 5u);
   Bundle halves = tilted;
   for (Matrix* basis : {&halves.skeleton->basis, &halves.mesh->basis})
-    *basis = basis->unaryExpr([](float x) { return HalfToFloat(FloatToHalf(x)); }).eval();
+    *basis = basis->unaryExpr([](float x) { return kernels::FloatFromHalf(kernels::HalfFromFloat(x)); }).eval();
   EXPECT_EQ(BasisRank(halves).rank(), 4u);
   Bundle small = bundle;
   small.mesh->basis.row(2) = 1e-5f * other.row(1);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "converter/half.h"
+#include "kernels/half.h"
 #include "tests/unit/converter/bundle_builder.h"
 #include "tests/unit/converter/error_text.h"
 
@@ -45,7 +45,7 @@ TEST(SequenceTest, HalfTruthIsAddedToItsOrigin) {
   RawFile raw = BuildSequence(spec, 2, true);
   auto& truth = raw.At("truth");
   std::vector<uint16_t> halves(2 * 9 * 3);
-  for (size_t i = 0; i < halves.size(); ++i) halves[i] = FloatToHalf(static_cast<float>(i) / 64);
+  for (size_t i = 0; i < halves.size(); ++i) halves[i] = kernels::HalfFromFloat(static_cast<float>(i) / 64);
   truth.type = SafeType::kF16;
   const auto bytes = std::as_bytes(std::span(halves));
   truth.bytes.assign(bytes.begin(), bytes.end());

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "converter/convert.h"
-#include "converter/half.h"
+#include "kernels/half.h"
 #include "tests/unit/converter/bundle_builder.h"
 
 namespace dcloth::converter {
@@ -46,7 +46,7 @@ TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
   mesh.hidden.bias *= kHidden;
   mesh.coefficients.bias *= shrink * kHidden;
   mesh.basis *= 1 / (shrink * kHidden);
-  ASSERT_LT(mesh.basis.cwiseAbs().maxCoeff(), kMaxHalf);
+  ASSERT_LT(mesh.basis.cwiseAbs().maxCoeff(), kernels::kMaxHalf);
 
   const ConvertReport report = ReportOf(bundle, Precision::kFp16, motion);
   const std::vector<const TensorReport*> ranked = RankByCost(report.tensors);
@@ -64,7 +64,7 @@ TEST(TensorCostTest, OneLossyTensorCostsWhatTheModelCosts) {
   BundleSpec spec;
   spec.skeleton = spec.mesh = false;
   Bundle bundle = ParseBundle(spec);
-  for (float& weight : bundle.static_hidden.weight.reshaped()) weight = HalfToFloat(FloatToHalf(weight));
+  for (float& weight : bundle.static_hidden.weight.reshaped()) weight = kernels::FloatFromHalf(kernels::HalfFromFloat(weight));
   const ConvertReport report = ReportOf(bundle, Precision::kFp16, std::vector<Sequence>{ParseSequence(spec, 9)});
   const std::vector<const TensorReport*> ranked = RankByCost(report.tensors);
   ASSERT_EQ(ranked.size(), 2u);

@@ -259,6 +259,7 @@ TestModel BuildModel(const ModelSpec& spec) {
     for (const size_t upper : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15}) touched_by[upper] = 1 | 2;
     AddTouch(&model, classes, touched_by);
   }
+  if (spec.body) AddOrders(&model);
   return model;
 }
 

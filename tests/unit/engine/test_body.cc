@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 
+#include "kernels/nearest/nearest_order.h"
 #include "tests/unit/engine/tensor_writer.h"
 
 namespace dcloth::testing {
@@ -181,6 +183,30 @@ void AddTouch(TestModel* model, const std::vector<uint8_t>& classes, const std::
   format::BodyT& body = *model->tables->body;
   body.touch_classes = writer.Add(format::DType_U8, {static_cast<uint32_t>(classes.size())}, classes);
   body.touched_by = writer.Add(format::DType_U8, {static_cast<uint32_t>(touched_by.size())}, touched_by);
+}
+
+void AddOrders(TestModel* model) {
+  TensorWriter writer(model->numbers.spec.precision, 1, &model->tables->weights);
+  format::BodyT& body = *model->tables->body;
+  const uint8_t* const weights = model->tables->weights.data();
+  const auto bytes_of = [&](const format::TensorT& tensor) { return weights + tensor.offset; };
+  std::vector<float> cloth(3 * model->numbers.n), skin(3 * size_t{body.positions->shape[0]});
+  std::memcpy(cloth.data(), bytes_of(*model->tables->garment->template_positions), cloth.size() * sizeof(float));
+  std::memcpy(skin.data(), bytes_of(*body.positions), skin.size() * sizeof(float));
+  std::vector<uint8_t> classes, touched_by;
+  if (body.touch_classes) {
+    classes.assign(bytes_of(*body.touch_classes), bytes_of(*body.touch_classes) + body.touch_classes->shape[0]);
+    touched_by.assign(bytes_of(*body.touched_by), bytes_of(*body.touched_by) + body.touched_by->shape[0]);
+  }
+  std::vector<uint16_t> order(model->numbers.n);
+  kernels::OrderPoints(cloth.data(), classes.empty() ? nullptr : classes.data(), order.size(), order.data());
+  if (body.touch_classes) {
+    const size_t groups = kernels::CountSiteGroups(touched_by.data(), touched_by.size());
+    std::vector<uint16_t> sites(groups * kernels::kNearestGroup);
+    kernels::OrderSites(skin.data(), touched_by.data(), touched_by.size(), sites.data());
+    body.sites = writer.Add(format::DType_U16, {static_cast<uint32_t>(groups), uint32_t{kernels::kNearestGroup}}, sites);
+  }
+  body.garment_order = writer.Add(format::DType_U16, {static_cast<uint32_t>(order.size())}, order);
 }
 
 std::vector<Point> PoseBody(const EggBody& body, const Numbers& numbers, const std::vector<float>& pose) {

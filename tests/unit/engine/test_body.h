@@ -31,6 +31,9 @@ EggBody AddTrunkAndArm(TestModel* model, uint32_t rings, uint32_t segments, size
 // Which cloth touches which part: a class a garment vertex, a bit a class and body vertex.
 void AddTouch(TestModel* model, const std::vector<uint8_t>& classes, const std::vector<uint8_t>& touched_by);
 
+// The orders that the search wants, as the converter writes them: as since format 1.5.
+void AddOrders(TestModel* model);
+
 // World positions in the pose [joints, 16], in double: the bodies of every test are small enough to try all faces.
 std::vector<Point> PoseBody(const EggBody& body, const Numbers& numbers, const std::vector<float>& pose);
 

@@ -49,7 +49,12 @@ TEST(Half, RoundsToNearestEven) {
     ASSERT_EQ(HalfFromFloat(std::nextafter(middle, 1e9f)), high) << low;
     ASSERT_EQ(HalfFromFloat(-middle), even | 0x8000) << low;
   }
+  EXPECT_EQ(HalfFromFloat(kMaxHalf), 0x7BFF);
+  EXPECT_EQ(HalfFromFloat(65519.996f), 0x7BFF);
+  EXPECT_EQ(HalfFromFloat(65520.0f), kHalfInfinity);
   EXPECT_EQ(HalfFromFloat(3e38f), kHalfInfinity);
+  EXPECT_EQ(HalfFromFloat(-INFINITY), 0xFC00);
+  EXPECT_EQ(HalfFromFloat(-0x1p-26f), 0x8000);
   EXPECT_EQ(HalfFromFloat(1e-40f), 0);
 }
 

@@ -35,16 +35,6 @@ struct Aligned : GuardedBuffer<float> {
   explicit Aligned(const std::vector<float>& values) : GuardedBuffer(values, Place::kAligned64) {}
 };
 
-TEST_F(ReproducibleTest, Activations) {
-  std::vector<float> x = random_.Floats(4001, -9, 9), y(x.size()), plain(x.size());
-  table_->tanh({x.data(), y.data(), x.size()});
-  scalar::Tanh({x.data(), plain.data(), x.size()});
-  ExpectSameBits(y, plain);
-  table_->sigmoid({x.data(), y.data(), x.size()});
-  scalar::Sigmoid({x.data(), plain.data(), x.size()});
-  ExpectSameBits(y, plain);
-}
-
 TEST_F(ReproducibleTest, Gates) {
   const size_t k = 257;
   const std::vector<float> gx = random_.Floats(3 * k, -4, 4), gh = random_.Floats(3 * k, -4, 4);

@@ -82,6 +82,28 @@ TEST(TouchListsTest, EachClassHasItsVerticesAndWhatItTouches) {
   }
 }
 
+// Since 1.5 the file holds what is made for older ones, and no instance has a copy.
+TEST(TouchListsTest, OrdersOfTheFileAreUsed) {
+  std::mt19937 random(9);
+  Garment garment(500, 2000, 40, &random);
+  const size_t without = garment.memory.size();
+  std::vector<uint16_t> order(garment.lists.order, garment.lists.order + 500);
+  std::vector<uint16_t> sites(garment.lists.sites, garment.lists.sites + kernels::kNearestGroup *
+                                                       engine::SiteGroupCount(garment.model.body));
+  const std::vector<uint32_t> starts(garment.lists.order_starts, garment.lists.order_starts + 9);
+  garment.model.body.garment_order = order.data();
+  garment.model.body.sites = sites.data();
+  engine::Arena arena(garment.memory.data());
+  const engine::TouchLists lists = engine::PlaceTouchLists(garment.model, &arena);
+  engine::FillTouchLists(garment.model, lists);
+  EXPECT_EQ(lists.order, order.data());
+  EXPECT_EQ(lists.sites, sites.data());
+  EXPECT_EQ(lists.made_order, nullptr);
+  EXPECT_EQ(lists.made_sites, nullptr);
+  EXPECT_EQ(std::vector<uint32_t>(lists.order_starts, lists.order_starts + 9), starts);
+  EXPECT_LT(arena.size() / sizeof(uint64_t), without);
+}
+
 // Masks of all kinds leave the most groups unfilled.
 TEST(TouchListsTest, TheLargestBodyFitsTheKernel) {
   std::mt19937 random(4);

@@ -1,12 +1,11 @@
-#include "engine/src/body/patch_order.h"
+#include "kernels/nearest/nearest_order.h"
 
 #include <cstring>
 
-#include "kernels/nearest/nearest.h"
-
-namespace dcloth::engine {
+namespace dcloth::kernels {
 namespace {
 
+constexpr size_t kMasks = size_t{1} << kTouchClasses;
 constexpr size_t kSmallest = 4;  // lanes of the narrowest vectors
 
 // A float's place in the order of all bit patterns: smaller floats first, NaN at the ends.
@@ -57,7 +56,7 @@ void Split(const float* positions, size_t axis, uint16_t* begin, uint16_t* middl
 
 // Whole patches on the left of each cut, within a patch a power of two.
 size_t Half(size_t count) {
-  constexpr size_t kPatch = kernels::kNearestPatch;
+  constexpr size_t kPatch = kNearestPatch;
   if (count > kPatch) return ((count + kPatch - 1) / kPatch + 1) / 2 * kPatch;
   size_t half = kSmallest;
   while (2 * half < count) half *= 2;
@@ -73,10 +72,48 @@ void Order(const float* positions, uint16_t* begin, uint16_t* end) {
   Order(positions, middle, end);
 }
 
+size_t GroupsOf(size_t vertices) { return (vertices + kNearestGroup - 1) / kNearestGroup; }
+
+// Numbers whose `values` are `value`, all of them where that is null and `value` 0; returns their end.
+size_t Append(const uint8_t* values, uint8_t value, size_t count, uint16_t* list, size_t end) {
+  for (size_t i = 0; i < count; ++i) {
+    if (values == nullptr ? value == 0 : values[i] == value) list[end++] = static_cast<uint16_t>(i);
+  }
+  return end;
+}
+
 }  // namespace
 
 void OrderByPlace(const float* positions, uint16_t* vertices, size_t count) {
   Order(positions, vertices, vertices + count);
 }
 
-}  // namespace dcloth::engine
+void OrderPoints(const float* positions, const uint8_t* classes, size_t count, uint16_t* order) {
+  size_t begin = 0;
+  for (size_t c = 0; c < kTouchClasses; ++c) {
+    const size_t end = Append(classes, static_cast<uint8_t>(c), count, order, begin);
+    OrderByPlace(positions, order + begin, end - begin);
+    begin = end;
+  }
+}
+
+size_t CountSiteGroups(const uint8_t* touched_by, size_t count) {
+  uint32_t vertices[kMasks] = {};
+  for (size_t i = 0; i < count; ++i) ++vertices[touched_by[i]];
+  size_t groups = 0;
+  for (size_t mask = 1; mask < kMasks; ++mask) groups += GroupsOf(vertices[mask]);
+  return groups;
+}
+
+void OrderSites(const float* positions, const uint8_t* touched_by, size_t count, uint16_t* sites) {
+  for (size_t mask = 1; mask < kMasks; ++mask) {
+    const size_t end = Append(touched_by, static_cast<uint8_t>(mask), count, sites, 0);
+    if (end == 0) continue;
+    OrderByPlace(positions, sites, end);
+    const size_t filled = GroupsOf(end) * kNearestGroup;
+    for (size_t i = end; i < filled; ++i) sites[i] = sites[end - 1];
+    sites += filled;
+  }
+}
+
+}  // namespace dcloth::kernels

@@ -1,5 +1,5 @@
 // Vertices by place: every one once, runs of them close together, whatever their positions.
-#include "engine/src/body/patch_order.h"
+#include "kernels/nearest/nearest_order.h"
 
 #include <gtest/gtest.h>
 
@@ -10,12 +10,8 @@
 #include <random>
 #include <vector>
 
-#include "kernels/nearest/nearest.h"
-
-namespace dcloth::engine {
+namespace dcloth::kernels {
 namespace {
-
-using kernels::kNearestPatch;
 
 // A grid of `rows` by `columns`, a unit apart, its vertices numbered at random.
 std::vector<float> Grid(size_t rows, size_t columns) {
@@ -89,5 +85,28 @@ TEST(PatchOrderTest, EveryCountAndAnyFloats) {
   Ordered(std::vector<float>(size_t{3} * 65536, 1.0f));
 }
 
+// Points of a class follow each other; sites of a mask do, in whole groups.
+TEST(NearestOrderTest, ClassesAndMasks) {
+  const std::vector<float> positions = Grid(20, 20);
+  std::mt19937 random(5);
+  std::vector<uint8_t> classes(400), masks(400);
+  for (uint8_t& c : classes) c = static_cast<uint8_t>(random() % 3);
+  for (uint8_t& mask : masks) mask = static_cast<uint8_t>(random() % 4);
+  std::vector<uint16_t> order(400);
+  OrderPoints(positions.data(), classes.data(), 400, order.data());
+  for (size_t i = 1; i < 400; ++i) EXPECT_LE(classes[order[i - 1]], classes[order[i]]);
+  std::sort(order.begin(), order.end());
+  for (size_t i = 0; i < 400; ++i) EXPECT_EQ(order[i], i);
+  std::vector<uint16_t> sites(kNearestGroup * CountSiteGroups(masks.data(), 400), 0xFFFF);
+  OrderSites(positions.data(), masks.data(), 400, sites.data());
+  std::vector<size_t> seen(400);
+  for (size_t i = 0; i < sites.size(); ++i) {
+    ASSERT_LT(sites[i], 400u);
+    EXPECT_EQ(masks[sites[i]], masks[sites[i / kNearestGroup * kNearestGroup]]) << i;
+    ++seen[sites[i]];
+  }
+  for (size_t i = 0; i < 400; ++i) EXPECT_EQ(seen[i] != 0, masks[i] != 0) << i;
+}
+
 }  // namespace
-}  // namespace dcloth::engine
+}  // namespace dcloth::kernels

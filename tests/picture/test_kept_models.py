@@ -1,0 +1,36 @@
+"""A file of every format version that a release wrote opens and draws what it drew then, to the bit.
+
+kept/ holds a small garment as the converter of that version wrote it, poses to play, and the hashes of what the engine of
+that version drew with the reproducible kernels. A new version adds a file; none is ever written anew. `--body` keeps the
+cloth outside of the body.
+"""
+import json
+import os
+import pathlib
+import re
+import subprocess
+
+import pytest
+
+KEPT = pathlib.Path(__file__).with_name("kept")
+DRAWN = json.loads((KEPT / "kept.json").read_text())
+
+
+def drawn(model, *how):
+    said = subprocess.run([os.environ["DCLOTH_PICTURE"], model, KEPT / "poses.f32", "--isa", "reproducible", *how],
+                          capture_output=True, text=True, check=True).stdout
+    return re.search(r"hash (\w{16})", said)[1]
+
+
+def test_every_kept_file_is_listed():
+    assert {f"{name}.dcloth" for name in DRAWN} == {path.name for path in KEPT.glob("*.dcloth")}
+    assert len({kept["format"] for kept in DRAWN.values()}) == len(DRAWN) >= 3
+
+
+@pytest.mark.parametrize("name", sorted(DRAWN))
+def test_kept_model(name):
+    model, kept = KEPT / f"{name}.dcloth", DRAWN[name]
+    said = json.loads(subprocess.run([os.environ["DCLOTH_BIN"], "inspect", model, "--json"], capture_output=True, check=True).stdout)
+    assert said["format"] == kept["format"]
+    assert drawn(model) == kept["picture"]
+    assert drawn(model, "--body") == kept["outside"] != kept["picture"]
