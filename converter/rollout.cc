@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string_view>
 #include <utility>
 
 #include "converter/error.h"
@@ -22,22 +21,17 @@ dcloth_error EmptyError() {
   return error;
 }
 
-// The engine's "[place: ]found F; allowed: A[; mend]" in an Error's words.
+// The engine's error in an Error's words.
 ErrorParts PartsOf(const dcloth_error& error, const std::filesystem::path& path) {
-  constexpr std::string_view kFound = "found ", kAllowed = "; allowed: ";
-  const std::string_view text = error.text;
-  const size_t place = text.starts_with(kFound) ? 0 : text.find(": found ");
-  const size_t allowed = text.find(kAllowed);
-  if (place == text.npos || allowed == text.npos) return {path, "", std::string(text), "", ""};
-  const size_t found = place + (place == 0 ? 0 : 2) + kFound.size(), expected = allowed + kAllowed.size();
-  const size_t mend = std::min(text.find("; ", expected), text.size());
+  const auto part = [&error](uint16_t at, uint16_t size) { return std::string(error.text + at, size); };
+  if (error.found_size == 0) return {path, "", error.text, "", ""};
   ErrorParts parts;
   parts.path = path;
-  parts.found = text.substr(found, allowed - found);
-  if (place != 0) parts.found.append(" in ").append(text.substr(0, place));
+  parts.found = part(error.found_at, error.found_size);
+  if (error.what_size != 0) parts.found.append(" in ").append(part(error.what_at, error.what_size));
   if (error.offset_bytes != UINT64_MAX) parts.found.append(" at byte ").append(std::to_string(error.offset_bytes));
-  parts.expected = text.substr(expected, mend - expected);
-  parts.mend = text.substr(std::min(mend + 2, text.size()));
+  parts.expected = part(error.allowed_at, error.allowed_size);
+  parts.mend = part(error.mend_at, error.mend_size);
   return parts;
 }
 
@@ -72,7 +66,7 @@ void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, 
   }
   const std::vector<uint32_t> map = MapJoints(sequence, model.joint_names());
   std::vector<float> matrices(map.size() * 16), positions(size_t{info.vertex_count} * 3), normals(positions.size());
-  const dcloth_pose pose = {sizeof(dcloth_pose), info.joint_count, matrices.data(), 0};
+  const dcloth_pose pose = {sizeof(dcloth_pose), info.joint_count, matrices.data(), 0, 0};
   dcloth_output output{};
   output.struct_size = sizeof(output);
   output.vertex_count = info.vertex_count;

@@ -10,6 +10,14 @@
 #error "DCLOTH_WASM_SIMD is on, but no WebAssembly SIMD target is compiled: -msimd128 is missing"
 #endif
 
+// Each release of Highway may name its targets anew: what is then not compiled would leave the scalar kernels alone.
+#if (HWY_ARCH_X86 || HWY_ARCH_ARM_A64) && !(HWY_TARGETS & (HWY_AVX3 | HWY_AVX2 | HWY_SSE4 | HWY_NEON))
+#error "Highway compiles none of AVX3, AVX2, SSE4 and NEON here: dcloth knows the names of Highway 1.0.3 to 1.0.5"
+#endif
+#if HWY_ARCH_ARM_A64 && defined(HWY_NEON_WITHOUT_AES)
+#error "Highway 1.0.6 and later has two NEON targets, of which dcloth's settings choose the one it does not list"
+#endif
+
 namespace dcloth::kernels {
 namespace {
 

@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_windows] [unity] [web] [npm] [import] [bench] [lint]`; "build" when nothing is said. "test" and "train" also install
+# [cross_i386] [cross_windows] [unity] [web] [npm] [import] [bench] [lint]`; "build" when nothing is said. "test" and "train" also install
 # training/requirements.txt from PyPI into .venv, a virtual environment that sees Debian's Python packages too; "lint" ruff.
 set -euo pipefail
 
+gcc_version=$(g++ -dumpversion 2>/dev/null || echo 12)
 declare -A groups=(
   [build]="ca-certificates g++ cmake ninja-build libhwy-dev libflatbuffers-dev flatbuffers-compiler nlohmann-json3-dev
            libeigen3-dev libcli11-dev zlib1g-dev python3"
   [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
           chromium binutils clang libclang-rt-dev pkg-config"
   [cross_aarch64]="g++-aarch64-linux-gnu qemu-user googletest"
+  [cross_i386]="libc6-dev-i386 lib32gcc-${gcc_version}-dev lib32stdc++-${gcc_version}-dev googletest"
   [cross_windows]="g++-mingw-w64-x86-64-posix libz-mingw-w64-dev wine wine64 googletest"
   [unity]="mono-mcs mono-runtime libmono-system-core4.0-cil libmono-2.0-dev libmonosgen-2.0-dev"
   [web]="emscripten binaryen nodejs"

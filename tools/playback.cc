@@ -63,7 +63,7 @@ void Player::Skin(std::span<const float> pose, float blend, dcloth_timer* timer)
 double Player::Update(std::span<const float> pose, float seconds, uint32_t flags, bool draw, dcloth_timer* timer) {
   const dcloth_pose p = Pose(pose);
   const dcloth_frame frame = {
-      .struct_size = sizeof(frame), .stages = stages_, .seconds = seconds, .flags = flags};
+      .struct_size = sizeof(frame), .stages = stages_, .seconds = seconds, .flags = flags, .error = nullptr};
   const dcloth_output output = Output();
   Check(dcloth_cloth_update(model_.cloth(), &p, &frame, draw ? &output : nullptr, timer), "update");
   dcloth_cloth_info info{};
@@ -88,7 +88,8 @@ dcloth_pose Player::Pose(std::span<const float> matrices) const {
   return {.struct_size = sizeof(dcloth_pose),
           .joint_count = static_cast<uint32_t>(matrices.size() / 16),
           .joint_matrices = matrices.data(),
-          .column_major = 0};
+          .column_major = 0,
+          .padding = 0};
 }
 
 void Player::Check(dcloth_status status, const char* what) const {

@@ -1,6 +1,7 @@
 #include "engine/format/diagnostic.h"
 
 #include <cstddef>
+#include <cstring>
 
 namespace dcloth::format {
 
@@ -56,8 +57,24 @@ Text& Text::AddNumber(double value) {
   return *this;
 }
 
+namespace {
+
+constexpr size_t kFirstErrorBytes = offsetof(dcloth_error, text) + sizeof(dcloth_error::text);
+
+// Adds what `add` does; which bytes of the text it is.
+template <typename Add>
+void AddPart(Text* text, uint16_t* at, uint16_t* size, Add add) {
+  const size_t before = text->size();
+  add();
+  *at = static_cast<uint16_t>(before);
+  *size = static_cast<uint16_t>(text->size() - before);
+}
+
+}  // namespace
+
+// 0.1.0 knew no parts of the text.
 Diagnostic::Diagnostic(dcloth_error* error)
-    : error_(error != nullptr && error->struct_size >= sizeof(dcloth_error) ? error : nullptr) {}
+    : error_(error != nullptr && error->struct_size >= kFirstErrorBytes ? error : nullptr) {}
 
 bool Diagnostic::Fail(dcloth_status status, uint64_t offset, const Path* path, const char* found, const char* allowed,
                       const char* fix) {
@@ -66,11 +83,19 @@ bool Diagnostic::Fail(dcloth_status status, uint64_t offset, const Path* path, c
   if (error_ == nullptr) return false;
   error_->status = status;
   error_->offset_bytes = offset;
+  dcloth_error parts = {};
   Text text(error_->text, sizeof(error_->text));
   text.Add("");
-  if (path != nullptr) text.Add(*path).Add(": ");
-  text.Add("found ").Add(found).Add("; allowed: ").Add(allowed);
-  if (*fix != '\0') text.Add("; ").Add(fix);
+  AddPart(&text, &parts.what_at, &parts.what_size, [&] { path != nullptr ? void(text.Add(*path)) : void(); });
+  text.Add(path != nullptr ? ": found " : "found ");
+  AddPart(&text, &parts.found_at, &parts.found_size, [&] { text.Add(found); });
+  text.Add("; allowed: ");
+  AddPart(&text, &parts.allowed_at, &parts.allowed_size, [&] { text.Add(allowed); });
+  if (*fix != '\0') text.Add("; ");
+  AddPart(&text, &parts.mend_at, &parts.mend_size, [&] { text.Add(fix); });
+  if (error_->struct_size >= sizeof(dcloth_error)) {
+    std::memcpy(&error_->what_at, &parts.what_at, sizeof(dcloth_error) - offsetof(dcloth_error, what_at));
+  }
   return false;
 }
 

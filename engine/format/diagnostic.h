@@ -26,7 +26,8 @@ struct Path {
 // Terminated text in memory of a fixed size; what does not fit is cut off.
 class Text {
  public:
-  Text(char* out, size_t size) : out_(out), left_(size) {}
+  Text(char* out, size_t size) : begin_(out), out_(out), left_(size) {}
+  size_t size() const { return static_cast<size_t>(out_ - begin_); }
   Text& Add(const char* text);
   Text& AddName(const char* name);  // of a file: ASCII control characters become '?', as it may go to a terminal or a log
   Text& Add(uint64_t value);
@@ -34,6 +35,7 @@ class Text {
   Text& AddNumber(double value);  // six significant digits
 
  private:
+  const char* begin_;
   char* out_;
   size_t left_;  // the terminator's byte included
 };

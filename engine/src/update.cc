@@ -112,9 +112,8 @@ void Draw(Cloth* cloth, const Affine* pose, double behind, const dcloth_output& 
 
 bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_timer* timer) {
   Stopwatch watch(timer);
-  if (!PoseIsUsable(*cloth->model, cloth->rig, pose)) return false;
+  if (!ReadPose(*cloth->model, cloth->rig, pose, cloth->pose_now)) return false;
   ContinueTick(cloth, kAllOfIt, &watch);
-  ReadPose(*cloth->model, cloth->rig, pose, cloth->pose_now);
   StartTick(cloth, cloth->pose_now, {stages}, 1, &watch);
   std::swap(cloth->pose_before, cloth->pose_now);
   ContinueTick(cloth, kAllOfIt, &watch);
@@ -126,8 +125,7 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
 
 bool SkinCloth(Cloth* cloth, const dcloth_pose& pose, float blend, const dcloth_output& output, dcloth_timer* timer) {
   Stopwatch watch(timer);
-  if (!PoseIsUsable(*cloth->model, cloth->rig, pose)) return false;
-  ReadPose(*cloth->model, cloth->rig, pose, cloth->pose_now);
+  if (!ReadPose(*cloth->model, cloth->rig, pose, cloth->pose_now)) return false;
   Draw(cloth, cloth->pose_now, 1 - static_cast<double>(blend), output, &watch);
   return true;
 }
@@ -136,8 +134,7 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
                  dcloth_timer* timer) {
   Stopwatch watch(timer);
   const format::ModelView& model = *cloth->model;
-  if (!PoseIsUsable(model, cloth->rig, pose)) return false;
-  ReadPose(model, cloth->rig, pose, cloth->pose_now);
+  if (!ReadPose(model, cloth->rig, pose, cloth->pose_now)) return false;
   if ((frame.flags & DCLOTH_FRAME_JUMPED) != 0) {
     std::memcpy(cloth->pose_before, cloth->pose_now, model.joint_count * sizeof(Affine));
     cloth->root.jumped = cloth->root.started;

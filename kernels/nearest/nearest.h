@@ -46,7 +46,13 @@ struct NearestJob {
                         // is no number, and of others of its patch, kNoSite or any site
   float clearance = 0;          // 0 or more
   const uint16_t* group_places = nullptr;  // [groups], which group of `sites` each is; null: in turn
+  uint32_t* looks = nullptr;    // grows by what the call took: a point, or a ball that stands for four, against a group's
+                                // sixteen sites is one, some 8 ns. How many differs between instruction sets; may be null
 };
+
+inline void CountLooks(const NearestJob& job, size_t count) {
+  if (job.looks != nullptr) *job.looks += static_cast<uint32_t>(count);
+}
 
 inline size_t GroupPlace(const NearestJob& job, size_t group) {
   return job.group_places == nullptr ? group : job.group_places[group];

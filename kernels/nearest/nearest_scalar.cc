@@ -3,6 +3,8 @@
 namespace dcloth::kernels::scalar {
 namespace {
 
+constexpr size_t kLookTime = 8;  // looks of a vector source take as long as one here
+
 constexpr float kMore = 1.00001f;  // for the rounding of a difference of squares
 
 struct Search {
@@ -53,9 +55,13 @@ void Nearest(const NearestJob& job) {
     const auto* point = reinterpret_cast<const float*>(bytes);
     job.nearest[i] = job.suspect[i] = kNoSite;
     Search search = {{point[0], point[1], point[2]}, job.reach * job.reach, 3e38f, kNoSite, kNoSite};
+    size_t looks = 0;
     for (size_t g = 0; g < job.groups; ++g) {
-      if (MayMatter(job, search, g)) LookInto(job, g, &search);
+      if (!MayMatter(job, search, g)) continue;
+      LookInto(job, g, &search);
+      ++looks;
     }
+    CountLooks(job, kLookTime * looks);
     if (search.nearest == kNoSite || !(search.suspect_excess <= search.nearest_squared)) continue;
     job.nearest[i] = search.nearest;
     job.suspect[i] = search.suspect;

@@ -164,6 +164,7 @@ HWY_INLINE void Resolve(const NearestJob& job, const List& around, const Block& 
   const V none = hn::Set(d, -1.0f);
   Found found = {hn::Set(d, job.reach * job.reach), hn::Set(d, kNoSuspect), none, none};
   for (size_t i = 0; i < around.count; ++i) LookFor(job, around.groups[i], block, v, &found);
+  CountLooks(job, around.count * hn::Lanes(d));
   const auto near_enough = hn::Le(found.suspect_excess, found.nearest_squared);
   const auto suspicious = hn::And(near_enough, hn::Ge(found.nearest, hn::Zero(d)));
   HWY_ALIGN float nearest[kMaxLanes], suspect[kMaxLanes];
@@ -189,6 +190,7 @@ HWY_INLINE void LookAround(const NearestJob& job, const List& from, size_t first
   for (size_t i = 0; i < around->count; ++i) {
     if (around->groups[i] != first) LookInto<kOfBalls>(job, around->groups[i], block);
   }
+  CountLooks(job, (around->count + 1) * BlockSize());
 }
 
 // The points in need of a look of their own, and which of the patch they are.

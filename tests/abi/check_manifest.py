@@ -29,6 +29,8 @@ FAULTS = [
     ("DCLOTH_ERROR_POSE = 7", "DCLOTH_ERROR_POSE = 9"),
     ("  DCLOTH_STEP_STATIC,        /* pivot increments */\n", ""),
     ("#define DCLOTH_ALIGNMENT 64", "#define DCLOTH_ALIGNMENT 32"),
+    ("  uint32_t padding;              /* never read */\n", ""),
+    ("uint64_t elapsed[DCLOTH_TIMER_STEPS]", "uint64_t elapsed[DCLOTH_STEP_COUNT]"),
     ("DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);", ""),
     ("dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend",
      "dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, double blend"),
@@ -154,6 +156,12 @@ def rules(found):
         first = struct["fields"][0]
         if (first["name"], first["type"], first["offset"]) != ("struct_size", "uint32_t", 0):
             yield f"structs.{name}: does not start with uint32_t struct_size"
+        last = struct["fields"][-1]
+        if last["offset"] + last["bytes"] != struct["bytes"]:
+            yield f"structs.{name}: padding behind the last field; a later field there would be read from old hosts' garbage"
+        for member in struct["fields"]:
+            if re.search(r"\[\w*_COUNT\]$", member["type"]):
+                yield f"structs.{name}.{member['name']}: an array as long as an enum, which may grow"
 
 
 def symbol_faults(functions, nm, library):

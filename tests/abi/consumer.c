@@ -75,8 +75,8 @@ static int all_inside(const vertex* vertices, uint32_t count, const float* bound
 }
 
 static int run(dcloth_cloth* cloth, const dcloth_model_info* info, float* matrices, vertex* vertices) {
-  const dcloth_pose pose = {sizeof(dcloth_pose), info->joint_count, matrices, 0};
-  const dcloth_frame frame = {sizeof(dcloth_frame), info->stages, 1.0f / 60.0f, DCLOTH_FRAME_PIPELINED};
+  const dcloth_pose pose = {sizeof(dcloth_pose), info->joint_count, matrices, 0, 0};
+  const dcloth_frame frame = {sizeof(dcloth_frame), info->stages, 1.0f / 60.0f, DCLOTH_FRAME_PIPELINED, NULL};
   dcloth_output output;
   float bounds[6];
   int result = 0, i;
@@ -95,7 +95,7 @@ static int run(dcloth_cloth* cloth, const dcloth_model_info* info, float* matric
 
 /* The same frames, as planned by a scene of one character whose every tick fits. */
 static int run_scene(dcloth_cloth* cloth, const dcloth_model_info* info, float* matrices) {
-  const dcloth_pose pose = {sizeof(dcloth_pose), info->joint_count, matrices, 0};
+  const dcloth_pose pose = {sizeof(dcloth_pose), info->joint_count, matrices, 0, 0};
   const dcloth_scene_frame scene_frame = {sizeof(dcloth_scene_frame), 1.0f / 60.0f, 1000.0f, 0.0f};
   dcloth_scene_character character;
   dcloth_scene_choice choice;
@@ -120,7 +120,7 @@ static int run_scene(dcloth_cloth* cloth, const dcloth_model_info* info, float* 
            dcloth_scene_set(scene, 0, &character) != DCLOTH_OK || dcloth_cloth_reset(cloth) != DCLOTH_OK;
   for (i = 0; i < FRAMES && result == 0; ++i) {
     float planned = 0.0f;
-    dcloth_frame frame = {sizeof(dcloth_frame), 0, 1.0f / 60.0f, 0};
+    dcloth_frame frame = {sizeof(dcloth_frame), 0, 1.0f / 60.0f, 0, NULL};
     fill_pose(matrices, info->joint_count, 0.05f * (float)i);
     result = dcloth_scene_plan(scene, &scene_frame, &planned) != DCLOTH_OK || planned > 1000.0f ||
              dcloth_scene_get(scene, 0, &choice) != DCLOTH_OK;

@@ -181,7 +181,7 @@ TEST_P(EnvironmentTest, TicksAndFramesFlushSubnormals) {
     std::vector<float> positions(3 * model_.numbers.n);
     const std::vector<float> matrices = Pose(0);
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const dcloth_frame frame = {sizeof(dcloth_frame), DCLOTH_STAGES_MESH, 1 / 60.0f, 0};
+    const dcloth_frame frame = {sizeof(dcloth_frame), DCLOTH_STAGES_MESH, 1 / 60.0f, 0, nullptr};
     const dcloth_output output = FloatOutput(model_.numbers.n, positions.data(), 12, nullptr);
     for (const HostEnvironment& host : kEnvironments) {
       clock = {};

@@ -66,7 +66,7 @@ std::string BrokenByRun(const dcloth_model* model, size_t storage_limit, bool* f
   if (dcloth_cloth_create(model, storage.data(), storage.size(), &cloth, nullptr) != DCLOTH_OK)
     return "a model that opened takes no cloth";
   const std::vector<float> matrices = UprightPose(info.joint_count);
-  const dcloth_pose pose = {sizeof(pose), info.joint_count, matrices.data(), 0};
+  const dcloth_pose pose = {sizeof(pose), info.joint_count, matrices.data(), 0, 0};
   for (int tick = 0; tick < 2; ++tick) {
     if (dcloth_cloth_tick(cloth, &pose, info.stages, nullptr) != DCLOTH_OK) return "a sound pose was refused";
   }

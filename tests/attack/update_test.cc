@@ -194,7 +194,7 @@ TEST_P(UpdateAttackTest, TangentsAreDefinedWhateverTheInput) {
       std::vector<float> matrices = Pose(0);
       for (float& x : matrices) x *= scale;
       const dcloth_pose pose = OwnedCloth::Pose(matrices);
-      const dcloth_frame frame = {sizeof(frame), stages(), 1 / 60.0f, 0};
+      const dcloth_frame frame = {sizeof(frame), stages(), 1 / 60.0f, 0, nullptr};
       ASSERT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, &output, nullptr), DCLOTH_OK);
       for (uint32_t i = 0; i < n; ++i) {
         const float* t = &tangents[4 * i];

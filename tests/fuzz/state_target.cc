@@ -12,6 +12,7 @@
 #include "engine/format/checksum.h"
 #include "engine/src/state/state.h"
 #include "tests/attack/variants.h"
+#include "tests/fuzz/chosen_isa.h"
 #include "tests/fuzz/targets.h"
 #include "tests/unit/engine/aligned_bytes.h"
 #include "tests/unit/engine/all_finite.h"
@@ -57,17 +58,24 @@ const std::vector<Garment>& Garments() {
 
 class Host {
  public:
-  explicit Host(const Garment& garment)
+  // `bind` 0: the joints of training; else those of a rig in its first pose, as large, much larger or much smaller.
+  explicit Host(const Garment& garment, uint8_t bind = 0)
       : garment_(garment),
         storage_(dcloth_cloth_storage_size(garment.model)),
         picture(6 * size_t{garment.info.vertex_count}) {
     dcloth_cloth_create(garment.model, storage_.data(), storage_.size(), &cloth, nullptr);
+    if (bind % 4 == 0) return;
+    constexpr float kScales[] = {1, 1, 1e4f, 1e-4f};
+    std::vector<float> matrices = garment.walk[0];
+    for (size_t i = 0; i < matrices.size(); ++i) matrices[i] *= i % 16 < 12 && i % 4 != 3 ? kScales[bind % 4] : 1;
+    const dcloth_pose pose = {sizeof(pose), garment.info.joint_count, matrices.data(), 0, 0};
+    (void)dcloth_cloth_set_bind_pose(cloth, &pose, nullptr);
   }
 
   dcloth_status Update(size_t frame, uint32_t stages, uint32_t flags) {
     const std::vector<float>& matrices = garment_.walk[frame % garment_.walk.size()];
-    const dcloth_pose pose = {sizeof(pose), garment_.info.joint_count, matrices.data(), 0};
-    const dcloth_frame time = {sizeof(time), stages & garment_.info.stages, 0.01f, flags};
+    const dcloth_pose pose = {sizeof(pose), garment_.info.joint_count, matrices.data(), 0, 0};
+    const dcloth_frame time = {sizeof(time), stages & garment_.info.stages, 0.01f, flags, nullptr};
     dcloth_output output = {};
     output.struct_size = sizeof(output);
     output.vertex_count = garment_.info.vertex_count;
@@ -143,11 +151,11 @@ bool IsKept(const AlignedBytes& state, const Bytes& saved) {
 
 // A cloth that took the state, and a twin that takes what the first one saves.
 std::string BrokenByRun(const Garment& garment, const AlignedBytes& state, Host* host, uint32_t stages,
-                        uint32_t flags) {
+                        uint32_t flags, uint8_t bind) {
   const Bytes saved = host->Save();
   if (saved.empty()) return "a state that was taken but cannot be saved";
   if (!IsKept(state, saved)) return "a part of the state that was not taken";
-  Host twin(garment);
+  Host twin(garment, bind);
   if (dcloth_cloth_restore(twin.cloth, saved.data(), saved.size(), 0, nullptr) != DCLOTH_OK)
     return "a saved state that is refused";
   if (twin.Save() != saved) return "a state that changes by saving and restoring";
@@ -160,7 +168,7 @@ std::string BrokenByRun(const Garment& garment, const AlignedBytes& state, Host*
     if (!SameBits(host->picture, twin.picture)) return "another picture than that of its saved twin";
   }
   if (host->Save().empty()) return "a state that cannot be saved any more";
-  Host fresh(garment);
+  Host fresh(garment, bind);
   if (dcloth_cloth_reset(host->cloth) != DCLOTH_OK) return "a cloth that cannot be reset";
   for (size_t frame = 0; frame < 4; ++frame) {
     host->Update(frame, stages, flags & DCLOTH_FRAME_PIPELINED);
@@ -211,7 +219,9 @@ Verdict FuzzState(const uint8_t* bytes, size_t size) {
   AlignedBytes state(bytes + kHostBytes, size - kHostBytes);
   if ((bytes[3] & kRaw) == 0) SealIfWhole(&state);
 
-  Host host(garment);
+  const ChosenIsa isa(bytes[4]);
+  const uint8_t bind = bytes[5];
+  Host host(garment, bind);
   for (size_t frame = 0; frame < 12; ++frame) host.Update(frame, garment.info.stages, DCLOTH_FRAME_PIPELINED);
   const Bytes before = host.Save();
   dcloth_error error = {};
@@ -219,7 +229,7 @@ Verdict FuzzState(const uint8_t* bytes, size_t size) {
   std::memset(error.text, 'x', sizeof(error.text));
   const uint32_t restore = (bytes[3] & kOtherModel) != 0 ? DCLOTH_RESTORE_OTHER_MODEL : 0;
   const dcloth_status status = dcloth_cloth_restore(host.cloth, state.data(), state.size(), restore, &error);
-  if (status == DCLOTH_OK) return {BrokenByRun(garment, state, &host, stages, flags), true};
+  if (status == DCLOTH_OK) return {BrokenByRun(garment, state, &host, stages, flags, bind), true};
   if (host.Save() != before) return {"a refused state that left a trace", false};
   return {BrokenByRefusal(error, status, state.size()), false};
 }

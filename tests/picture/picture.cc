@@ -96,7 +96,7 @@ int main(int argc, char** argv) {
   output.flags = options.body ? DCLOTH_OUTPUT_OUTSIDE_BODY : 0;
   for (size_t frame = 0; frame < frames; ++frame) {
     const dcloth_pose pose = played.Pose(frame);
-    const dcloth_frame time = {sizeof(time), info.stages, info.tick_seconds / 1.5f, FlagsOf(frame, frames)};
+    const dcloth_frame time = {sizeof(time), info.stages, info.tick_seconds / 1.5f, FlagsOf(frame, frames), nullptr};
     const auto start = std::chrono::steady_clock::now();
     if (cloth.Update(pose, time, &output) != dcloth::Status::kOk) Fail("a frame was refused");
     frame_ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());

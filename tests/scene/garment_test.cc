@@ -60,7 +60,7 @@ class Character {
   // Microseconds that it took.
   double Update(const std::vector<float>& matrices, float seconds, uint32_t stages, uint32_t flags) {
     const dcloth_pose pose = MakePose(matrices.data(), static_cast<uint32_t>(matrices.size() / 16));
-    const dcloth_frame frame = {sizeof(frame), stages, seconds, flags};
+    const dcloth_frame frame = {sizeof(frame), stages, seconds, flags, nullptr};
     const dcloth_output output =
         MakeOutput(positions_.data(), normals_.data(), static_cast<uint32_t>(positions_.size() / 3));
     const double start = ProcessorMicroseconds();

@@ -43,7 +43,7 @@ class Cloth {
   int Update(const Pose& pose, float seconds) {
     const std::vector<float> matrices = Flat(pose);
     const dcloth_pose at = MakePose(matrices.data(), static_cast<uint32_t>(pose.size()));
-    const dcloth_frame frame = {sizeof(frame), stages_, seconds, 0};
+    const dcloth_frame frame = {sizeof(frame), stages_, seconds, 0, nullptr};
     EXPECT_EQ(dcloth_cloth_update(cloth_, &at, &frame, nullptr, nullptr), DCLOTH_OK);
     dcloth_cloth_info info = {};
     info.struct_size = sizeof(info);

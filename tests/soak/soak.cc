@@ -125,7 +125,7 @@ class Instance {
       for (size_t i = 0; i < matrices_.size(); ++i)
         matrices_[i] = matrices[i] + (i % 4 == 3 && i % 16 < 12 ? place_ : 0);
       const dcloth_pose pose = dcloth::MakePose(matrices_.data(), played_.info.joint_count);
-      const dcloth_frame time = {sizeof(time), stages_ & played_.info.stages, step, flags};
+      const dcloth_frame time = {sizeof(time), stages_ & played_.info.stages, step, flags, nullptr};
       float bounds[6];
       dcloth_output output = dcloth::MakeOutput(positions_.data(), nullptr, played_.info.vertex_count);
       output.bounds = bounds;
@@ -203,7 +203,7 @@ unsigned long long Canary(const PlayedModel& played, bool fault) {
   const dcloth_output output = dcloth::MakeOutput(positions.data(), nullptr, played.info.vertex_count);
   Hash hash;
   for (size_t frame = 0; frame < 300; ++frame) {
-    const dcloth_frame time = {sizeof(time), played.info.stages, fault ? 0.01667f : 0.01666f, 0};
+    const dcloth_frame time = {sizeof(time), played.info.stages, fault ? 0.01667f : 0.01666f, 0, nullptr};
     if (player.cloth.Update(played.Pose(frame / 2 % played.frames), time, &output) != Status::kOk)
       Fail("the canary died");
     if (frame % 10 == 9) hash.Add(positions);

@@ -53,7 +53,7 @@ dcloth_pose Player::Load(const Pose& pose) {
       }
     }
   }
-  return {sizeof(dcloth_pose), static_cast<uint32_t>(pose.size()), matrices_.data(), 0};
+  return {sizeof(dcloth_pose), static_cast<uint32_t>(pose.size()), matrices_.data(), 0, 0};
 }
 
 void Player::Tick(const Pose& pose) {

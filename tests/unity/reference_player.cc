@@ -123,8 +123,8 @@ void Frame(dcloth_cloth* cloth, size_t joints, File* script, Vertices* vertices,
   const auto draw = script->Read<uint32_t>();
   std::vector<float> matrices(16 * joints);
   script->ReadTo(matrices.data(), matrices.size());
-  const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(joints), matrices.data(), 0};
-  const dcloth_frame frame = {sizeof(frame), stages, seconds, flags & ~kReset};
+  const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(joints), matrices.data(), 0, 0};
+  const dcloth_frame frame = {sizeof(frame), stages, seconds, flags & ~kReset, nullptr};
   if ((flags & kReset) != 0) dcloth_cloth_reset(cloth);
   const dcloth_output output = vertices->Output(output_flags);
   const dcloth_status status = dcloth_cloth_update(cloth, &pose, &frame, draw != 0 ? &output : nullptr, nullptr);

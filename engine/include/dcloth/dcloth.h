@@ -12,7 +12,9 @@
  * are changed: each call sets them aside, a timer's clock runs in the engine's, and all is restored, sticky flags
  * included (x86, AArch64; WebAssembly has none). Ticks and frames flush subnormals, which else could take minutes.
  *
- * Every struct_size is at least sizeof of the struct in this header; a larger one, of a later header, is accepted.
+ * struct_size is sizeof of the struct in the header that a host was compiled with. A struct only grows at its end: fields
+ * that a host does not know read as zero, and those that it has no room for are not written. So a host compiled with the
+ * headers of 0.1.0 runs with this library, and one compiled with these with a later one.
  * Any weights pass dcloth_model_open, even NaN: they give NaN vertices until the next reset, never a fault.
  *
  * Units: metres, seconds, radians. Right-handed, +Y up, the character faces +Z with its left along +X in the bind
@@ -42,6 +44,8 @@ extern "C" {
 #define DCLOTH_VERSION_MAJOR 0
 #define DCLOTH_VERSION_MINOR 1
 #define DCLOTH_VERSION_PATCH 0
+/* 1000000 MAJOR + 1000 MINOR + PATCH */
+#define DCLOTH_VERSION_NUMBER 1000
 
 /* Model bytes and lent memory start on a multiple of this. */
 #define DCLOTH_ALIGNMENT 64
@@ -55,7 +59,8 @@ enum {
   DCLOTH_ERROR_FORMAT = 4,     /* not a .dcloth file, truncated, or structurally broken */
   DCLOTH_ERROR_VERSION = 5,    /* a .dcloth file of another major version */
   DCLOTH_ERROR_SEMANTICS = 6,  /* structure intact, content impossible: shapes, indices, scales, ranges */
-  DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, over 1e9, a wrong joint count, a bind pose without inverse; no change */
+  DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, over 1e9 or, by a bind pose, 1e12 m; a wrong joint count; a bind pose without
+                                  inverse. Nothing changes */
   DCLOTH_ERROR_JOINTS = 8,     /* the host's skeleton lacks joints of the model */
   DCLOTH_ERROR_MODEL = 9       /* a saved state of another model */
 };
@@ -67,6 +72,16 @@ typedef struct dcloth_error {
   dcloth_status status;
   uint64_t offset_bytes;  /* where in the model's or state's bytes, or UINT64_MAX where no place applies */
   char text[240];         /* always terminated */
+  /* Parts of `text`: the first byte of each and how many there are, 0 where there is no such part. `what` is a field, a
+   * tensor or a joint; the text may have been too short for the rest. Since 0.2 */
+  uint16_t what_at;
+  uint16_t what_size;
+  uint16_t found_at;
+  uint16_t found_size;
+  uint16_t allowed_at;
+  uint16_t allowed_size;
+  uint16_t mend_at;
+  uint16_t mend_size;
 } dcloth_error;
 
 typedef struct dcloth_model dcloth_model; /* read-only view of model bytes */
@@ -130,6 +145,7 @@ typedef struct dcloth_pose {
   uint32_t joint_count;          /* dcloth_model_info.joint_count, or the count of names bound */
   const float* joint_matrices;   /* [joint_count, 16] joint to world, unscaled, in the host's space */
   uint32_t column_major;         /* 0: rows are contiguous; 1: columns are contiguous */
+  uint32_t padding;              /* never read */
 } dcloth_pose;
 
 /* One frame of time.
@@ -160,7 +176,7 @@ enum {
    * frame. */
   DCLOTH_FRAME_PIPELINED = 1,
   DCLOTH_FRAME_JUMPED = 2,
-  /* The mesh stage runs in every second tick, which saves nearly half of its time; the stages before it run in each.
+  /* Experimental: may change before 1.0. The mesh stage runs in every second tick, which saves nearly half of its time; the stages before it run in each.
    * Its part of the displacement is drawn one tick later than the rest, on a straight way from one run to the next.
    * The first tick, after a reset too, runs it. For ticks that start now; without DCLOTH_STAGES_MESH it does nothing. */
   DCLOTH_FRAME_HALF_RATE_MESH = 4,
@@ -168,7 +184,7 @@ enum {
    * frame's pose, and the grid starts anew with it: so hosts choose in which frame a cloth pays. Meanwhile the newest
    * displacement is drawn, before the first tick the garment without any. */
   DCLOTH_FRAME_HOLD = 8,
-  /* Freeze while idle. After half a second (15 ticks) in which no joint moved by more than 0.5 mm or turned by more
+  /* Experimental: may change before 1.0. Freeze while idle. After half a second (15 ticks) in which no joint moved by more than 0.5 mm or turned by more
    * than a thousandth, and no vertex by more than 0.05 mm along an axis, neither from tick to tick nor in all, ticks
    * stop and frames cost drawing only; the last of those ticks costs a basis sum more. The first frame with time whose
    * pose has moved that far, that jumped, or that asks for other stages has its tick at once. A frame without the flag
@@ -177,9 +193,10 @@ enum {
 };
 typedef struct dcloth_frame {
   uint32_t struct_size;  /* set to sizeof(dcloth_frame) */
-  uint32_t stages;       /* one of DCLOTH_STAGES_*, at most the model's; for ticks that start now */
+  uint32_t stages;       /* one of DCLOTH_STAGES_*, for ticks that start now; all of the model's where it holds fewer */
   float seconds;         /* since the last update: 0 or more, finite */
   uint32_t flags;        /* DCLOTH_FRAME_* or 0 */
+  dcloth_error* error;   /* says why an update was refused; or null. Since 0.2 */
 } dcloth_frame;
 
 /* What the last update did. */
@@ -248,11 +265,13 @@ enum {
   DCLOTH_STEP_PENETRATION,   /* runs before normals */
   DCLOTH_STEP_COUNT
 };
+/* Length of an array inside a struct, which never changes: one more step is one more field. */
+#define DCLOTH_TIMER_STEPS 8
 typedef struct dcloth_timer {
   uint32_t struct_size;              /* set to sizeof(dcloth_timer) */
   uint64_t (*now)(void* context);    /* called at step boundaries; null turns timing off */
   void* context;
-  uint64_t elapsed[DCLOTH_STEP_COUNT]; /* added to, never reset */
+  uint64_t elapsed[DCLOTH_TIMER_STEPS]; /* of each DCLOTH_STEP_*; added to, never reset */
   /* Called after every piece of a step with its name ("mesh layers", static) and its time; or null. A piece that is run in
      portions, or interleaved with another, comes several times. */
   void (*piece)(void* context, const char* name, uint64_t elapsed);
@@ -260,6 +279,13 @@ typedef struct dcloth_timer {
 
 /* Library version, "0.1.0". Memory: static. Thread: any. Errors: none. Cost: none. */
 DCLOTH_API const char* dcloth_version(void);
+
+/* Library version as a number, see DCLOTH_VERSION_NUMBER. Memory: none. Thread: any. Errors: none. Cost: none. */
+DCLOTH_API uint32_t dcloth_version_number(void);
+
+/* A status as a word: "OK", "ARGUMENT" and so on; "UNKNOWN" for numbers that are none. Memory: static. Thread: any.
+ * Errors: none. Cost: none. */
+DCLOTH_API const char* dcloth_status_name(dcloth_status status);
 
 /* The instruction set that the kernels chose on this CPU, "avx2" for instance. Memory: static. Thread: any.
  * Errors: none. Cost: a load. */
@@ -277,8 +303,9 @@ DCLOTH_API dcloth_status dcloth_isa_select(const char* name);
  * Memory: none. Thread: any. Errors: none. Cost: none. */
 DCLOTH_API size_t dcloth_model_storage_size(void);
 
-/* Checks model bytes and opens a view of them. `bytes` and `storage` stay the caller's and must outlive the model; both
- * start on DCLOTH_ALIGNMENT; `size` is that of the whole file, a multiple of DCLOTH_ALIGNMENT. On failure *model is
+/* Checks model bytes and opens a view of them. `bytes` and `storage` stay the caller's and must outlive the model. The
+ * bytes must not change meanwhile: they are used where they lie and not checked again, so a file mapped into memory that
+ * somebody else writes to is a fault. Both start on DCLOTH_ALIGNMENT; `size` is that of the whole file, a multiple of DCLOTH_ALIGNMENT. On failure *model is
  * untouched.
  * Memory: storage only. Thread: any. Errors: ARGUMENT, ALIGNMENT, MEMORY, FORMAT, VERSION, SEMANTICS.
  * Cost: one pass over indices, scales and biases; weights are not touched. */
@@ -290,6 +317,12 @@ DCLOTH_API dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth
 
 /* Name of joint `index`, or null past the end. Memory: in the model bytes. Thread: any. Errors: none. Cost: none. */
 DCLOTH_API const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index);
+
+/* Writes joint `index`'s matrix in the bind pose of training into `matrix`, [16]: joint to world, rows contiguous, in
+ * metres, +Y up, facing +Z, left +X. Its last column is where the joint was.
+ * Memory: none. Thread: any. Errors: ARGUMENT for null and past the end, SEMANTICS where the model's matrix has no inverse;
+ * `matrix` is then untouched. Cost: an inverse. */
+DCLOTH_API dcloth_status dcloth_model_joint_bind(const dcloth_model* model, uint32_t index, float* matrix);
 
 /* Vertices of the skin that DCLOTH_OUTPUT_OUTSIDE_BODY keeps cloth out of; 0 where the model holds none, as of format
  * 1.1 and before. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
@@ -381,7 +414,7 @@ DCLOTH_API dcloth_status dcloth_cloth_restore(dcloth_cloth* cloth, const void* s
 
 /* Runs the ticks that are due and draws: the call for every frame, whatever its rate; see dcloth_frame.
  * `output` may be null for a garment that is not seen. A refused call leaves state and outputs untouched.
- * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: due ticks or their share, and
+ * Memory: none. Thread: owner. Errors: ARGUMENT, POSE; frame->error says why. Cost: due ticks or their share, and
  * dcloth_cloth_skin's. */
 DCLOTH_API dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
                                              const dcloth_output* output, dcloth_timer* timer);
@@ -392,7 +425,7 @@ DCLOTH_API dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth
 /* The next two are update's halves, for hosts with a clock of their own at the tick rate.
  *
  * Advances the network by one tick of dcloth_model_info.tick_seconds with the pose at the tick's end.
- * `stages` is one of DCLOTH_STAGES_*, at most what the model holds. A tick that an update left in work is completed
+ * `stages` is one of DCLOTH_STAGES_*; all of the model's where it holds fewer. A tick that an update left in work is completed
  * first, and update's next tick is due one tick later. A refused pose leaves the state untouched.
  * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: the network; see `dcloth profile`. */
 DCLOTH_API dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages,

@@ -24,6 +24,8 @@ enum class [[nodiscard]] Status : dcloth_status{
     kModel = DCLOTH_ERROR_MODEL,
 };
 
+inline const char* StatusName(Status status) { return dcloth_status_name(static_cast<dcloth_status>(status)); }
+
 enum class Stages : uint32_t {
   kStatic = DCLOTH_STAGES_STATIC,
   kSkeleton = DCLOTH_STAGES_SKELETON,
@@ -49,12 +51,12 @@ struct Timer : dcloth_timer {
 // One world matrix per joint of the model, 16 floats each; `matrices` outlives the call only.
 inline dcloth_pose MakePose(const float* matrices, uint32_t joint_count,
                             MatrixLayout layout = MatrixLayout::kRowMajor) {
-  return {sizeof(dcloth_pose), joint_count, matrices, static_cast<uint32_t>(layout)};
+  return {sizeof(dcloth_pose), joint_count, matrices, static_cast<uint32_t>(layout), 0};
 }
 
-// `flags` are DCLOTH_FRAME_*.
-inline dcloth_frame MakeFrame(float seconds, Stages stages, uint32_t flags = 0) {
-  return {sizeof(dcloth_frame), static_cast<uint32_t>(stages), seconds, flags};
+// `flags` are DCLOTH_FRAME_*; `error` outlives the updates that are given the frame.
+inline dcloth_frame MakeFrame(float seconds, Stages stages, uint32_t flags = 0, dcloth_error* error = nullptr) {
+  return {sizeof(dcloth_frame), static_cast<uint32_t>(stages), seconds, flags, error};
 }
 
 // Tightly packed float arrays; `normals` may be null. Other layouts start from this one.
@@ -93,6 +95,10 @@ class Model {
   }
 
   const char* JointName(uint32_t index) const { return dcloth_model_joint_name(model_, index); }
+  // [16], rows contiguous; see dcloth_model_joint_bind.
+  Status JointBind(uint32_t index, float* matrix) const {
+    return static_cast<Status>(dcloth_model_joint_bind(model_, index, matrix));
+  }
   uint32_t BodyVertexCount() const { return dcloth_model_body_vertex_count(model_); }
   bool ReadsWind() const { return dcloth_model_reads_wind(model_) != 0; }
   size_t ClothStorageSize() const { return dcloth_cloth_storage_size(model_); }

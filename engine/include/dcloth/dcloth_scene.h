@@ -1,4 +1,4 @@
-/* dcloth: many characters in one budget. Part of the C ABI, valid C99, on top of dcloth.h, whose promises hold here
+/* dcloth: many characters in one budget. Experimental: may change before 1.0. Part of the C ABI, valid C99, on top of dcloth.h, whose promises hold here
  * too.
  *
  * Each frame dcloth_scene_plan chooses a level for every character and whether its tick runs in this frame, from
@@ -31,6 +31,9 @@ enum {
   DCLOTH_LEVEL_COUNT
 };
 
+/* Length of arrays inside a struct, which never changes: one more level is one more field. */
+#define DCLOTH_SCENE_LEVELS 5
+
 typedef struct dcloth_scene_character {
   uint32_t struct_size;     /* set to sizeof(dcloth_scene_character) */
   uint32_t top_level;       /* DCLOTH_LEVEL_*: no higher one is wanted; the model may hold less */
@@ -39,9 +42,9 @@ typedef struct dcloth_scene_character {
   float draw_microseconds;  /* of a frame without a tick, on one core; 0 where nothing is drawn */
   /* Of one tick at each level; FROZEN is not read. HALF_RATE_MESH is that of a tick in which the mesh stage rests;
    * those in which it runs cost MESH's. */
-  float tick_microseconds[DCLOTH_LEVEL_COUNT];
+  float tick_microseconds[DCLOTH_SCENE_LEVELS];
   /* How far off each level looks, from `dcloth evaluate`: it tells which raise is worth most. */
-  float error_mm[DCLOTH_LEVEL_COUNT];
+  float error_mm[DCLOTH_SCENE_LEVELS];
 } dcloth_scene_character;
 
 typedef struct dcloth_scene_frame {

@@ -9,6 +9,7 @@
 #include "engine/format/verify.h"
 #include "engine/format/view.h"
 #include "engine/src/pose/host_rig.h"
+#include "engine/src/base/host_struct.h"
 #include "engine/src/cloth.h"
 #include "engine/src/base/arithmetic.h"
 #include "engine/src/time/idle.h"
@@ -28,6 +29,7 @@ using dcloth::engine::Cloth;
 using dcloth::engine::FloatEnvironment;
 using dcloth::format::Diagnostic;
 using dcloth::format::kNoOffset;
+using dcloth::format::Path;
 using dcloth::format::ModelView;
 
 constexpr size_t kModelStorage = (sizeof(ModelView) + DCLOTH_ALIGNMENT - 1) / DCLOTH_ALIGNMENT * DCLOTH_ALIGNMENT;
@@ -41,32 +43,70 @@ Cloth* ClothOf(dcloth_cloth* cloth) { return reinterpret_cast<Cloth*>(cloth); }
 constexpr char kVersion[] =
     DCLOTH_TEXT(DCLOTH_VERSION_MAJOR) "." DCLOTH_TEXT(DCLOTH_VERSION_MINOR) "." DCLOTH_TEXT(DCLOTH_VERSION_PATCH);
 
+static_assert(DCLOTH_VERSION_NUMBER ==
+                  1000000 * DCLOTH_VERSION_MAJOR + 1000 * DCLOTH_VERSION_MINOR + DCLOTH_VERSION_PATCH,
+              "one version");
+// Where a struct has an array, the library counts on these many.
+static_assert(DCLOTH_TIMER_STEPS == DCLOTH_STEP_COUNT, "a step more is a field more");
+
 bool FloatsAreAligned(const float* values) { return reinterpret_cast<uintptr_t>(values) % sizeof(float) == 0; }
 
-bool PoseArgumentIsUsable(const dcloth_pose* pose) {
-  return pose != nullptr && pose->struct_size >= sizeof(dcloth_pose) && pose->joint_matrices != nullptr &&
-         FloatsAreAligned(pose->joint_matrices) && pose->column_major <= 1;
+constexpr char kNoStruct[] = "a null pointer, or a struct_size below that of 0.1.0";
+
+bool Refuse(const char* argument, const char* field, const char* found, const char* allowed, Diagnostic* diagnostic) {
+  const Path parent = {nullptr, argument}, path = {&parent, field};
+  return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, field == nullptr ? &parent : &path, found, allowed, "");
 }
 
-// A timer of 0.1 ends before `piece`.
-bool TimerIsUsable(const dcloth_timer* timer) {
-  return timer == nullptr || timer->struct_size >= offsetof(dcloth_timer, piece);
+// Reads a struct of the host's, which may be another version's.
+template <typename T>
+bool Read(const T* given, const char* argument, T* read, Diagnostic* diagnostic) {
+  if (!dcloth::engine::IsWhole(given)) return Refuse(argument, nullptr, kNoStruct, "one with its size", diagnostic);
+  *read = dcloth::engine::ReadStruct(*given);
+  return true;
 }
 
-bool OutputArgumentIsUsable(const dcloth_output* output, const ModelView& model) {
-  return output != nullptr && dcloth::engine::OutputIsUsable(*output, model.vertex_count);
+bool ReadPose(const dcloth_pose* given, dcloth_pose* pose, Diagnostic* diagnostic) {
+  if (!Read(given, "pose", pose, diagnostic)) return false;
+  if (pose->joint_matrices == nullptr || !FloatsAreAligned(pose->joint_matrices))
+    return Refuse("pose", "joint_matrices", "a null or misaligned pointer", "floats on a multiple of 4", diagnostic);
+  if (pose->column_major > 1) return Refuse("pose", "column_major", "another number", "0 or 1", diagnostic);
+  return true;
 }
 
-bool StagesAreUsable(uint32_t stages, uint32_t held) {
-  return (stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH) &&
-         stages <= held;
+bool CheckTimer(const dcloth_timer* timer, Diagnostic* diagnostic) {
+  return timer == nullptr || dcloth::engine::IsWhole(timer) ||
+         Refuse("timer", nullptr, kNoStruct, "null, or one with its size", diagnostic);
 }
 
-bool FrameIsUsable(const dcloth_frame* frame, uint32_t held) {
+bool ReadOutput(const dcloth_output* given, const ModelView& model, dcloth_output* output, Diagnostic* diagnostic) {
+  return Read(given, "output", output, diagnostic) &&
+         dcloth::engine::CheckOutput(*output, model.vertex_count, diagnostic);
+}
+
+// At most what the model holds: a host need not know.
+bool TakeStages(const ModelView& model, const char* argument, uint32_t* stages, Diagnostic* diagnostic) {
+  if (*stages != DCLOTH_STAGES_STATIC && *stages != DCLOTH_STAGES_SKELETON && *stages != DCLOTH_STAGES_MESH)
+    return Refuse(argument, "stages", "a number that is none of them", "DCLOTH_STAGES_*", diagnostic);
+  const uint32_t held = dcloth::engine::ModelStages(model);
+  if (*stages > held) *stages = held;
+  return true;
+}
+
+bool ReadFrame(const dcloth_frame& given, const ModelView& model, dcloth_frame* frame, Diagnostic* diagnostic) {
   constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HALF_RATE_MESH |
                               DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
-  return frame != nullptr && frame->struct_size >= sizeof(dcloth_frame) && StagesAreUsable(frame->stages, held) &&
-         frame->seconds >= 0.0f && frame->seconds <= dcloth::format::kLargestFloat && (frame->flags & ~kFlags) == 0;
+  *frame = given;
+  if (!TakeStages(model, "frame", &frame->stages, diagnostic)) return false;
+  if (!(frame->seconds >= 0.0f && frame->seconds <= dcloth::format::kLargestFloat)) {
+    const Path parent = {nullptr, "frame"}, path = {&parent, "seconds"};
+    char found[32];
+    dcloth::format::Text(found, sizeof(found)).AddNumber(static_cast<double>(frame->seconds));
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, found, "0 or more, finite", "");
+  }
+  if ((frame->flags & ~kFlags) != 0)
+    return Refuse("frame", "flags", "an unknown flag", "DCLOTH_FRAME_* or 0", diagnostic);
+  return true;
 }
 
 }  // namespace
@@ -74,6 +114,15 @@ bool FrameIsUsable(const dcloth_frame* frame, uint32_t held) {
 extern "C" {
 
 const char* dcloth_version(void) { return kVersion; }
+
+uint32_t dcloth_version_number(void) { return DCLOTH_VERSION_NUMBER; }
+
+const char* dcloth_status_name(dcloth_status status) {
+  static constexpr const char* kNames[] = {"OK",      "ARGUMENT",  "ALIGNMENT", "MEMORY", "FORMAT",
+                                           "VERSION", "SEMANTICS", "POSE",      "JOINTS", "MODEL"};
+  constexpr auto kCount = static_cast<dcloth_status>(sizeof(kNames) / sizeof(kNames[0]));
+  return status >= 0 && status < kCount ? kNames[status] : "UNKNOWN";
+}
 
 const char* dcloth_isa_name(void) { return dcloth::engine::ActiveKernels().name; }
 
@@ -102,24 +151,36 @@ dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, s
 
 dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info* info) {
   const FloatEnvironment environment;
-  if (model == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_model_info))
-    return DCLOTH_ERROR_ARGUMENT;
+  if (model == nullptr || !dcloth::engine::IsWhole(info)) return DCLOTH_ERROR_ARGUMENT;
   const ModelView& view = ViewOf(model);
-  info->joint_count = view.joint_count;
-  info->vertex_count = view.vertex_count;
-  info->triangle_count = view.triangle_count;
-  info->stages = dcloth::engine::ModelStages(view);
-  info->tick_seconds = 1.0f / view.tick_rate;
-  info->format_major = view.format_major;
-  info->format_minor = view.format_minor;
-  info->name = view.name;
-  info->precision = view.precision;
-  info->triangles = view.faces;
+  dcloth_model_info filled = {};
+  filled.joint_count = view.joint_count;
+  filled.vertex_count = view.vertex_count;
+  filled.triangle_count = view.triangle_count;
+  filled.stages = dcloth::engine::ModelStages(view);
+  filled.tick_seconds = 1.0f / view.tick_rate;
+  filled.format_major = view.format_major;
+  filled.format_minor = view.format_minor;
+  filled.name = view.name;
+  filled.precision = view.precision;
+  filled.triangles = view.faces;
+  dcloth::engine::WriteStruct(filled, info);
   return DCLOTH_OK;
 }
 
 const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index) {
   return model == nullptr ? nullptr : dcloth::format::JointName(ViewOf(model), index);
+}
+
+dcloth_status dcloth_model_joint_bind(const dcloth_model* model, uint32_t index, float* matrix) {
+  const FloatEnvironment environment;
+  if (model == nullptr || matrix == nullptr || !FloatsAreAligned(matrix) || index >= ViewOf(model).joint_count)
+    return DCLOTH_ERROR_ARGUMENT;
+  dcloth::engine::Affine bind;
+  if (!dcloth::engine::BindMatrix(ViewOf(model), index, &bind)) return DCLOTH_ERROR_SEMANTICS;
+  for (int i = 0; i < 12; ++i) matrix[i] = static_cast<float>(bind.m[i / 4][i % 4]);
+  for (int i = 12; i < 16; ++i) matrix[i] = i == 15 ? 1.0f : 0.0f;
+  return DCLOTH_OK;
 }
 
 uint32_t dcloth_model_body_vertex_count(const dcloth_model* model) {
@@ -168,9 +229,9 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
 dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error) {
   const FloatEnvironment environment;
   Diagnostic diagnostic(error);
-  if (cloth == nullptr || space == nullptr || space->struct_size < sizeof(dcloth_space) ||
-      !dcloth::engine::MakeSpace(*space, &ClothOf(cloth)->rig.space)) {
-    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a space that is none",
+  if (cloth == nullptr || !dcloth::engine::IsWhole(space) ||
+      !dcloth::engine::MakeSpace(dcloth::engine::ReadStruct(*space), &ClothOf(cloth)->rig.space)) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "no such space",
                     "struct_size set, left, up and forward along three different axes, metres_per_unit from 0.0001 to "
                     "1000, joint_frames 0 or 1",
                     "");
@@ -182,11 +243,12 @@ dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* sp
 dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose* bind, dcloth_error* error) {
   const FloatEnvironment environment;
   Diagnostic diagnostic(error);
-  if (cloth == nullptr || !PoseArgumentIsUsable(bind)) {
-    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a cloth and a pose", "");
-    return diagnostic.status();
+  dcloth_pose pose;
+  if (cloth == nullptr) {
+    Refuse("cloth", nullptr, "a null pointer", "a cloth", &diagnostic);
+  } else if (ReadPose(bind, &pose, &diagnostic)) {
+    dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, pose, &ClothOf(cloth)->rig, &diagnostic);
   }
-  dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, *bind, &ClothOf(cloth)->rig, &diagnostic);
   return diagnostic.status();
 }
 
@@ -203,7 +265,7 @@ dcloth_status dcloth_cloth_set_wind(dcloth_cloth* cloth, const float* wind, dclo
 }
 
 uint64_t dcloth_output_scratch_size(const dcloth_output* output) {
-  return output == nullptr ? 0 : dcloth::engine::ScratchBytes(*output);
+  return dcloth::engine::IsWhole(output) ? dcloth::engine::ScratchBytes(dcloth::engine::ReadStruct(*output)) : 0;
 }
 
 dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth) {
@@ -254,45 +316,66 @@ dcloth_status dcloth_cloth_restore(dcloth_cloth* cloth, const void* state, size_
 dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
                                   const dcloth_output* output, dcloth_timer* timer) {
   const FloatEnvironment environment;
-  if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
+  dcloth_frame read = {};
+  if (dcloth::engine::IsWhole(frame)) read = dcloth::engine::ReadStruct(*frame);
+  Diagnostic diagnostic(read.error);
+  if (cloth == nullptr || !dcloth::engine::IsWhole(frame)) {
+    Refuse(cloth == nullptr ? "cloth" : "frame", nullptr, kNoStruct, "a cloth and a frame", &diagnostic);
+    return diagnostic.status();
+  }
   const ModelView& model = *ClothOf(cloth)->model;
-  if (!FrameIsUsable(frame, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
-  if (output != nullptr && !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
+  dcloth_pose posed;
+  dcloth_frame timed;
+  dcloth_output drawn;
+  if (!ReadPose(pose, &posed, &diagnostic) || !ReadFrame(read, model, &timed, &diagnostic) ||
+      (output != nullptr && !ReadOutput(output, model, &drawn, &diagnostic)) || !CheckTimer(timer, &diagnostic)) {
+    return diagnostic.status();
+  }
   const FloatEnvironment arithmetic(ActiveSubnormals());
-  return dcloth::engine::UpdateCloth(ClothOf(cloth), *pose, *frame, output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
+  const bool taken = dcloth::engine::UpdateCloth(ClothOf(cloth), posed, timed, output != nullptr ? &drawn : nullptr, timer);
+  if (!taken) dcloth::engine::ExplainPose(model, ClothOf(cloth)->rig, posed, &diagnostic);
+  return diagnostic.status();
 }
 
 dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info) {
   const FloatEnvironment environment;
-  if (cloth == nullptr || info == nullptr || info->struct_size < sizeof(dcloth_cloth_info))
-    return DCLOTH_ERROR_ARGUMENT;
+  if (cloth == nullptr || !dcloth::engine::IsWhole(info)) return DCLOTH_ERROR_ARGUMENT;
+  dcloth_cloth_info filled = {};
   const Cloth& described = *reinterpret_cast<const Cloth*>(cloth);
-  info->in_work = dcloth::engine::TickInWork(described) ? 1 : 0;
-  info->lag_seconds = static_cast<float>(described.clock.lag() / static_cast<double>(described.model->tick_rate));
-  info->tick_share = described.work_done;
-  info->frozen = dcloth::engine::IsFrozen(described) ? 1 : 0;
-  info->tick_waits = described.clock.tick_waits() && info->frozen == 0 ? 1 : 0;  // a frozen one wants none
+  filled.in_work = dcloth::engine::TickInWork(described) ? 1 : 0;
+  filled.lag_seconds = static_cast<float>(described.clock.lag() / static_cast<double>(described.model->tick_rate));
+  filled.tick_share = described.work_done;
+  filled.frozen = dcloth::engine::IsFrozen(described) ? 1 : 0;
+  filled.tick_waits = described.clock.tick_waits() && filled.frozen == 0 ? 1 : 0;  // a frozen one wants none
+  dcloth::engine::WriteStruct(filled, info);
   return DCLOTH_OK;
 }
 
 dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages, dcloth_timer* timer) {
   const FloatEnvironment environment;
-  if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
-  const ModelView& model = *ClothOf(cloth)->model;
-  if (!StagesAreUsable(stages, dcloth::engine::ModelStages(model))) return DCLOTH_ERROR_ARGUMENT;
+  Diagnostic diagnostic(nullptr);
+  dcloth_pose posed;
+  if (cloth == nullptr || !ReadPose(pose, &posed, &diagnostic) || !CheckTimer(timer, &diagnostic) ||
+      !TakeStages(*ClothOf(cloth)->model, "tick", &stages, &diagnostic)) {
+    return DCLOTH_ERROR_ARGUMENT;
+  }
   const FloatEnvironment arithmetic(ActiveSubnormals());
-  return dcloth::engine::TickCloth(ClothOf(cloth), *pose, stages, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
+  return dcloth::engine::TickCloth(ClothOf(cloth), posed, stages, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 
 dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend, const dcloth_output* output,
                                 dcloth_timer* timer) {
   const FloatEnvironment environment;
-  if (cloth == nullptr || !PoseArgumentIsUsable(pose) || !TimerIsUsable(timer)) return DCLOTH_ERROR_ARGUMENT;
-  const ModelView& model = *ClothOf(cloth)->model;
+  Diagnostic diagnostic(nullptr);
+  dcloth_pose posed;
+  dcloth_output drawn;
   const volatile float asked = blend;  // volatile: compared inside the environment, where a NaN does not trap
-  if (!(asked >= 0.0f && asked <= 1.0f) || !OutputArgumentIsUsable(output, model)) return DCLOTH_ERROR_ARGUMENT;
+  if (cloth == nullptr || !ReadPose(pose, &posed, &diagnostic) || !CheckTimer(timer, &diagnostic) ||
+      !(asked >= 0.0f && asked <= 1.0f) || !ReadOutput(output, *ClothOf(cloth)->model, &drawn, &diagnostic)) {
+    return DCLOTH_ERROR_ARGUMENT;
+  }
   const FloatEnvironment arithmetic(ActiveSubnormals());
-  return dcloth::engine::SkinCloth(ClothOf(cloth), *pose, blend, *output, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
+  return dcloth::engine::SkinCloth(ClothOf(cloth), posed, blend, drawn, timer) ? DCLOTH_OK : DCLOTH_ERROR_POSE;
 }
 
 }  // extern "C"

@@ -5,15 +5,20 @@
 #include "dcloth/dcloth_scene.h"
 #include "engine/format/limits.h"
 #include "engine/src/base/arithmetic.h"
+#include "engine/src/base/host_struct.h"
 #include "engine/src/base/lent_memory.h"
 #include "engine/src/scene/scene.h"
 
 namespace {
 
 using dcloth::engine::FloatEnvironment;
+using dcloth::engine::IsWhole;
+using dcloth::engine::ReadStruct;
 using dcloth::engine::Scene;
 using dcloth::format::Diagnostic;
 using dcloth::format::kNoOffset;
+
+static_assert(DCLOTH_SCENE_LEVELS == DCLOTH_LEVEL_COUNT, "a level more is a field more");
 
 constexpr uint32_t kMostCharacters = 65536;
 constexpr float kMost = 1e9f;  // larger numbers count as this one: sums stay exact enough
@@ -29,20 +34,18 @@ void Limit(float* value) {
 
 bool AreUsable(const float* values) {
   bool usable = true;
-  for (uint32_t i = 0; i < DCLOTH_LEVEL_COUNT; ++i) usable &= IsUsable(values[i]);
+  for (uint32_t i = 0; i < DCLOTH_SCENE_LEVELS; ++i) usable &= IsUsable(values[i]);
   return usable;
 }
 
 bool CharacterIsUsable(const dcloth_scene_character& character) {
-  return character.struct_size >= sizeof(dcloth_scene_character) && character.cloth != nullptr &&
-         character.top_level < DCLOTH_LEVEL_COUNT && IsUsable(character.importance) &&
+  return character.cloth != nullptr && character.top_level < DCLOTH_LEVEL_COUNT && IsUsable(character.importance) &&
          IsUsable(character.draw_microseconds) && AreUsable(character.tick_microseconds) &&
          AreUsable(character.error_mm);
 }
 
-bool FrameIsUsable(const dcloth_scene_frame* frame) {
-  return frame != nullptr && frame->struct_size >= sizeof(dcloth_scene_frame) && IsUsable(frame->seconds) &&
-         IsUsable(frame->budget_microseconds) && IsUsable(frame->spent_microseconds);
+bool FrameIsUsable(const dcloth_scene_frame& frame) {
+  return IsUsable(frame.seconds) && IsUsable(frame.budget_microseconds) && IsUsable(frame.spent_microseconds);
 }
 
 }  // namespace
@@ -78,8 +81,9 @@ dcloth_status dcloth_scene_set(dcloth_scene* scene, uint32_t index, const dcloth
     SceneOf(scene)->characters[index] = {};
     return DCLOTH_OK;
   }
-  if (!CharacterIsUsable(*character)) return DCLOTH_ERROR_ARGUMENT;
-  dcloth_scene_character limited = *character;
+  if (!IsWhole(character)) return DCLOTH_ERROR_ARGUMENT;
+  dcloth_scene_character limited = ReadStruct(*character);
+  if (!CharacterIsUsable(limited)) return DCLOTH_ERROR_ARGUMENT;
   Limit(&limited.importance);
   Limit(&limited.draw_microseconds);
   for (float& cost : limited.tick_microseconds) Limit(&cost);
@@ -98,8 +102,9 @@ dcloth_status dcloth_scene_set_importance(dcloth_scene* scene, uint32_t index, f
 
 dcloth_status dcloth_scene_plan(dcloth_scene* scene, const dcloth_scene_frame* frame, float* planned_microseconds) {
   const FloatEnvironment environment;
-  if (scene == nullptr || !FrameIsUsable(frame)) return DCLOTH_ERROR_ARGUMENT;
-  dcloth_scene_frame limited = *frame;
+  if (scene == nullptr || !IsWhole(frame)) return DCLOTH_ERROR_ARGUMENT;
+  dcloth_scene_frame limited = ReadStruct(*frame);
+  if (!FrameIsUsable(limited)) return DCLOTH_ERROR_ARGUMENT;
   Limit(&limited.seconds);
   Limit(&limited.budget_microseconds);
   Limit(&limited.spent_microseconds);
@@ -111,17 +116,18 @@ dcloth_status dcloth_scene_plan(dcloth_scene* scene, const dcloth_scene_frame* f
 
 dcloth_status dcloth_scene_get(const dcloth_scene* scene, uint32_t index, dcloth_scene_choice* choice) {
   const FloatEnvironment environment;
-  if (scene == nullptr || choice == nullptr || choice->struct_size < sizeof(dcloth_scene_choice))
-    return DCLOTH_ERROR_ARGUMENT;
+  if (scene == nullptr || !IsWhole(choice)) return DCLOTH_ERROR_ARGUMENT;
   const Scene& planned = *reinterpret_cast<const Scene*>(scene);
   if (index >= planned.count || planned.characters[index].cloth == nullptr) return DCLOTH_ERROR_ARGUMENT;
   const dcloth::engine::SceneCharacter& character = planned.characters[index];
-  choice->level = character.level;
-  choice->stages = dcloth::engine::StagesOf(character);
-  choice->flags = dcloth::engine::FlagsOf(character);
-  choice->ticks = character.ticks;
-  choice->microseconds = static_cast<float>(character.microseconds);
-  choice->stale_seconds = static_cast<float>(character.stale_seconds);
+  dcloth_scene_choice filled = {};
+  filled.level = character.level;
+  filled.stages = dcloth::engine::StagesOf(character);
+  filled.flags = dcloth::engine::FlagsOf(character);
+  filled.ticks = character.ticks;
+  filled.microseconds = static_cast<float>(character.microseconds);
+  filled.stale_seconds = static_cast<float>(character.stale_seconds);
+  dcloth::engine::WriteStruct(filled, choice);
   return DCLOTH_OK;
 }
 

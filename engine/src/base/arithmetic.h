@@ -22,6 +22,8 @@
 
 #if defined(_MSC_VER) && !defined(__clang__) && (defined(_M_X64) || defined(_M_IX86))
 #include <xmmintrin.h>
+#elif defined(_MSC_VER) && !defined(__clang__) && defined(_M_ARM64)
+#include <intrin.h>
 #endif
 
 namespace dcloth::engine {
@@ -55,6 +57,23 @@ class FloatEnvironment {
   static constexpr Word kDefault = 0x1F80, kFlushing = 0x9FC0;
   static Word Read() { return _mm_getcsr(); }
   static void Write(Word word) { _mm_setcsr(word); }
+#elif defined(_MSC_VER) && !defined(__clang__) && defined(_M_ARM64)
+  // As below, by numbers of registers as MSVC's intrinsics take them. Compiled by nobody here yet.
+  struct Word {
+    __int64 control, status;
+  };
+  static constexpr int kControl = 0x5A20, kStatus = 0x5A21;  // S3_3_C4_C4_0 and 1
+  static constexpr Word kDefault = {0, 0}, kFlushing = {__int64{1} << 24, 0};
+  static Word Read() {
+    _ReadWriteBarrier();
+    return {_ReadStatusReg(kControl), _ReadStatusReg(kStatus)};
+  }
+  static void Write(Word word) {
+    _ReadWriteBarrier();
+    _WriteStatusReg(kControl, word.control);
+    _WriteStatusReg(kStatus, word.status);
+    _ReadWriteBarrier();
+  }
 #elif defined(__aarch64__)
   // FPCR and FPSR, Arm ARM C5.2: zero is to nearest, no flushing, no traps, no flag set; bit 24 flushes both ways.
   struct Word {

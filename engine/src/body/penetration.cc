@@ -84,16 +84,21 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   job.nearest = nearest;
   job.suspect = suspect;
   SearchBudget budget = SearchBudgetOf(model.vertex_count);
+  uint32_t looks = 0;
+  job.looks = &looks;
   for (size_t c = 0; c < ClassCount(model); ++c) {
     const TouchClass touch = ClassAt(model, memory.touch, c);
     if (touch.vertex_count == 0 || touch.group_count == 0) continue;
     UseSites(touch, memory.sites, &job);
     const PosedBody posed = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, touch.bit};
     for (size_t begin = 0; begin < touch.vertex_count; begin += job.points_count) {
+      if (budget.looks == 0) return;
       const size_t left = touch.vertex_count - begin;
       job.order = touch.vertices + begin;
       job.points_count = left < kernels::kNearestPatch ? left : kernels::kNearestPatch;
+      looks = 0;
       kernels.nearest(job);
+      budget.looks -= looks < budget.looks ? looks : budget.looks;
       for (size_t i = 0; i < job.points_count; ++i) {
         if (suspect[i] == kernels::kNoSite) continue;
         auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;

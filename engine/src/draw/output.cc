@@ -53,22 +53,43 @@ void Store(const kernels::KernelTable& kernels, const Attribute& attribute, cons
 
 }  // namespace
 
-bool OutputIsUsable(const dcloth_output& output, uint32_t vertex_count) {
-  if (output.struct_size < sizeof(dcloth_output) || output.vertex_count != vertex_count) return false;
-  if ((output.flags & ~uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY}) != 0) return false;
-  if (output.positions == nullptr || !IsUsable(Positions(output))) return false;
-  if (output.normals != nullptr && !IsUsable(Normals(output))) return false;
+bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Diagnostic* diagnostic) {
+  const auto refuse = [diagnostic](const char* field, const char* found, const char* allowed) {
+    const format::Path parent = {nullptr, "output"}, path = {&parent, field};
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, found, allowed, "");
+  };
+  if (output.vertex_count != vertex_count) {
+    const format::Path parent = {nullptr, "output"}, path = {&parent, "vertex_count"};
+    char allowed[32];
+    format::Text(allowed, sizeof(allowed)).Add(uint64_t{vertex_count}).Add(", the model's");
+    return diagnostic->FailCount(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, output.vertex_count, "", allowed, "");
+  }
+  constexpr char kAttribute[] = "a pointer, a stride or a format that does not fit";
+  constexpr char kAttributes[] =
+      "DCLOTH_FORMAT_*; an address and a stride that are multiples of the number's bytes; a stride of an attribute or more";
+  if ((output.flags & ~uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY}) != 0)
+    return refuse("flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
+  if (output.positions == nullptr) return refuse("positions", "a null pointer", "memory for the positions");
+  if (!IsUsable(Positions(output))) return refuse("positions", kAttribute, kAttributes);
+  if (output.normals != nullptr && !IsUsable(Normals(output))) return refuse("normals", kAttribute, kAttributes);
   if (output.tangents != nullptr) {
-    if (output.normals == nullptr || !IsUsable(Tangents(output))) return false;
+    if (output.normals == nullptr) return refuse("tangents", "tangents without normals", "both, or normals alone");
+    if (!IsUsable(Tangents(output))) return refuse("tangents", kAttribute, kAttributes);
     if (output.texture_coordinates == nullptr || !IsAligned(output.texture_coordinates, sizeof(float)) ||
         output.texture_stride_bytes < 2 * sizeof(float) || output.texture_stride_bytes % sizeof(float) != 0) {
-      return false;
+      return refuse("texture_coordinates", "none, or off their alignment",
+                    "two floats a vertex, as tangents are wanted, on multiples of 4 bytes");
     }
   }
-  if (output.bounds != nullptr && !IsAligned(output.bounds, sizeof(float))) return false;
+  if (output.bounds != nullptr && !IsAligned(output.bounds, sizeof(float)))
+    return refuse("bounds", "a misaligned pointer", "six floats on a multiple of 4");
   const size_t scratch = ScratchBytes(output);
-  return scratch == 0 || (output.scratch != nullptr && IsAligned(output.scratch, sizeof(float)) &&
-                          output.scratch_size >= scratch);
+  if (scratch == 0 || (output.scratch != nullptr && IsAligned(output.scratch, sizeof(float)) &&
+                       output.scratch_size >= scratch)) {
+    return true;
+  }
+  return refuse("scratch", "too few bytes, or a null or misaligned pointer",
+                "dcloth_output_scratch_size bytes on a multiple of 4");
 }
 
 size_t ScratchBytes(const dcloth_output& output) {

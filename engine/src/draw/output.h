@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "dcloth/dcloth.h"
+#include "engine/format/diagnostic.h"
 #include "engine/src/pose/space.h"
 #include "kernels/kernels.h"
 
@@ -21,7 +22,8 @@ struct Surface {
   size_t tangent_stride_bytes;
 };
 
-bool OutputIsUsable(const dcloth_output& output, uint32_t vertex_count);
+// Tells the first thing that is wrong with an output; `output` is not touched.
+bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Diagnostic* diagnostic);
 
 // Bytes of scratch that the output's formats need; 0 where all are floats.
 size_t ScratchBytes(const dcloth_output& output);

@@ -79,6 +79,10 @@ bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostR
   return true;
 }
 
+bool BindMatrix(const format::ModelView& model, size_t joint, Affine* bind) {
+  return Invert(InverseBind(model, joint), bind);
+}
+
 Affine FromBindPose(const format::ModelView& model, const HostRig& rig, size_t joint, const Affine& host) {
   Space world = rig.space;
   world.converts_joints = true;

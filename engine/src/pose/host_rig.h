@@ -18,6 +18,9 @@ namespace dcloth::engine {
 bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostRig* rig,
                   format::Diagnostic* diagnostic);
 
+// B_j, the joint's matrix in the bind pose of training. False where the model's inverse has none.
+bool BindMatrix(const format::ModelView& model, size_t joint, Affine* bind);
+
 // G_j in the model's space from the host's, by D_j.
 Affine FromBindPose(const format::ModelView& model, const HostRig& rig, size_t joint, const Affine& host);
 

@@ -109,11 +109,48 @@ bool PoseIsUsable(const format::ModelView& model, const HostRig& rig, const dclo
   return usable;
 }
 
-void ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints) {
+void ExplainPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose,
+                 format::Diagnostic* diagnostic) {
+  const format::Path parent = {nullptr, "pose"};
+  if (pose.joint_count != rig.host_joint_count) {
+    const format::Path path = {&parent, "joint_count"};
+    char allowed[64];
+    format::Text(allowed, sizeof(allowed)).Add(uint64_t{rig.host_joint_count});
+    diagnostic->FailCount(DCLOTH_ERROR_POSE, format::kNoOffset, &path, pose.joint_count, "", allowed,
+                          "a matrix for each joint of the model, or for each name that was bound");
+    return;
+  }
+  for (size_t j = 0; j < model.joint_count; ++j) {
+    const float* matrix = pose.joint_matrices + rig.joint_map[j] * kPoseFloats;
+    for (size_t i = 0; i < kPoseFloats; ++i) {
+      if (matrix[i] >= -kMaxPoseMagnitude && matrix[i] <= kMaxPoseMagnitude) continue;
+      const format::Path all = {&parent, "joint_matrices"}, path = {&all, nullptr, rig.joint_map[j]};
+      char found[128];
+      format::Text(found, sizeof(found))
+          .AddNumber(static_cast<double>(matrix[i]))
+          .Add(" in the matrix of '")
+          .AddName(format::JointName(model, static_cast<uint32_t>(j)))
+          .Add("'");
+      diagnostic->Fail(DCLOTH_ERROR_POSE, format::kNoOffset, &path, found, "finite numbers up to 1e9", "");
+      return;
+    }
+  }
+  const format::Path path = {&parent, "joint_matrices"};
+  diagnostic->Fail(DCLOTH_ERROR_POSE, format::kNoOffset, &path, "a joint that is beyond 1e12 m by its bind pose",
+                   "what is nearer", "is the scale of the bind pose that of the poses?");
+}
+
+bool ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints) {
+  if (!PoseIsUsable(model, rig, pose)) return false;
+  bool usable = true;
   for (size_t j = 0; j < model.joint_count; ++j) {
     const Affine host = JointMatrix(pose, rig.joint_map[j]);
     joints[j] = rig.has_bind_pose ? FromBindPose(model, rig, j, host) : FromHost(rig.space, host);
+    for (const auto& row : joints[j].m) {
+      for (const double value : row) usable &= value >= -kLargestJoint && value <= kLargestJoint;
+    }
   }
+  return usable;
 }
 
 void MakeSkinPose(const format::ModelView& model, const Affine* pose, SkinPose* skin) {

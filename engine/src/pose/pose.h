@@ -3,6 +3,7 @@
 #define DCLOTH_ENGINE_SRC_POSE_POSE_H_
 
 #include "dcloth/dcloth.h"
+#include "engine/format/diagnostic.h"
 #include "engine/format/view.h"
 #include "engine/src/pose/affine.h"
 #include "engine/src/pose/space.h"
@@ -11,6 +12,8 @@ namespace dcloth::engine {
 
 // Larger numbers in a pose are refused like infinity, so that no pose can drive the recurrent state out of float range.
 constexpr float kMaxPoseMagnitude = 1e9f;
+// Of the same in metres: what the largest unit makes of it. A bind pose may make more, which is refused too.
+constexpr double kLargestJoint = 1e3 * static_cast<double>(kMaxPoseMagnitude);
 
 // How a host gives its poses.
 struct HostRig {
@@ -30,8 +33,13 @@ Affine InverseBind(const format::ModelView& model, size_t joint);
 // Every joint is there and every matrix element of the model's joints is finite.
 bool PoseIsUsable(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose);
 
-// G_j of every joint, [joint_count], in the model's space.
-void ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints);
+// Of a pose that is not usable: tells why.
+void ExplainPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose,
+                 format::Diagnostic* diagnostic);
+
+// G_j of every joint, [joint_count], in the model's space. False, whatever `joints` hold then, where the pose is not usable
+// or a number comes out above kLargestJoint.
+bool ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints);
 
 // What skins a frame: G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
 struct SkinPose {

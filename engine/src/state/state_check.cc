@@ -15,7 +15,6 @@ using format::ModelView;
 using format::Path;
 using format::Text;
 
-constexpr double kLargestPose = 1e3 * static_cast<double>(kMaxPoseMagnitude);  // in the largest unit
 constexpr double kLargestDouble = static_cast<double>(kLargestSaved);
 constexpr uint64_t kMostIdleFloats = uint64_t{1} << 24;
 constexpr char kDamaged[] = "the bytes are damaged; reset the cloth instead";
@@ -103,7 +102,7 @@ bool CheckPose(const uint8_t* bytes, size_t joint_count, size_t offset, Diagnost
   for (size_t i = 0; i < 12 * joint_count; ++i) {
     double value = 0;
     std::memcpy(&value, bytes + i * sizeof(value), sizeof(value));
-    if (std::fabs(value) <= kLargestPose) continue;
+    if (std::fabs(value) <= kLargestJoint) continue;
     return FailValue({nullptr, "pose", static_cast<int64_t>(i)}, offset + i * sizeof(value), value,
                      "magnitudes up to 1e12", diagnostic);
   }

@@ -147,6 +147,7 @@ namespace DCloth
             frame.seconds = seconds;
             frame.flags = (Pipelined ? Native.DCLOTH_FRAME_PIPELINED : 0) |
                           (jumped ? Native.DCLOTH_FRAME_JUMPED : 0);
+            frame.error = null;
             dcloth_output output = Output();
             ClothStatus status = cloth.Update(&pose, &frame, draw ? &output : null);
             if (status == ClothStatus.Ok) jumped = false;
@@ -172,6 +173,7 @@ namespace DCloth
             pose.joint_count = (uint)Bones.Length;
             pose.joint_matrices = JointMatrices;
             pose.column_major = 1;
+            pose.padding = 0;
             return pose;
         }
 

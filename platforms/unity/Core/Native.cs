@@ -19,6 +19,12 @@ namespace DCloth
         public static extern byte* dcloth_version();
 
         [DllImport(Library, CallingConvention = C)]
+        public static extern uint dcloth_version_number();
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern byte* dcloth_status_name(int status);
+
+        [DllImport(Library, CallingConvention = C)]
         public static extern byte* dcloth_isa_name();
 
         [DllImport(Library, CallingConvention = C)]
@@ -36,6 +42,9 @@ namespace DCloth
 
         [DllImport(Library, CallingConvention = C)]
         public static extern byte* dcloth_model_joint_name(dcloth_model* model, uint index);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_model_joint_bind(dcloth_model* model, uint index, float* matrix);
 
         [DllImport(Library, CallingConvention = C)]
         public static extern uint dcloth_model_body_vertex_count(dcloth_model* model);

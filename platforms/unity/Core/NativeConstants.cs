@@ -5,6 +5,7 @@ namespace DCloth
         public const int DCLOTH_VERSION_MAJOR = 0;
         public const int DCLOTH_VERSION_MINOR = 1;
         public const int DCLOTH_VERSION_PATCH = 0;
+        public const uint DCLOTH_VERSION_NUMBER = 1000;
 
         public const int DCLOTH_ALIGNMENT = 64;
         public const int DCLOTH_MAX_TICKS = 2;
@@ -52,6 +53,7 @@ namespace DCloth
         public const int DCLOTH_STEP_NORMALS = 6;
         public const int DCLOTH_STEP_PENETRATION = 7;
         public const int DCLOTH_STEP_COUNT = 8;
+        public const int DCLOTH_TIMER_STEPS = 8;
 
         public const uint DCLOTH_RESTORE_OTHER_MODEL = 1;
 
@@ -61,5 +63,6 @@ namespace DCloth
         public const uint DCLOTH_LEVEL_HALF_RATE_MESH = 3;
         public const uint DCLOTH_LEVEL_MESH = 4;
         public const int DCLOTH_LEVEL_COUNT = 5;
+        public const int DCLOTH_SCENE_LEVELS = 5;
     }
 }

@@ -30,6 +30,14 @@ namespace DCloth
         public int status;
         public ulong offset_bytes;
         public fixed byte text[240];
+        public ushort what_at;
+        public ushort what_size;
+        public ushort found_at;
+        public ushort found_size;
+        public ushort allowed_at;
+        public ushort allowed_size;
+        public ushort mend_at;
+        public ushort mend_size;
     }
 
     [StructLayout(LayoutKind.Sequential)]
@@ -66,15 +74,17 @@ namespace DCloth
         public uint joint_count;
         public float* joint_matrices;
         public uint column_major;
+        public uint padding;
     }
 
     [StructLayout(LayoutKind.Sequential)]
-    public struct dcloth_frame
+    public unsafe struct dcloth_frame
     {
         public uint struct_size;
         public uint stages;
         public float seconds;
         public uint flags;
+        public dcloth_error* error;
     }
 
     [StructLayout(LayoutKind.Sequential)]
@@ -116,7 +126,7 @@ namespace DCloth
         public uint struct_size;
         public IntPtr now; // uint64_t (*)(void* context)
         public void* context;
-        public fixed ulong elapsed[Native.DCLOTH_STEP_COUNT];
+        public fixed ulong elapsed[Native.DCLOTH_TIMER_STEPS];
         public IntPtr piece; // void (*)(void* context, const char* name, uint64_t elapsed)
     }
 
@@ -128,8 +138,8 @@ namespace DCloth
         public dcloth_cloth* cloth;
         public float importance;
         public float draw_microseconds;
-        public fixed float tick_microseconds[Native.DCLOTH_LEVEL_COUNT];
-        public fixed float error_mm[Native.DCLOTH_LEVEL_COUNT];
+        public fixed float tick_microseconds[Native.DCLOTH_SCENE_LEVELS];
+        public fixed float error_mm[Native.DCLOTH_SCENE_LEVELS];
     }
 
     [StructLayout(LayoutKind.Sequential)]

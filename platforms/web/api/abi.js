@@ -4,8 +4,11 @@
 export const DCLOTH_VERSION_MAJOR = 0;
 export const DCLOTH_VERSION_MINOR = 1;
 export const DCLOTH_VERSION_PATCH = 0;
+export const DCLOTH_VERSION_NUMBER = 1000;
 export const DCLOTH_ALIGNMENT = 64;
 export const DCLOTH_MAX_TICKS = 2;
+export const DCLOTH_TIMER_STEPS = 8;
+export const DCLOTH_SCENE_LEVELS = 5;
 export const DCLOTH_OK = 0;
 export const DCLOTH_ERROR_ARGUMENT = 1;
 export const DCLOTH_ERROR_ALIGNMENT = 2;
@@ -63,19 +66,28 @@ export const dcloth_cloth_info = Object.freeze({
 });
 
 export const dcloth_error = Object.freeze({
-  bytes: 256,
+  bytes: 272,
   struct_size: 0,
   status: 4,
   offset_bytes: 8,
   text: 16,
+  what_at: 256,
+  what_size: 258,
+  found_at: 260,
+  found_size: 262,
+  allowed_at: 264,
+  allowed_size: 266,
+  mend_at: 268,
+  mend_size: 270,
 });
 
 export const dcloth_frame = Object.freeze({
-  bytes: 16,
+  bytes: 20,
   struct_size: 0,
   stages: 4,
   seconds: 8,
   flags: 12,
+  error: 16,
 });
 
 export const dcloth_model_info = Object.freeze({
@@ -115,11 +127,12 @@ export const dcloth_output = Object.freeze({
 });
 
 export const dcloth_pose = Object.freeze({
-  bytes: 16,
+  bytes: 20,
   struct_size: 0,
   joint_count: 4,
   joint_matrices: 8,
   column_major: 12,
+  padding: 16,
 });
 
 export const dcloth_scene_character = Object.freeze({
@@ -197,6 +210,7 @@ export const dcloth_timer = Object.freeze({
  * @property {(name: number) => number} dcloth_isa_select
  * @property {(model: number) => number} dcloth_model_body_vertex_count
  * @property {(model: number, info: number) => number} dcloth_model_describe
+ * @property {(model: number, index: number, matrix: number) => number} dcloth_model_joint_bind
  * @property {(model: number, index: number) => number} dcloth_model_joint_name
  * @property {(bytes: number, size: number, storage: number, storage_size: number, model: number, error: number)
  *   => number} dcloth_model_open
@@ -210,5 +224,7 @@ export const dcloth_timer = Object.freeze({
  * @property {(scene: number, index: number, character: number) => number} dcloth_scene_set
  * @property {(scene: number, index: number, importance: number) => number} dcloth_scene_set_importance
  * @property {(character_count: number) => number} dcloth_scene_storage_size
+ * @property {(status: number) => number} dcloth_status_name
  * @property {() => number} dcloth_version
+ * @property {() => number} dcloth_version_number
  */

@@ -296,6 +296,7 @@ export class Cloth {
     put(this.#pose, p.joint_matrices, pose);
     put(this.#pose, p.column_major, columnMajor);
     put(this.#frame, abi.dcloth_frame.struct_size, abi.dcloth_frame.bytes);
+    put(this.#frame, abi.dcloth_frame.error, 0);
     put(this.#info, abi.dcloth_cloth_info.struct_size, abi.dcloth_cloth_info.bytes);
     const o = abi.dcloth_output;
     put(this.#output, o.struct_size, o.bytes);

@@ -70,7 +70,7 @@ class OwnedCloth {
   const std::vector<float>& normals() const { return normals_; }
 
   static dcloth_pose Pose(const std::vector<float>& matrices) {
-    return {sizeof(dcloth_pose), static_cast<uint32_t>(matrices.size() / 16), matrices.data(), 0};
+    return {sizeof(dcloth_pose), static_cast<uint32_t>(matrices.size() / 16), matrices.data(), 0, 0};
   }
   dcloth_status Tick(const std::vector<float>& matrices, uint32_t stages) {
     const dcloth_pose pose = Pose(matrices);
@@ -79,7 +79,7 @@ class OwnedCloth {
   // A frame drawn into positions() and normals().
   dcloth_status Update(const std::vector<float>& matrices, float seconds, uint32_t stages, uint32_t flags = 0) {
     const dcloth_pose pose = Pose(matrices);
-    const dcloth_frame frame = {sizeof(dcloth_frame), stages, seconds, flags};
+    const dcloth_frame frame = {sizeof(dcloth_frame), stages, seconds, flags, nullptr};
     const dcloth_output output = Output();
     return dcloth_cloth_update(cloth_, &pose, &frame, &output, nullptr);
   }

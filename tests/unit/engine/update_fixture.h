@@ -50,7 +50,7 @@ class UpdateTest : public ::testing::Test {
   static dcloth_status Update(OwnedCloth* cloth, const std::vector<float>& matrices, float seconds,
                               uint32_t flags = 0, const dcloth_output* output = nullptr) {
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const dcloth_frame frame = {sizeof(frame), kAll, seconds, flags};
+    const dcloth_frame frame = {sizeof(frame), kAll, seconds, flags, nullptr};
     return dcloth_cloth_update(cloth->get(), &pose, &frame, output, nullptr);
   }
 

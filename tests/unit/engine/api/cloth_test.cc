@@ -81,7 +81,7 @@ TEST_F(ClothTest, HostBuffersAreReadAndWrittenWithinTheirBounds) {
   const size_t n = model_.numbers.n;
   for (const uint32_t stride : {12u, 16u, 28u}) {
     GuardedBuffer<float> positions((n - 1) * stride / 4 + 3), normals((n - 1) * stride / 4 + 3);
-    const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(matrices.size() / 16), matrices.data(), 0};
+    const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(matrices.size() / 16), matrices.data(), 0, 0};
     const dcloth_output output = FloatOutput(n, positions.data(), stride, normals.data());
     ASSERT_EQ(dcloth_cloth_tick(cloth.get(), &pose, kAll, nullptr), DCLOTH_OK);
     ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
@@ -235,8 +235,112 @@ TEST_F(ClothTest, BadArgumentsAreRefused) {
   spec.mesh = false;
   const OpenedModel skeleton_only(BuildModel(spec));
   OwnedCloth smaller(skeleton_only);
-  EXPECT_EQ(smaller.Tick(matrices, kAll), DCLOTH_ERROR_ARGUMENT);
-  EXPECT_EQ(smaller.Tick(matrices, DCLOTH_STAGES_SKELETON), DCLOTH_OK);
+  EXPECT_EQ(smaller.Tick(matrices, 5), DCLOTH_ERROR_ARGUMENT);
+}
+
+// A host that asks for all stages need not know how many a model holds.
+TEST_F(ClothTest, StagesAboveTheModelsAreTheModels) {
+  for (const uint32_t held : {uint32_t{DCLOTH_STAGES_STATIC}, uint32_t{DCLOTH_STAGES_SKELETON}}) {
+    ModelSpec spec;
+    spec.mesh = false;
+    spec.skeleton = held != DCLOTH_STAGES_STATIC;
+    const OpenedModel opened(BuildModel(spec));
+    ASSERT_EQ(opened.info().stages, held);
+    OwnedCloth above(opened), exact(opened);
+    for (int frame = 0; frame < 20; ++frame) {
+      ASSERT_EQ(above.Update(Pose(frame / 47.0), 1 / 47.0f, kAll), DCLOTH_OK);
+      ASSERT_EQ(exact.Update(Pose(frame / 47.0), 1 / 47.0f, held), DCLOTH_OK);
+      ASSERT_EQ(above.positions(), exact.positions());
+    }
+    ASSERT_EQ(above.Tick(Pose(1), kAll), DCLOTH_OK);
+    ASSERT_EQ(exact.Tick(Pose(1), held), DCLOTH_OK);
+    ASSERT_EQ(above.Skin(Pose(1), 1), DCLOTH_OK);
+    ASSERT_EQ(exact.Skin(Pose(1), 1), DCLOTH_OK);
+    ASSERT_EQ(above.positions(), exact.positions());
+  }
+}
+
+// Why an update was refused: the field, what was found and what is allowed, in the text and as parts of it.
+TEST_F(ClothTest, ARefusedFrameSaysWhy) {
+  OwnedCloth cloth(opened_);
+  std::vector<float> matrices = Pose(0), out(3 * model_.numbers.n);
+  struct Call {
+    dcloth_pose pose;
+    dcloth_frame frame;
+    dcloth_output output;
+  };
+  const auto refused = [&](auto change, dcloth_status status, const std::string& what, const std::string& found,
+                           const std::string& allowed) {
+    dcloth_error error = EmptyError();
+    Call call = {OwnedCloth::Pose(matrices), {sizeof(dcloth_frame), kAll, 0.01f, 0, &error},
+                 FloatOutput(model_.numbers.n, out.data(), 12, nullptr)};
+    ASSERT_EQ(dcloth_cloth_update(cloth.get(), &call.pose, &call.frame, &call.output, nullptr), DCLOTH_OK) << what;
+    EXPECT_EQ(error.status, DCLOTH_OK);
+    change(&call);
+    EXPECT_EQ(dcloth_cloth_update(cloth.get(), &call.pose, &call.frame, &call.output, nullptr), status) << what;
+    EXPECT_EQ(error.status, status) << what;
+    const auto part = [&](uint16_t at, uint16_t size) { return std::string(error.text + at, size); };
+    EXPECT_EQ(part(error.what_at, error.what_size), what);
+    EXPECT_EQ(part(error.found_at, error.found_size), found);
+    EXPECT_EQ(part(error.allowed_at, error.allowed_size).substr(0, allowed.size()), allowed);
+    EXPECT_EQ(std::string(error.text).find(what + ": found " + found + "; allowed: " + allowed), 0u) << error.text;
+    // The same verdict where nobody listens.
+    call.frame.error = nullptr;
+    EXPECT_EQ(dcloth_cloth_update(cloth.get(), &call.pose, &call.frame, &call.output, nullptr), status) << what;
+  };
+  constexpr dcloth_status kArgument = DCLOTH_ERROR_ARGUMENT;
+  refused([](Call* c) { c->frame.seconds = -1; }, kArgument, "frame.seconds", "-1.00000", "0 or more, finite");
+  refused([](Call* c) { c->frame.flags = 1u << 31; }, kArgument, "frame.flags", "an unknown flag", "DCLOTH_FRAME_* or 0");
+  refused([](Call* c) { c->frame.stages = 5; }, kArgument, "frame.stages", "a number that is none of them", "DCLOTH_STAGES_*");
+  refused([](Call* c) { c->pose.column_major = 2; }, kArgument, "pose.column_major", "another number", "0 or 1");
+  refused([](Call* c) { c->pose.joint_matrices = nullptr; }, kArgument, "pose.joint_matrices", "a null or misaligned pointer",
+          "floats on a multiple of 4");
+  refused([](Call* c) { c->output.vertex_count = 7; }, kArgument, "output.vertex_count", "7", "60, the model's");
+  refused([](Call* c) { c->output.positions = nullptr; }, kArgument, "output.positions", "a null pointer", "memory");
+  refused([](Call* c) { c->output.flags = 64; }, kArgument, "output.flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
+  refused([](Call* c) { c->pose.joint_count = 3; }, DCLOTH_ERROR_POSE, "pose.joint_count", "3", "9");
+  std::vector<float> broken = matrices;
+  broken[16 * 4 + 3] = std::numeric_limits<float>::quiet_NaN();
+  refused([&](Call* c) { c->pose.joint_matrices = broken.data(); }, DCLOTH_ERROR_POSE, "pose.joint_matrices[4]",
+          "NaN in the matrix of 'joint_4'", "finite numbers up to 1e9");
+  broken[16 * 4 + 3] = 2e9f;
+  refused([&](Call* c) { c->pose.joint_matrices = broken.data(); }, DCLOTH_ERROR_POSE, "pose.joint_matrices[4]",
+          "2.00000e9 in the matrix of 'joint_4'", "finite numbers up to 1e9");
+}
+
+TEST(Abi, NamesAndNumbers) {
+  EXPECT_EQ(dcloth_version_number(), uint32_t{DCLOTH_VERSION_NUMBER});
+  EXPECT_STREQ(dcloth_status_name(DCLOTH_OK), "OK");
+  EXPECT_STREQ(dcloth_status_name(DCLOTH_ERROR_ARGUMENT), "ARGUMENT");
+  EXPECT_STREQ(dcloth_status_name(DCLOTH_ERROR_MODEL), "MODEL");
+  EXPECT_STREQ(dcloth_status_name(DCLOTH_ERROR_MODEL + 1), "UNKNOWN");
+  EXPECT_STREQ(dcloth_status_name(-1), "UNKNOWN");
+}
+
+// Structs of a later header hold fields that this library does not know, whatever they say; those of this one may be longer
+// than a host's.
+TEST_F(ClothTest, StructsMayBeLongerOrShorterThanTodays) {
+  OwnedCloth cloth(opened_);
+  const std::vector<float> matrices = Pose(0);
+  struct Longer {
+    dcloth_cloth_info info;
+    uint32_t later[4];
+  } longer = {};
+  longer.info.struct_size = sizeof(longer);
+  for (uint32_t& word : longer.later) word = 0xA5A5A5A5;
+  ASSERT_EQ(dcloth_cloth_describe(cloth.get(), &longer.info), DCLOTH_OK);
+  EXPECT_EQ(longer.info.struct_size, sizeof(longer));
+  EXPECT_EQ(longer.info.tick_waits, 1u);
+  for (const uint32_t word : longer.later) EXPECT_EQ(word, 0xA5A5A5A5) << "a field that the library does not know";
+
+  // 0.1.0's frame ended before `error`: what lies behind it is no pointer.
+  const dcloth_pose pose = OwnedCloth::Pose(matrices);
+  dcloth_frame frame = {offsetof(dcloth_frame, flags) + sizeof(uint32_t), kAll, -1, 0, reinterpret_cast<dcloth_error*>(64)};
+  EXPECT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
+  frame.seconds = 0.01f;
+  EXPECT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, nullptr, nullptr), DCLOTH_OK);
+  frame.struct_size -= 1;
+  EXPECT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
 }
 
 // To the bit: whatever a stage did before it rested leaves no trace once it runs again.

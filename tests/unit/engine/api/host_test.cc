@@ -128,7 +128,7 @@ TEST_F(HostTest, TangentsTurnWithTheSpace) {
     output.texture_coordinates = texture.data();
     output.texture_stride_bytes = 8;
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const dcloth_frame frame = {sizeof(frame), kAll, 0, 0};
+    const dcloth_frame frame = {sizeof(frame), kAll, 0, 0, nullptr};
     EXPECT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, &output, nullptr), DCLOTH_OK);
     return vertices;
   };

@@ -75,6 +75,8 @@ TEST(PushOutTest, ABudgetGrowsWithTheGarment) {
   EXPECT_EQ(engine::SearchBudgetOf(2049).faces, 65568u);
   EXPECT_EQ(engine::SearchBudgetOf(65535).faces, 32u * 65535u);
   EXPECT_EQ(engine::SearchBudgetOf(65535).whole_searches, 2048u);
+  EXPECT_EQ(engine::SearchBudgetOf(1024).looks, 262144u);
+  EXPECT_EQ(engine::SearchBudgetOf(1025).looks, 262400u);
 }
 
 }  // namespace

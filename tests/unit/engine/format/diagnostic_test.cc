@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -99,12 +100,44 @@ TEST(Diagnostic, NeedsNobodyToListen) {
   Diagnostic deaf(nullptr);
   EXPECT_FALSE(deaf.FailCount(DCLOTH_ERROR_FORMAT, 0, nullptr, 3, " bytes", "64", ""));
   EXPECT_EQ(deaf.status(), DCLOTH_ERROR_FORMAT);
+  constexpr uint32_t kFirst = offsetof(dcloth_error, text) + sizeof(dcloth_error::text);
   dcloth_error older;
   std::memset(&older, 0x55, sizeof(older));
-  const dcloth_error before = [&] { older.struct_size = sizeof(older) - 1; return older; }();
+  const dcloth_error before = [&] { older.struct_size = kFirst - 1; return older; }();
   Diagnostic small(&older);
   EXPECT_FALSE(small.Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a", "b", ""));
   EXPECT_EQ(std::memcmp(&older, &before, sizeof(older)), 0);
+  // 0.1.0's error ended with its text.
+  older.struct_size = kFirst;
+  Diagnostic first(&older);
+  EXPECT_FALSE(first.Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a", "b", ""));
+  EXPECT_STREQ(older.text, "found a; allowed: b");
+  EXPECT_EQ(std::memcmp(&older.what_at, &before.what_at, sizeof(older) - kFirst), 0);
+}
+
+// The parts of a text lie where it says, cut off where it is.
+TEST(Diagnostic, TellsThePartsOfItsText) {
+  const Path parent = {nullptr, "mesh_stage"}, path = {&parent, "layers", 2};
+  const std::string longest(300, 'x');
+  for (const std::string& found : {std::string("3"), longest}) {
+    dcloth_error error = {};
+    error.struct_size = sizeof(error);
+    Diagnostic diagnostic(&error);
+    EXPECT_FALSE(diagnostic.Fail(DCLOTH_ERROR_SEMANTICS, 5, &path, found.c_str(), "1 or 2", "convert it again"));
+    const auto part = [&](uint16_t at, uint16_t size) { return std::string(error.text).substr(at, size); };
+    EXPECT_EQ(part(error.what_at, error.what_size), "mesh_stage.layers[2]");
+    const bool whole = found != longest;
+    EXPECT_EQ(part(error.found_at, error.found_size), whole ? found : found.substr(0, sizeof(error.text) - 1 - 28));
+    EXPECT_EQ(part(error.allowed_at, error.allowed_size), whole ? "1 or 2" : "");
+    EXPECT_EQ(part(error.mend_at, error.mend_size), whole ? "convert it again" : "");
+    EXPECT_LE(error.mend_at + error.mend_size, sizeof(error.text) - 1);
+  }
+  dcloth_error error = {};
+  error.struct_size = sizeof(error);
+  Diagnostic diagnostic(&error);
+  EXPECT_FALSE(diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, 5, nullptr, "a", "b", ""));
+  EXPECT_EQ(error.what_size, 0);
+  EXPECT_EQ(error.mend_size, 0);
 }
 
 }  // namespace

@@ -201,9 +201,9 @@ TEST_F(BindPoseTest, WhatHasNoInverseIsRefused) {
   refused("joint 'joint_0'", [](std::vector<float>* bind) {  // a scale of a ten-millionth
     for (size_t i = 0; i < 12; ++i) (*bind)[i] *= i % 4 == 3 ? 1.0f : 1e-7f;
   });
-  const dcloth_pose none = {sizeof(dcloth_pose), static_cast<uint32_t>(joints()), nullptr, 0};
+  const dcloth_pose none = {sizeof(dcloth_pose), static_cast<uint32_t>(joints()), nullptr, 0, 0};
   EXPECT_EQ(dcloth_cloth_set_bind_pose(other.get(), &none, &error), DCLOTH_ERROR_ARGUMENT);
-  EXPECT_NE(std::string(error.text).find("a cloth and a pose"), std::string::npos) << error.text;
+  EXPECT_NE(std::string(error.text).find("allowed: "), std::string::npos) << error.text;
   EXPECT_EQ(dcloth_cloth_set_bind_pose(other.get(), nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
   const std::vector<float> bind = rig(Training());
   const dcloth_pose usable = OwnedCloth::Pose(bind);
@@ -222,10 +222,58 @@ TEST_F(BindPoseTest, TheLargestNumbersDoNoLastingHarm) {
   for (size_t i = 0; i < tiny.size(); ++i) tiny[i] *= i % 16 < 12 && i % 4 != 3 ? 2e-6f : 1.0f;
   ASSERT_EQ(SetBindPose(&cloth, tiny), DCLOTH_OK);
   std::vector<float> huge(tiny.size(), 1e9f);
+  ASSERT_EQ(cloth.Update(huge, kFrame, kAll), DCLOTH_ERROR_POSE);
+  huge.assign(tiny.size(), 1e5f);
   ASSERT_EQ(cloth.Update(huge, kFrame, kAll), DCLOTH_OK);
   ASSERT_EQ(SetBindPose(&cloth, Training()), DCLOTH_OK);
   for (int frame = 0; frame < 30; ++frame) ASSERT_EQ(cloth.Update(Pose(frame), kFrame, kAll), DCLOTH_OK);
   EXPECT_TRUE(std::all_of(cloth.positions().begin(), cloth.positions().end(), [](float x) { return std::isfinite(x); }));
+}
+
+// A model tells the bind pose of training, which taken as the host's changes nothing.
+TEST_F(BindPoseTest, TheModelTellsItsOwn) {
+  const std::vector<float> expected = Training();
+  std::vector<float> found(expected.size(), -1);
+  for (uint32_t j = 0; j < joints(); ++j)
+    ASSERT_EQ(dcloth_model_joint_bind(opened_.get(), j, found.data() + size_t{16} * j), DCLOTH_OK);
+  for (size_t i = 0; i < found.size(); ++i) EXPECT_NEAR(found[i], expected[i], 1e-6f) << i;
+  float untouched = 7;
+  EXPECT_EQ(dcloth_model_joint_bind(opened_.get(), static_cast<uint32_t>(joints()), &untouched), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_model_joint_bind(nullptr, 0, &untouched), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(dcloth_model_joint_bind(opened_.get(), 0, nullptr), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(untouched, 7);
+}
+
+// A bind pose that is tiny makes poses huge. What a cloth takes it can also save, and take back.
+TEST_F(BindPoseTest, WhatIsTakenCanBeSavedAndRestored) {
+  std::vector<float> tiny = Training();
+  for (size_t i = 0; i < tiny.size(); ++i) tiny[i] *= i % 16 < 12 && i % 4 != 3 ? 1e-4f : 1.0f;
+  size_t taken = 0, refused = 0;
+  for (const uint32_t flags : {uint32_t{0}, uint32_t{DCLOTH_FRAME_PIPELINED}}) {
+    for (const float size : {1e9f, 1e8f, 3e7f, 1e7f, 1e5f}) {
+      OwnedCloth cloth(opened_), other(opened_);
+      ASSERT_EQ(SetBindPose(&cloth, tiny), DCLOTH_OK);
+      ASSERT_EQ(SetBindPose(&other, tiny), DCLOTH_OK);
+      for (int frame = 0; frame < 4; ++frame) {
+        std::vector<float> huge(tiny.size(), frame % 2 == 0 ? size : -size);
+        dcloth_error error = EmptyError();
+        const dcloth_pose pose = OwnedCloth::Pose(huge);
+        const dcloth_frame time = {sizeof(time), kAll, kFrame, flags, &error};
+        const dcloth_status status = dcloth_cloth_update(cloth.get(), &pose, &time, nullptr, nullptr);
+        ++(status == DCLOTH_OK ? taken : refused);
+        if (status != DCLOTH_OK) {
+          EXPECT_EQ(status, DCLOTH_ERROR_POSE);
+          EXPECT_NE(std::string(error.text).find("beyond 1e12 m by its bind pose"), std::string::npos) << error.text;
+        }
+        std::vector<uint8_t> state(dcloth_cloth_state_size(cloth.get()));
+        ASSERT_EQ(dcloth_cloth_save(cloth.get(), state.data(), state.size(), &error), DCLOTH_OK) << error.text;
+        ASSERT_EQ(dcloth_cloth_restore(other.get(), state.data(), state.size(), 0, &error), DCLOTH_OK)
+            << size << ": " << error.text;
+      }
+    }
+  }
+  EXPECT_GT(taken, 10u);
+  EXPECT_GT(refused, 3u);
 }
 
 // A model may hold any numbers; its joints then have no axes to be read by.

@@ -77,7 +77,7 @@ class SceneTest : public UpdateTest {
   static std::array<uint64_t, DCLOTH_STEP_COUNT> Count(OwnedCloth* cloth, const std::vector<float>& matrices,
                                                        float seconds, uint32_t stages, uint32_t flags) {
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const dcloth_frame frame = {sizeof(frame), stages, seconds, flags};
+    const dcloth_frame frame = {sizeof(frame), stages, seconds, flags, nullptr};
     uint64_t calls = 0;
     dcloth_timer timer = {};
     timer.struct_size = sizeof(timer);

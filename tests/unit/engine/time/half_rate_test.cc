@@ -29,7 +29,7 @@ class HalfRateTest : public UpdateTest {
   bool RunsMesh(OwnedCloth* cloth, double time, uint32_t flags) {
     const std::vector<float> matrices = Pose(time);
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const dcloth_frame frame = {sizeof(frame), kAll, kSeconds, flags};
+    const dcloth_frame frame = {sizeof(frame), kAll, kSeconds, flags, nullptr};
     dcloth_timer timer = {};
     timer.struct_size = sizeof(timer);
     uint64_t count = 0;

@@ -155,7 +155,7 @@ TEST_F(UpdateEdgesTest, BadTimesAndFramesAreRefusedWithoutTrace) {
   }
   const std::vector<float> matrices = Pose(0);
   const dcloth_pose pose = OwnedCloth::Pose(matrices);
-  dcloth_frame frame = {sizeof(frame), kAll, 0.01f, 0};
+  dcloth_frame frame = {sizeof(frame), kAll, 0.01f, 0, nullptr};
   EXPECT_EQ(dcloth_cloth_update(nullptr, &pose, &frame, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(dcloth_cloth_update(twin.get(), nullptr, &frame, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(dcloth_cloth_update(twin.get(), &pose, nullptr, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
