@@ -1,4 +1,4 @@
-// What the solver reads off a triangle mesh: edges, the vertices across them, neighbours, normals.
+// What the solver reads off a triangle mesh: edges, hinges, neighbours, normals, and the flat pattern's measures.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -8,35 +8,45 @@
 
 namespace cloth_solver {
 
-struct Pair {
+struct Edge {
   int32_t a, b;
+  float rest;       // m, in the pattern
+  float stiffness;  // N/m of this spring
+};
+
+// Two triangles that share the edge (v[0], v[1]); v[2] and v[3] lie opposite. Sum of k[i] x[v[i]] is the edge's integrated
+// curvature vector: zero where the cloth is flat, 2 |edge| sin(angle / 2) long where it is folded.
+struct Hinge {
+  std::array<int32_t, 4> v;
+  std::array<float, 4> k;
+  float compliance;  // m/N
+  float rest;        // length of that vector in a pressed pleat, signed along the normal; 0: flat
 };
 
 struct Mesh {
   std::vector<std::array<int32_t, 3>> faces;
-  std::vector<Pair> edges;                 // each once
-  std::vector<Pair> across;                // the two vertices opposite an inner edge
-  std::vector<int32_t> first, neighbours;  // CSR, without the vertex itself
+  std::vector<Edge> edges;                 // in an order in which consecutive ones share no vertex
+  std::vector<Hinge> hinges;               // the same
+  std::vector<float> area;                 // [vertices] m^2 of pattern that belongs to a vertex
+  std::vector<int32_t> first, neighbours;  // CSR of vertices, without the vertex itself
 };
 
-Mesh MakeMesh(int32_t vertices, int32_t faces, const int32_t* face);
+struct Fabric {
+  float stretch, bias, bend;
+};
+
+// `pattern` [faces, 3, 2]; `bend_scale` and `crease` [vertices] or null, see cloth_solver.h.
+Mesh MakeMesh(int32_t vertices, int32_t faces, const int32_t* face, const float* pattern, const float* bend_scale,
+              const float* crease, const Fabric& fabric);
 
 // Area-weighted vertex normals of unit length.
 void Normals(const Mesh& mesh, const std::vector<Vec>& at, std::vector<Vec>& out);
-
-// Pairs in an order in which neighbours in the list share no vertex: a Gauss-Seidel pass then favours no direction of the
-// mesh, and the processor can overlap consecutive constraints.
-std::vector<Pair> Interleave(const std::vector<Pair>& pairs, int32_t vertices);
-
-// Braces: pairs `rings` edges apart, up to `directions` from every second vertex, spread over all directions. They carry
-// bending over more than one edge, which one pass a step over neighbouring vertices cannot.
-std::vector<Pair> Braces(const Mesh& mesh, const std::vector<Vec>& rest, int rings, int directions);
 
 // For each vertex the pinned vertex nearest along the edges, and that distance (Dijkstra). -1 where none is reached.
 struct Tether {
   int32_t pin = -1;
   float length = 0;
 };
-std::vector<Tether> Tethers(const Mesh& mesh, const std::vector<Vec>& rest, const std::vector<int32_t>& pins);
+std::vector<Tether> Tethers(const Mesh& mesh, int32_t vertices, const std::vector<int32_t>& pins);
 
 }  // namespace cloth_solver

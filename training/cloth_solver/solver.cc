@@ -6,11 +6,9 @@
 namespace cloth_solver {
 namespace {
 
-constexpr float kGravity = 9.81f;
 constexpr int kEvery = 4;            // steps between updates of normals and smoothed velocities
-constexpr int kBraceRings = 12, kBraceDirections = 6;
-constexpr int kStretchPasses = 2;    // braces pull at edges too: after one pass cloth over a lifted thigh is a tenth longer
-constexpr float kMaxSpeed = 30.0f;   // m/s: what a contact may give a vertex at most
+constexpr int kLayersEvery = 3;      // steps between searches for layers that meet
+constexpr float kBodyReach = 0.02f;  // m beyond what body and cloth travel in a frame
 
 std::vector<Vec> Vecs(const float* from, int32_t count) {
   std::vector<Vec> out(count);
@@ -18,32 +16,26 @@ std::vector<Vec> Vecs(const float* from, int32_t count) {
   return out;
 }
 
-Vec Column(const float* hips, int c) { return {hips[c], hips[4 + c], hips[8 + c]}; }
-
 }  // namespace
 
 Solver::Solver(const cloth_solver_problem& p)
     : problem_(p), settings_(p.settings), dt_(p.settings.frame_seconds / static_cast<float>(p.settings.steps)),
-      mesh_(MakeMesh(p.vertices, p.faces, p.face)),
-      collider_(MakeMesh(p.body_vertices, p.body_faces, p.body_face),
-                std::vector<uint32_t>(p.body_part, p.body_part + p.body_vertices), p.body_parts,
-                p.cloth_part ? std::vector<uint32_t>(p.cloth_part, p.cloth_part + p.vertices) : std::vector<uint32_t>(),
-                p.vertices),
-      pins_(p.pin, p.pin + p.pinned), inverse_mass_(p.vertices), x_(Vecs(p.rest, p.vertices)), before_(x_),
-      v_(p.vertices), smoothed_(p.vertices), touching_(p.vertices), slide_(p.vertices), slide_normal_(p.vertices) {
-  std::vector<float> mass(p.vertices, 0);
-  for (const auto& [a, b, c] : mesh_.faces) {
-    const float third = settings_.density * Length(Cross(x_[b] - x_[a], x_[c] - x_[a])) / 6;
-    mass[a] += third, mass[b] += third, mass[c] += third;
+      mesh_(MakeMesh(p.vertices, p.faces, p.face, p.pattern, p.bend_scale, p.crease,
+                     {p.settings.stretch, p.settings.bias, p.settings.bend})),
+      body_(p.body_vertices, p.body_faces, p.body_face, p.body_part, p.body_parts,
+            p.cloth_part ? std::vector<uint32_t>(p.cloth_part, p.cloth_part + p.vertices) : std::vector<uint32_t>(),
+            p.vertices),
+      layers_(mesh_, p.vertices), pins_(p.pin, p.pin + p.pinned), inverse_mass_(p.vertices), drag_normal_(p.vertices),
+      drag_tangent_(p.vertices), x_(Vecs(p.start, p.vertices)), before_(x_), v_(p.vertices), smoothed_(p.vertices) {
+  for (int32_t i = 0; i < p.vertices; ++i) {
+    const float density = settings_.density * (p.mass_scale ? p.mass_scale[i] : 1.0f), mass = density * mesh_.area[i];
+    inverse_mass_[i] = mass > 0 ? 1 / mass : 0;
+    const float pressure = 0.5f * settings_.air_density / std::max(density, 1e-6f);
+    drag_normal_[i] = settings_.drag_normal * pressure, drag_tangent_[i] = settings_.drag_tangent * pressure;
   }
-  for (int32_t i = 0; i < p.vertices; ++i) inverse_mass_[i] = mass[i] > 0 ? 1 / mass[i] : 0;
   for (int32_t pin : pins_) inverse_mass_[pin] = 0;
-  std::vector<Pair> braces = Braces(mesh_, x_, kBraceRings, kBraceDirections);
-  for (auto [pairs, out] : {std::pair{&mesh_.edges, &stretch_}, std::pair{&mesh_.across, &bend_}, std::pair{&braces, &brace_}})
-    for (const Pair& e : Interleave(*pairs, p.vertices))
-      if (inverse_mass_[e.a] + inverse_mass_[e.b] > 0) out->push_back({e.a, e.b, Length(x_[e.a] - x_[e.b])});
-  tethers_ = Tethers(mesh_, x_, pins_);
-  origin_ = Column(p.hips, 3);
+  tethers_ = Tethers(mesh_, p.vertices, pins_);
+  origin_ = {p.origin[0], p.origin[1], p.origin[2]};
   for (Vec& x : x_) x -= origin_;
   before_ = x_;
 }
@@ -55,19 +47,14 @@ Vec Solver::At(const float* path, int32_t count, int32_t frame, int32_t i) const
 
 void Solver::Frame(int32_t frame) {
   const cloth_solver_problem& p = problem_;
-  const float* hips = p.hips + 12 * static_cast<size_t>(frame);
-  const Vec origin = Column(hips - 12, 3), shift = origin - origin_;
+  const float* at = p.origin + 3 * static_cast<size_t>(frame - 1);
+  const Vec origin{at[0], at[1], at[2]}, shift = origin - origin_;
   origin_ = origin;
   for (Vec& x : x_) x -= shift;
-
-  // Air that follows the hips: their velocity, and their turning as a small-angle vector.
-  const float per_second = 1 / settings_.frame_seconds;
-  air_velocity_ = (settings_.air_follows * per_second) * (Column(hips, 3) - origin);
-  Vec turn{};
-  for (int c = 0; c < 3; ++c) turn += 0.5f * Cross(Column(hips - 12, c), Column(hips, c));
-  air_spin_ = (settings_.air_follows * per_second) * turn;
-  up_from_ = Column(hips - 12, 1), up_to_ = Column(hips, 1);
-
+  if (p.wind) {
+    const float* wind = p.wind + 3 * static_cast<size_t>(frame - 1);
+    wind_from_ = {wind[0], wind[1], wind[2]}, wind_to_ = {wind[3], wind[4], wind[5]};
+  }
   std::vector<Vec> from(p.body_vertices), to(p.body_vertices);
   for (int32_t b = 0; b < p.body_vertices; ++b) {
     from[b] = At(p.body_path, p.body_vertices, frame - 1, b);
@@ -75,7 +62,8 @@ void Solver::Frame(int32_t frame) {
   }
   float fastest = 0;
   for (const Vec& v : v_) fastest = std::max(fastest, Length(v));
-  collider_.BeginFrame(std::move(from), std::move(to), settings_.frame_seconds, x_, fastest * settings_.frame_seconds);
+  body_.BeginFrame(std::move(from), std::move(to), settings_.frame_seconds, x_,
+                   std::min(fastest, settings_.max_speed) * settings_.frame_seconds, kBodyReach);
   pin_from_.resize(p.pinned), pin_to_.resize(p.pinned);
   for (int32_t k = 0; k < p.pinned; ++k) {
     pin_from_[k] = At(p.pin_path, p.pinned, frame - 1, k);
@@ -85,45 +73,69 @@ void Solver::Frame(int32_t frame) {
 }
 
 void Solver::Step(float t) {
-  up_ = Unit(Mix(up_from_, up_to_, t));
-  if (step_++ % kEvery == 0) {
+  wind_ = Mix(wind_from_, wind_to_, t);
+  if (step_ % kEvery == 0) {
     Normals(mesh_, x_, normals_);
-    SmoothVelocities();
+    Damp();
   }
-  collider_.MoveTo(t);
+  if (settings_.layer_thickness > 0 && step_ % kLayersEvery == 0) layers_.Find(x_);
+  ++step_;
+  body_.MoveTo(t);
   Predict();
   for (size_t k = 0; k < pins_.size(); ++k) x_[pins_[k]] = Mix(pin_from_[k], pin_to_[k], t);
-  if (settings_.brace_stiffness > 0) Solve(brace_, 1 / settings_.brace_stiffness);
-  Solve(bend_, 1 / settings_.bend_stiffness);
-  for (int pass = 0; pass < kStretchPasses; ++pass) Solve(stretch_, settings_.stretch_compliance);
+  Bend();
+  for (int pass = 0; pass < settings_.stretch_passes; ++pass) Stretch();
   HoldTethers();
-  PushOut();
   UpdateVelocities();
+  if (settings_.layer_thickness > 0) layers_.Hold(&x_, &v_, inverse_mass_, settings_.layer_thickness);
+  PushOut();
 }
 
+// Gravity, and air at rest or in wind: force along the normal and along the cloth, each with the square of its speed,
+// implicit so that it never turns the relative velocity round.
 void Solver::Predict() {
-  const float normal = 1 - std::exp(-settings_.drag_normal * dt_), tangent = 1 - std::exp(-settings_.drag_tangent * dt_);
   for (size_t i = 0; i < x_.size(); ++i) {
     before_[i] = x_[i];
     if (inverse_mass_[i] == 0) continue;
     Vec& v = v_[i];
-    const Vec wind = v - air_velocity_ - Cross(air_spin_, x_[i]);
     const Vec& n = normals_[i];
-    v -= tangent * wind + ((normal - tangent) * Dot(wind, n)) * n;
-    v.y -= kGravity * dt_;
+    const Vec relative = v - wind_;
+    const float across = Dot(relative, n);
+    const Vec along = relative - across * n;
+    const float a = drag_normal_[i] * std::abs(across) * dt_, b = drag_tangent_[i] * Length(along) * dt_;
+    v -= (b / (1 + b)) * along + (a / (1 + a) * across) * n;
+    v.y -= settings_.gravity * dt_;
     x_[i] += dt_ * v;
   }
 }
 
-void Solver::Solve(const std::vector<Distance>& constraints, float compliance) {
-  const float softness = compliance / (dt_ * dt_);
-  for (const Distance& c : constraints) {
-    const float wa = inverse_mass_[c.a], wb = inverse_mass_[c.b];
-    const Vec d = x_[c.b] - x_[c.a];
-    const float length = Length(d);
-    const float push = (length - c.rest) / ((wa + wb + softness) * std::max(length, 1e-9f));
-    x_[c.a] += (wa * push) * d;
-    x_[c.b] -= (wb * push) * d;
+void Solver::Bend() {
+  const float per_squared = 1 / (dt_ * dt_);
+  for (const Hinge& h : mesh_.hinges) {
+    const auto& [a, b, c, d] = h.v;
+    const float wa = inverse_mass_[a], wb = inverse_mass_[b], wc = inverse_mass_[c], wd = inverse_mass_[d];
+    Vec bent = h.k[0] * x_[a] + h.k[1] * x_[b] + h.k[2] * x_[c] + h.k[3] * x_[d];
+    if (h.rest != 0) bent -= h.rest * Unit(normals_[a] + normals_[b]);
+    const float total = h.k[0] * h.k[0] * wa + h.k[1] * h.k[1] * wb + h.k[2] * h.k[2] * wc + h.k[3] * h.k[3] * wd;
+    const float push = -1 / (total + h.compliance * per_squared);
+    x_[a] += (push * wa * h.k[0]) * bent;
+    x_[b] += (push * wb * h.k[1]) * bent;
+    x_[c] += (push * wc * h.k[2]) * bent;
+    x_[d] += (push * wd * h.k[3]) * bent;
+  }
+}
+
+void Solver::Stretch() {
+  const float per_squared = 1 / (dt_ * dt_), shortening = 1 / std::max(settings_.compression, 1e-6f);
+  for (const Edge& e : mesh_.edges) {
+    const float wa = inverse_mass_[e.a], wb = inverse_mass_[e.b];
+    if (wa + wb == 0) continue;
+    const Vec d = x_[e.b] - x_[e.a];
+    const float length = Length(d), longer = length - e.rest;
+    const float compliance = (longer < 0 ? shortening : 1.0f) / e.stiffness;
+    const float push = longer / ((wa + wb + compliance * per_squared) * std::max(length, 1e-9f));
+    x_[e.a] += (wa * push) * d;
+    x_[e.b] -= (wb * push) * d;
   }
 }
 
@@ -134,42 +146,45 @@ void Solver::HoldTethers() {
     const Vec d = x_[i] - pin;
     const float most = settings_.tether * tethers_[i].length, squared = Dot(d, d);
     if (squared > most * most) x_[i] = pin + (most / std::sqrt(squared)) * d;
-    if (tethers_[i].length < problem_.yoke) {
-      const float rise = Dot(x_[i] - pin, up_);
-      if (rise > 0) x_[i] -= rise * up_;
-    }
   }
 }
 
-void Solver::PushOut() {
-  std::fill(touching_.begin(), touching_.end(), 0);
-  for (int32_t p = 0; p < collider_.parts(); ++p)
-    for (int32_t i : collider_.candidates(p)) {
-      if (inverse_mass_[i] == 0) continue;
-      const Contact contact = collider_.Touch(p, i, x_[i]);
-      if (!contact.near || contact.distance >= settings_.thickness) continue;
-      x_[i] += (settings_.thickness - contact.distance) * contact.normal;
-      touching_[i] = 1, slide_[i] = contact.velocity, slide_normal_[i] = contact.normal;
-    }
-}
-
 void Solver::UpdateVelocities() {
-  const float per_second = 1 / dt_, keep = std::exp(-settings_.contact_drag * dt_);
+  const float per_second = 1 / dt_;
   for (size_t i = 0; i < x_.size(); ++i) {
     Vec v = per_second * (x_[i] - before_[i]);
-    if (touching_[i]) {
-      const Vec relative = v - slide_[i];
-      const Vec across = Dot(relative, slide_normal_[i]) * slide_normal_[i];
-      v = slide_[i] + across + keep * (relative - across);
-    }
     const float speed = Length(v);
-    if (speed > kMaxSpeed) v = (kMaxSpeed / speed) * v;
+    if (speed > settings_.max_speed && inverse_mass_[i] > 0) {
+      v = (settings_.max_speed / speed) * v;
+      x_[i] = before_[i] + dt_ * v;
+    }
     v_[i] = v;
   }
 }
 
-void Solver::SmoothVelocities() {
-  const float share = 1 - std::exp(-settings_.smoothing * dt_ * kEvery);
+// Contacts move a vertex out of the body, take its approach velocity away and, by Coulomb's law, as much of its sliding as
+// friction allows. The way out is no velocity of the cloth: where thigh and trunk both push, it would be flung away.
+void Solver::PushOut() {
+  for (int32_t p = 0; p < body_.parts(); ++p) {
+    const std::vector<int32_t>& candidates = body_.candidates(p);
+    for (int32_t k = 0; k < static_cast<int32_t>(candidates.size()); ++k) {
+      const int32_t i = candidates[k];
+      if (inverse_mass_[i] == 0) continue;
+      const Contact contact = body_.Touch(p, k, x_[i], settings_.thickness);
+      if (!contact.near) continue;
+      x_[i] += (settings_.thickness - contact.distance) * contact.normal;
+      const Vec relative = v_[i] - contact.velocity;
+      const float across = Dot(relative, contact.normal);
+      if (across >= 0) continue;
+      const Vec sliding = relative - across * contact.normal;
+      const float speed = Length(sliding), least = -settings_.friction * across;
+      v_[i] = contact.velocity + (speed > least ? 1 - least / speed : 0.0f) * sliding;
+    }
+  }
+}
+
+void Solver::Damp() {
+  const float share = 1 - std::exp(-settings_.damping * dt_ * kEvery);
   for (size_t i = 0; i < v_.size(); ++i) {
     smoothed_[i] = v_[i];
     const int32_t first = mesh_.first[i], last = mesh_.first[i + 1];
@@ -197,9 +212,9 @@ int32_t cloth_solver_run(const cloth_solver_problem* problem, float* out) {
   const auto within = [](const int32_t* index, int32_t count, int32_t limit) {
     return std::all_of(index, index + count, [limit](int32_t i) { return i >= 0 && i < limit; });
   };
-  if (p.frames < 1 || p.settings.steps < 1 || p.body_parts < 0 || p.body_parts > 32 || p.pinned < 1 ||
+  if (p.frames < 1 || p.vertices < 1 || p.faces < 1 || p.settings.steps < 1 || p.body_parts < 0 || p.body_parts > 32 ||
       !within(p.face, 3 * p.faces, p.vertices) || !within(p.pin, p.pinned, p.vertices) ||
-      !within(p.body_face, 3 * p.body_faces, p.body_vertices))
+      !within(p.body_face, 3 * p.body_faces, p.body_vertices) || !within(p.body_part, p.body_faces, p.body_parts))
     return 0;
   cloth_solver::Solver solver(p);
   const size_t size = 3 * static_cast<size_t>(p.vertices);

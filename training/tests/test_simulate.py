@@ -1,14 +1,16 @@
 """Simulation: garment, files and checks, without a solver."""
+import dataclasses
 import json
 import struct
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
-from dcloth_training import figure, safetensors_io, sequence
+from dcloth_training import figure, metrics, safetensors_io, sequence
 from dcloth_training.motion import skeleton
-from dcloth_training.simulate import (checks, clips, cloth_job, garment, settings,
-                                      statics)
+from dcloth_training.simulate import body as parts, checks, clips, cloth_job, garment, settings, statics
 
 
 @pytest.fixture(scope="module")
@@ -16,56 +18,98 @@ def body():
     return figure.load()
 
 
-def test_skirt_is_exactly_mirror_symmetric():
-    skirt = garment.skirt()
-    assert len(skirt.vertices) == garment.RINGS * garment.COLUMNS == 7952
-    assert np.array_equal(skirt.mirror[skirt.mirror], np.arange(7952))
-    assert np.array_equal(skirt.vertices[skirt.mirror], skirt.vertices * [-1, 1, 1])
-    assert np.array_equal(skirt.pinned[skirt.mirror], skirt.pinned)
-    assert (skirt.mirror == np.arange(7952)).sum() == 2 * garment.RINGS
-    triangles = {tuple(sorted(f)) for f in skirt.faces}
-    assert {tuple(sorted(skirt.mirror[list(f)])) for f in triangles} == triangles
+@pytest.fixture(scope="module")
+def skirt(body):
+    return garment.skirt(body)
 
 
-def test_skirt_is_a_clean_tube_facing_outward():
-    skirt = garment.skirt()
-    pairs = np.sort(np.concatenate([skirt.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
-    _, uses = np.unique(pairs, axis=0, return_counts=True)
-    assert set(uses) == {1, 2} and (uses == 1).sum() == 2 * garment.COLUMNS  # waist and hem
-    a, b, c = (skirt.vertices[skirt.faces[:, i]] for i in range(3))
-    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) * [1, 0, 1])
-    assert (outward > 0).all()
+@pytest.fixture(scope="module", params=sorted(garment.GARMENTS))
+def worn(request, body):
+    return garment.GARMENTS[request.param](body)
 
 
-def test_radius_scale_moves_every_vertex_a_little():
-    shift = np.abs(garment.skirt(1.0005).vertices - garment.skirt().vertices).max()
-    assert 1e-4 < shift < 4e-4
+def test_garments_are_exactly_mirror_symmetric(worn):
+    count = len(worn.vertices)
+    assert {"skirt": 7500 < count < 8500, "robe": 9200 < count < 10200}[worn.name]
+    assert np.array_equal(worn.mirror[worn.mirror], np.arange(count))
+    assert np.allclose(worn.vertices[worn.mirror], worn.vertices * [-1, 1, 1], atol=1e-12)
+    assert np.array_equal(worn.pinned[worn.mirror], worn.pinned)
+    left, right = ((worn.touches & bit) > 0 for bit in (parts.LEFT_ARM, parts.RIGHT_ARM))
+    assert np.array_equal(left[worn.mirror], right)
+    triangles = {tuple(sorted(f)) for f in worn.faces.tolist()}
+    assert {tuple(sorted(worn.mirror[list(f)])) for f in triangles} == triangles
 
 
-def test_what_collides_is_the_skin_without_arms_and_head(body):
-    skirt = garment.skirt()
-    keep, faces = cloth_job.collider_mesh(body, skirt)
-    assert 3000 < len(keep) < len(body.vertices) and faces.max() == len(keep) - 1
-    there = cloth_job.collided(body, skirt)
-    assert not there[body.vertices[:, 1] > 1.5].any() and not there[np.abs(body.vertices[:, 0]) > 0.3].any()
+def test_garments_are_sewn_without_holes_and_face_outward(worn):
+    pairs = np.concatenate([worn.faces[:, [i, (i + 1) % 3]] for i in range(3)])
+    edges, number, uses = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True, return_counts=True)
+    assert set(uses) == {1, 2} and number.max() == len(edges) - 1
+    assert len(np.unique(pairs, axis=0)) == len(pairs)      # neighbours agree on their right side
+    border = edges[uses == 1]
+    graph = coo_matrix((np.ones(len(border)), border.T), (len(worn.vertices),) * 2)
+    loops = connected_components(graph, directed=False)[1]
+    # Skirt: waist and hem. Robe: neck, two sleeves, the hem with its slit.
+    assert len(np.unique(loops[border[:, 0]])) == {"skirt": 2, "robe": 4}[worn.name]
+    low = worn.vertices[:, 1] < worn.vertices[:, 1].min() + 0.3
+    a, b, c = (worn.vertices[worn.faces[low[worn.faces].all(1)][:, i]] for i in range(3))
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) * [1, 0, 1]) > 0).mean() > 0.99
+
+
+def test_a_mesh_has_no_direction(worn):
+    """Edges lie in every direction of the pattern alike: a lattice would print through the cloth."""
+    side = worn.cloth.pattern - np.roll(worn.cloth.pattern, -1, 1)
+    angle = np.degrees(np.arctan2(side[..., 1], side[..., 0])).ravel() % 180
+    share = np.histogram(angle, 12, (0, 180))[0] / angle.size
+    assert share.min() > 0.85 / 12 and share.max() < 1.2 / 12
+    length = np.linalg.norm(side, axis=-1).ravel()
+    assert np.percentile(length, 99) < 1.7 * length.mean() and length.min() > 0.25 * length.mean()
+
+
+def test_a_garment_cut_larger_is_a_little_larger(skirt):
+    larger = garment.perturbed(skirt, 1.0005)
+    assert np.allclose(larger.cloth.pattern, 1.0005 * skirt.cloth.pattern) and larger.vertices is skirt.vertices
+
+
+def test_what_collides_is_the_skin_that_the_garment_touches(body, skirt):
+    vertices, faces, _, masks = cloth_job.collider(body, skirt)
+    assert vertices is body.vertices and faces is body.faces
+    there = masks > 0
+    assert not there[np.abs(body.vertices[:, 0]) > 0.35].any()     # no arms
     assert there[(body.vertices[:, 1] < 1.2) & (np.abs(body.vertices[:, 0]) < 0.3)].all()
-    masks = cloth_job.skin_parts(body, skirt)
-    assert ((masks > 0) == there).all()
     thigh = np.argmax(body.weights, 1) == skeleton.INDEX["LeftUpLeg"]
-    assert (masks[thigh] & 2).all() and not (masks[thigh & (body.vertices[:, 1] < 0.6)] & ~np.uint32(2)).any()
+    assert (masks[thigh] & parts.LEFT_LEG).all()
+    assert not (masks[thigh & (body.vertices[:, 1] < 0.6)] & ~np.uint32(parts.LEFT_LEG)).any()
 
 
-def test_pins_follow_the_hips():
-    skirt, rest = garment.skirt(), skeleton.rest_motion(2)
-    rest.root[1] += [0.5, 0.0, 1.0]
-    pins = cloth_job.pin_paths(skirt, skeleton.joint_matrices(rest))
-    assert np.allclose(pins[0], skirt.vertices[skirt.pinned]) and np.allclose(pins[1] - pins[0], [0.5, 0.0, 1.0])
+def test_parts_overlap_and_leave_the_other_limbs_out(body):
+    faces, part = parts.cut_parts(body)
+    owner = np.argmax(body.weights, 1)
+    for number, names in enumerate(parts.PARTS):
+        own = set(np.unique(faces[part == number]))
+        core = set(np.flatnonzero(np.isin(owner, [skeleton.INDEX[name] for name in names])))
+        assert core <= own and len(own) > len(core)
+    right = np.isin(owner, [skeleton.INDEX[name] for name in parts.PARTS[2]])
+    assert not right[np.unique(faces[part == 1])].any()
+
+
+def test_pins_follow_the_skin_beside_them(body, skirt):
+    weights = cloth_job.pin_weights(skirt, body)
+    assert weights.shape == (skirt.pinned.sum(), len(body.names)) and np.allclose(weights.sum(1), 1)
+    assert {body.names[k] for k in np.flatnonzero(weights.max(0) > 0.05)} <= {"Hips", "Spine", "LeftUpLeg", "RightUpLeg"}
+
+
+def test_rest_lengths_are_those_of_the_pattern(skirt):
+    lengths, edges = cloth_job.rest_lengths(skirt), metrics.edges_of(skirt.faces)
+    assert len(lengths) == len(edges)
+    edge = np.flatnonzero((edges == np.sort(skirt.faces[1234, :2])).all(1))[0]
+    assert lengths[edge] == pytest.approx(np.linalg.norm(np.subtract(*skirt.cloth.pattern[1234, :2])))
 
 
 def test_settings_change_one_value_and_refuse_unknown():
-    assert settings.with_changes(steps=20)["steps"] == 20 != settings.GROUND_TRUTH["steps"]
+    assert settings.of("wool", steps=20)["steps"] == 20 != settings.of("wool")["steps"]
+    assert settings.of("cotton")["density"] != settings.of("wool")["density"]
     with pytest.raises(ValueError, match="unknown settings"):
-        settings.with_changes(bogus=1)
+        settings.of("wool", bogus=1)
 
 
 def test_a_demo_clip_is_whole_and_starts_at_the_origin():
@@ -84,49 +128,65 @@ def test_static_tour_rests_in_every_pose(felt):
     assert np.allclose(tour.root[:, [0, 2]], 0)
 
 
-def test_checks_refuse_stretched_sunken_and_broken_cloth(body):
-    skirt, rest = garment.skirt(), skeleton.joint_matrices(skeleton.rest_motion(4))
-    good = cloth_job.Result(np.repeat(skirt.vertices[None], 4, 0).astype(np.float32), rest, 1.0)
-    assert checks.refuse(checks.measure(good, body, skirt)) is None
-    for name, factor in {"stretch_p99": 2.0, "through_share": 0.8}.items():
-        bad = cloth_job.Result((good.cloth * [factor, 1, factor]).astype(np.float32), rest, 1.0)
-        assert name in checks.refuse(checks.measure(bad, body, skirt))
+@pytest.fixture(scope="module")
+def hanging(skirt):
+    """The skirt as it is cut, about the body, its rest lengths those of that shape."""
+    corner = skirt.vertices[skirt.faces]
+    base, side = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    flat = np.zeros((len(corner), 3, 2))       # each triangle laid flat
+    flat[:, 1, 0] = np.linalg.norm(base, axis=1)
+    flat[:, 2, 0] = np.einsum("ij,ij->i", side, base) / flat[:, 1, 0]
+    flat[:, 2, 1] = np.sqrt((side ** 2).sum(1) - flat[:, 2, 0] ** 2)
+    return dataclasses.replace(skirt, cloth=dataclasses.replace(skirt.cloth, pattern=flat))
+
+
+def still(worn, count):
+    return cloth_job.Result(np.repeat(worn.vertices[None], count, 0).astype(np.float32),
+                            skeleton.joint_matrices(skeleton.rest_motion(count)), 1.0)
+
+
+def test_checks_refuse_stretched_sunken_and_broken_cloth(body, hanging):
+    good = still(hanging, 4)
+    assert checks.refuse(checks.measure(good, body, hanging)) is None
+    for name, factor in {"stretch_p99": 2.0, "through_share": 0.7}.items():
+        bad = dataclasses.replace(good, cloth=(good.cloth * [factor, 1, factor]).astype(np.float32))
+        assert name in checks.refuse(checks.measure(bad, body, hanging))
     torn = good.cloth.copy()
     torn[2, 4000] += [0, 0, 0.5]
-    assert "torn_share" in checks.refuse(checks.measure(cloth_job.Result(torn, rest, 1.0), body, skirt, every=1))
-    numbers = checks.measure(good, body, skirt)
+    assert "torn_share" in checks.refuse(checks.measure(dataclasses.replace(good, cloth=torn), body, hanging, every=1))
+    numbers = checks.measure(good, body, hanging)
     numbers["speed_max"] = float("nan")
     assert "speed_max" in checks.refuse(numbers)
 
 
-def test_numbers_say_what_is_not_cloth(body):
+def test_numbers_say_what_is_not_cloth(body, hanging):
     """One frame of four with a dent in the front that goes into a thigh, another with the front pulled out at the back."""
-    skirt, rest = garment.skirt(), skeleton.joint_matrices(skeleton.rest_motion(4))
-    cloth = np.repeat(skirt.vertices[None], 4, 0)
-    front = skirt.vertices[:, 2] > 0.15
-    dent = front & (skirt.vertices[:, 1] < 0.7) & (skirt.vertices[:, 1] > 0.6) & (np.abs(skirt.vertices[:, 0]) < 0.15)
-    cloth[1, dent, 2] -= 0.2
-    cloth[3, front, 2] -= 0.6
-    numbers = checks.measure(cloth_job.Result(cloth.astype(np.float32), rest, 1.0), body, skirt, every=1)
+    good = still(hanging, 4)
+    cloth, at = good.cloth.astype(np.float64), hanging.vertices
+    front = at[:, 2] > 0.15
+    dent = front & (at[:, 1] < 0.7) & (at[:, 1] > 0.6) & (np.abs(at[:, 0]) < 0.15)
+    cloth[1, dent, 2] -= 0.25
+    cloth[3, front, 2] -= 0.7
+    numbers = checks.measure(dataclasses.replace(good, cloth=cloth.astype(np.float32)), body, hanging, every=1)
     assert numbers["frames_measured"] == 4 and numbers["crossed_share"] == 0.5 == numbers["through_share"]
-    assert numbers["tangled_share"] == 0.25 and numbers["cloth_crossings_frame"] == 3
+    assert numbers["tangled_share"] >= 0.25 and numbers["cloth_crossings_frame"] == 3
     assert numbers["cloth_crossings_max"] > 100 and numbers["body_crossings_max"] > 20
     assert 10 < numbers["penetration_max_mm"] < 100 and 0 < numbers["penetration_area_share"] < 0.2
-    clean = checks.measure(cloth_job.Result(np.repeat(skirt.vertices[None], 4, 0).astype(np.float32), rest, 1.0), body, skirt)
+    clean = checks.measure(good, body, hanging)
     for key in ("crossed_share", "tangled_share", "torn_share", "through_share", "penetration_max_mm", "cloth_crossings",
                 "body_crossings", "penetration_area_share"):
         assert clean[key] == 0, key
-    assert clean["strain_p99"] == pytest.approx(0, abs=1e-4) and clean["stretch_max"] == pytest.approx(1, abs=1e-3)
+    assert clean["strain_p99"] == pytest.approx(0, abs=1e-3)
 
 
-def test_one_bad_drape_does_not_take_the_others_with_it(body):
-    skirt, rest = garment.skirt(), skeleton.joint_matrices(skeleton.rest_motion(3))
-    cloth = np.repeat(skirt.vertices[None], 3, 0).astype(np.float32)
+def test_one_bad_drape_does_not_take_the_others_with_it(body, hanging):
+    result = still(hanging, 3)
+    cloth, matrices = result.cloth.copy(), result.matrices.copy()
     cloth[1] *= [2.0, 1, 2.0]
-    rest[2, :, 0, 3] = 0.001    # tells the last pose apart
-    kept, good = checks.drapes(cloth_job.Result(cloth, rest, 1.0), body, skirt)
+    matrices[2, :, 0, 3] = 0.001    # tells the last pose apart
+    kept, good = checks.drapes(cloth_job.Result(cloth, matrices, 1.0), body, hanging)
     assert good.tolist() == [True, False, True]
-    assert np.array_equal(kept.cloth, cloth[[0, 2]]) and np.array_equal(kept.matrices, rest[[0, 2]])
+    assert np.array_equal(kept.cloth, cloth[[0, 2]]) and np.array_equal(kept.matrices, matrices[[0, 2]])
 
 
 def test_sequence_round_trip_and_refusal(tmp_path):

@@ -98,7 +98,7 @@ def referee(body, garment):
     vertices, faces, weights, masks = cloth_job.collider(body, garment)
     count = len(garment.vertices)
     touched = penetration.Body(faces, garment.faces, count, masks=masks, touches=garment.touches)
-    return Referee(metrics.Mesh(garment.faces, garment.vertices), touched,
+    return Referee(metrics.Mesh(garment.faces, garment.vertices, cloth_job.rest_lengths(garment)), touched,
                    (vertices, weights, skeleton.bind_matrices()),
                    penetration.vertex_areas(garment.vertices, garment.faces))
 

@@ -1,18 +1,20 @@
 """One simulation: motion in, cloth vertices out."""
+import dataclasses
 import time
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from .. import metrics, raster
 from ..motion import skeleton
+from . import body as parts
 from . import settings, solver
 
-# Parts of the body that cloth touches one by one: crossing legs must not swallow what is between. A garment may
-# say which of its vertices touch which parts (garment.Garment.touches): bit p is PARTS[p].
-PARTS = (("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head", "LeftShoulder", "RightShoulder"),
-         ("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg", "RightLeg", "RightFoot", "RightToeBase"),
-         ("LeftArm", "LeftForeArm", "LeftHand"), ("RightArm", "RightForeArm", "RightHand"))
-OVERLAP = 2      # rings of vertices
+PIN_NEIGHBOURS = 4
+ROUNDED = 0.006         # m
+PUT_ON_FRAMES, HANG_FRAMES = 45, 120     # slowly, without layers; then as in a simulation
+PUT_ON = {"max_speed": 1.5, "layer_thickness": 0.0}
 
 
 class SimulationError(RuntimeError):
@@ -24,72 +26,87 @@ class Result:
     cloth: np.ndarray       # [T, n, 3] m, the recorded frames
     matrices: np.ndarray    # [T, J, 4, 4] world matrices of those frames
     seconds: float          # solver wall time
+    wind: np.ndarray = None  # [T, 3] m/s of those frames; None: calm
 
 
-def pin_paths(garment, matrices):
-    """Where the garment's pinned vertices go: rigidly with the joints they follow. [T, p, 3]"""
-    points = garment.vertices[garment.pinned]
-    weights = np.eye(len(skeleton.NAMES))[garment.pin_joints[garment.pinned]]
-    return skeleton.skin(points, weights, skeleton.bind_matrices(), matrices)
+def rest_lengths(garment):
+    """Lengths [e] m without strain of metrics.edges_of(garment.faces), in the pattern; sewn edges: the mean of both."""
+    edges = metrics.edges_of(garment.faces)
+    number = {tuple(edge): k for k, edge in enumerate(edges.tolist())}
+    total, count = np.zeros(len(edges)), np.zeros(len(edges))
+    for k in range(3):
+        ends = np.sort(garment.faces[:, [k, (k + 1) % 3]], axis=1)
+        at = np.array([number[tuple(pair)] for pair in ends.tolist()])
+        length = np.linalg.norm(garment.cloth.pattern[:, k] - garment.cloth.pattern[:, (k + 1) % 3], axis=1)
+        np.add.at(total, at, length)
+        np.add.at(count, at, 1)
+    return total / count
 
 
-def body_parts(weights, faces):
-    """Bit masks [b] of the parts in PARTS each body vertex belongs to, grown over their borders.
-
-    A cloth vertex does not touch a part's outermost vertices (it would be pushed off a plane that
-    ends there), so parts overlap by OVERLAP rings.
-    """
-    nearest = np.argmax(weights, axis=1)
-    masks = np.zeros(len(weights), np.uint32)
-    for bit, part in enumerate(PARTS):
-        inside = np.isin(nearest, [skeleton.INDEX[name] for name in part])
-        for _ in range(OVERLAP):
-            inside[faces[inside[faces].any(1)]] = True
-        masks |= np.where(inside, 1 << bit, 0).astype(np.uint32)
-    return masks
+def pin_weights(garment, figure):
+    """Skin weights [p, J] of the pinned vertices: those of the skin beside them."""
+    distance, nearest = cKDTree(figure.vertices).query(garment.vertices[garment.pinned], PIN_NEIGHBOURS)
+    share = 1 / np.maximum(distance, 1e-4)
+    weights = np.einsum("pk,pkj->pj", share, figure.weights[nearest])
+    return weights / weights.sum(1, keepdims=True)
 
 
-def collided(body, garment):
-    """Which vertices [b] of a figure.Figure `garment` collides with; bool."""
-    bare = [skeleton.INDEX[name] for name in garment.not_colliding]
-    return body.weights[:, bare].sum(1) < 0.5
+def collider(figure, garment):
+    """What `garment` touches of `figure` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks [b]."""
+    faces, part = parts.cut_parts(figure)
+    masks = np.zeros(len(figure.vertices), np.uint32)
+    for number in range(len(parts.PARTS)):
+        masks[np.unique(faces[part == number])] |= np.uint32(1 << number)
+    masks &= np.bitwise_or.reduce(garment.touches)
+    return figure.vertices, figure.faces, figure.weights, masks
 
 
-def collider_mesh(body, garment):
-    """The collided part of the body: vertex numbers [k] and faces [g, 3] into them."""
-    there = collided(body, garment)
-    renumber = np.cumsum(there, dtype=np.int32) - 1
-    return np.flatnonzero(there), renumber[body.faces[there[body.faces].all(1)]]
+def _rounded(figure):
+    """The figure's vertices with feet and hands a little larger: cloth is held at its own vertices, and toes and fingers
+    are thin enough to come through between them."""
+    thin = figure.weights[:, [k for k, name in enumerate(figure.names) if name.endswith(("Foot", "ToeBase", "Hand"))]].sum(1)
+    normals = raster.vertex_normals(figure.vertices, figure.faces)
+    return figure.vertices + ROUNDED * thin[:, None] * normals
 
 
-def skin_parts(body, garment):
-    """Bit masks [b] of the parts each vertex of the whole skin belongs to; 0 where nothing collides with it."""
-    keep, faces = collider_mesh(body, garment)
-    masks = np.zeros(len(body.vertices), np.uint32)
-    masks[keep] = body_parts(body.weights[keep], faces)
-    return masks
-
-
-def collider(body, garment):
-    """What `garment` touches of `body` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks [b]."""
-    keep, faces = collider_mesh(body, garment)
-    weights = body.weights[keep]
-    return body.vertices[keep], faces, weights, body_parts(weights, faces)
-
-
-def simulate(motion, body, garment, record, chosen=None):
-    """Simulate `garment` on `body` through `motion` and return the frames in `record` (0-based)."""
-    began = time.monotonic()
+def _run(motion, figure, garment, chosen, start, wind):
     matrices = skeleton.joint_matrices(motion)
-    vertices, faces, weights, masks = collider(body, garment)
-    posed = skeleton.skin(vertices, weights, skeleton.bind_matrices(), matrices)
-    start = matrices[0, 0] @ np.linalg.inv(skeleton.bind_matrices()[0])
-    rest = garment.vertices @ start[:3, :3].T + start[:3, 3]
-    chosen = dict(chosen or settings.GROUND_TRUTH)
-    chosen["tether"] *= garment.slack
-    cloth = solver.run(rest, garment.faces, np.flatnonzero(garment.pinned),
-                       pin_paths(garment, matrices), faces, posed, masks,
-                       matrices[:, 0], chosen, garment.yoke, garment.touches)
+    bind = skeleton.bind_matrices()
+    faces, part = parts.cut_parts(figure)
+    posed = skeleton.skin(_rounded(figure), figure.weights, bind, matrices)
+    pins = np.flatnonzero(garment.pinned)
+    path = skeleton.skin(garment.vertices[pins], pin_weights(garment, figure), bind, matrices)
+    cloth = solver.run(start, garment.cloth, pins, path, solver.Body(faces, part, posed), matrices[:, 0, :3, 3], chosen,
+                       wind, garment.touches)
     if len(cloth) < len(motion):
         raise SimulationError(f"the cloth came apart at frame {len(cloth)} of {len(motion)}")
-    return Result(cloth[record], matrices[record], time.monotonic() - began)
+    return cloth, matrices
+
+
+def simulate(motion, figure, garment, record, chosen=None, wind=None):
+    """Simulate `garment` on `figure` through `motion` and return the frames in `record` (0-based).
+
+    The first frame is the T-pose, in any place and heading; chosen: settings, those of the garment's fabric when None;
+    wind [T, 3] m/s in the world, None: calm.
+    """
+    began = time.monotonic()
+    matrices = skeleton.joint_matrices(motion[:1])[0]
+    placed = matrices[0] @ np.linalg.inv(skeleton.bind_matrices()[0])
+    start = garment.vertices @ placed[:3, :3].T + placed[:3, 3]
+    chosen = settings.of(garment.fabric) if chosen is None else chosen
+    cloth, matrices = _run(motion, figure, garment, chosen, start, wind)
+    return Result(cloth[record], matrices[record], time.monotonic() - began, None if wind is None else wind[record])
+
+
+def hung(garment, figure):
+    """The garment as it hangs on the figure in bind pose, made symmetric: -> (Garment, m that it moves in the last frame,
+    m by which it hung lopsided)."""
+    chosen = settings.of(garment.fabric)
+    slowly, _ = _run(skeleton.rest_motion(PUT_ON_FRAMES), figure, garment, {**chosen, **PUT_ON}, garment.vertices, None)
+    worn = slowly[-1].astype(np.float64)
+    cloth, _ = _run(skeleton.rest_motion(HANG_FRAMES), figure, garment, chosen, worn, None)
+    drape = cloth[-1].astype(np.float64)
+    reflected = drape[garment.mirror] * [-1, 1, 1]
+    vertices = np.where(garment.pinned[:, None], garment.vertices, 0.5 * (drape + reflected))
+    return (dataclasses.replace(garment, vertices=vertices), float(np.linalg.norm(cloth[-1] - cloth[-2], axis=1).mean()),
+            float(np.linalg.norm(drape - reflected, axis=1).mean()))

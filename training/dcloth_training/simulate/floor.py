@@ -2,7 +2,7 @@
 
     python3 -m dcloth_training.simulate.floor --data DATA --motion CLIPS [CLIP...] [--out FILE]
 
-Each clip is simulated again twice: with the garment's radius scaled by 0.05 %, and entered half a
+Each clip is simulated again twice: with the garment cut 0.05 % larger, and entered half a
 second later from its pose there, held (another history of the same motion). Printed is the mean
 vertex distance to the ground truth in DATA over the frames that count (metrics.WARM_UP): no network
 can be expected to do better. Beside it stands alive, the mean distance of the cloth from its mean
@@ -16,11 +16,11 @@ import sys
 
 import numpy as np
 
-from .. import command, dataset, figure, metrics, sequence
+from .. import command, dataset, metrics, sequence
 from ..motion import skeleton
-from . import clips, cloth_job, run, settings
+from . import clips, cloth_job, garment, run
 
-RADIUS_SCALE = 1.0005
+SCALE = 1.0005
 ENTER_FRAME = 15        # the second history begins here,
 FORGET_FRAMES = 30      # and has this long to forget it
 
@@ -36,23 +36,25 @@ def shares(mean_mm, entered_mm, alive_mm):
             "relative_entered": round(entered_mm / alive_mm, 4) if known and entered_mm is not None else None}
 
 
-def floor(name, options, chosen):
+def floor(name, options, body, worn):
     """One clip -> {"clip", "frames", "mean_mm", "end_mm", "entered_mm", "alive_mm", "relative", "relative_entered",
     "per_frame_mm"}; relative: over alive.
 
     What was entered late is None for clips that end before the second history is forgotten.
     """
-    motion, make = run.prepare(name, options), run.GARMENTS[options.garment]
-    body = figure.load()
+    motion = run.prepare(name, options)
     path = os.path.join(options.data, "dynamic", clips.file_stem(name) + ".safetensors")
     data = sequence.read(path)
     joined, frames = run.with_lead(motion)
-    perturbed = cloth_job.simulate(joined, body, make(RADIUS_SCALE), frames, chosen)
+    wind = run.with_lead_wind(name, motion)
+    perturbed = cloth_job.simulate(joined, body, garment.perturbed(worn, SCALE), frames, wind=wind)
     distance = _apart(data.truth, perturbed.cloth)
     entered, first = None, ENTER_FRAME + FORGET_FRAMES
     if len(motion) > first + skeleton.FPS / 2:
         late, frames = run.with_lead(motion[ENTER_FRAME:])
-        cloth = cloth_job.simulate(late, body, make(), frames[FORGET_FRAMES:], chosen).cloth
+        wind = None if wind is None else np.concatenate([wind[:len(late) - len(motion) + ENTER_FRAME],
+                                                         wind[len(wind) - len(motion) + ENTER_FRAME:]])
+        cloth = cloth_job.simulate(late, body, worn, frames[FORGET_FRAMES:], wind=wind).cloth
         entered = round(float(_apart(data.truth[first:], cloth).mean()), 2)
     counted = metrics.counted(len(distance))
     mean = float(distance[counted:].mean())
@@ -81,11 +83,11 @@ def overall(source, rows):
 
 def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("clips", nargs="*", help="default: every clip that validates, of development and of training")
+    parser.add_argument("clips", nargs="*", help="default: the clips of development and validation")
     parser.add_argument("--data", required=True, help="ground truth made by run.py")
     parser.add_argument("--motion")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--garment", choices=run.GARMENTS, default="skirt")
+    parser.add_argument("--garment", choices=garment.GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--out", help="write the numbers as JSON")
     return parser.parse_args(argv)
@@ -93,18 +95,19 @@ def arguments(argv=None):
 
 def measure(options):
     rows = []
-    names = options.clips or clips.VALIDATION + clips.DEVELOPMENT + clips.training()
+    names = options.clips or clips.DEVELOPMENT + clips.VALIDATION
     for name in names:
         run.prepare(name, options)      # one that cannot be read is refused before the first is simulated
+    body, worn = run.put_on(options.data, options.garment)
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
-        for row in pool.map(lambda name: floor(name, options, settings.GROUND_TRUTH), names):
+        for row in pool.map(lambda name: floor(name, options, body, worn), names):
             rows.append(row)
             print(f"{row['clip']}: {row['mean_mm']} mm over {row['frames']} frames, "
                   f"{row['end_mm']} at the end, entered late {row['entered_mm']}, "
                   f"alive {row['alive_mm']} mm, floor / alive {percent(row['relative'])}", flush=True)
             if options.out:
                 with open(options.out, "w") as file:
-                    json.dump({"radius_scale": RADIUS_SCALE, "settings": settings.GROUND_TRUTH,
+                    json.dump({"scale": SCALE,
                                "clips": rows}, file, indent=1)
     for source in ("recorded", "scripted"):     # never averaged together
         own = [row for row in rows if dataset.source(row["clip"]) == source]

@@ -1,99 +1,281 @@
-"""The skirt's rest shape: a pleated A-line of 71 rings x 112 columns, waist pinned to the hips.
+"""Garments cut from flat panels and sewn around the figure.
 
-Fourteen pleats of eight columns are modelled into the rest shape and grow towards the hem. A
-plain cone may fold at any angle, so two nearly equal simulations drift apart; pleats pin the
-folds and keep the ground truth repeatable (see README.md, predictability floor).
-The mesh is exactly mirror symmetric in the plane x = 0: vertices, triangles and pleats.
+Each is symmetric in the plane x = 0: the left half is cut, the right half is its reflection.
 """
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from ..motion.skeleton import HIP_HEIGHT, INDEX, LOWER_BODY
-
-# Arms and head never hold up a skirt, and arms that brush it tangle it. A garment with sleeves says otherwise.
-NOT_COLLIDING = tuple(name for name in INDEX if "Shoulder" in name or "Arm" in name or "Hand" in name
-                      or name in ("Neck", "Head"))
-RINGS = 71
-PLEATS = 14
-COLUMNS = PLEATS * 8
-PINNED_RINGS = 6              # a waistband of 4 cm
-YOKE = 0.25                   # m that never rise above the waistband: softer or shorter, a flip stays
-LENGTH = 0.58                 # metres down the side, waist to hem: ends at the knee
-WAIST_ABOVE_HIPS = 0.115      # metres
-WAIST_HALF_WIDTH = 0.158      # x, metres: the waist plus collision shell
-WAIST_HALF_DEPTH = 0.126      # z
-HIP_HALF_WIDTH = 0.215        # reached HIP_AT of the way down
-HIP_HALF_DEPTH = 0.190
-HIP_AT = 0.24
-HEM_RADIUS = 0.385            # round at the hem
-PLEAT_DEPTH = 0.16            # of the radius at the hem; grows with the square of the way down
+from ..motion.skeleton import LOWER_BODY, WHOLE_BODY
+from . import body as parts
+from . import pattern
+from .solver import Fabric
 
 
 @dataclass
 class Garment:
-    """vertices [n, 3] m, faces [c, 3] outward, mirror [n] permutation, pinned [n] bool.
-
-    pin_joints [n]: the joint each pinned vertex follows, -1 where free; the hips unless given.
-    not_colliding: joints whose part of the body this garment is not collided with
-    (cloth_job.collided says which vertices are left). yoke: see cloth_solver.h. touches [n]: bit masks of the parts of the body
-    (cloth_job.PARTS) a vertex is collided with, None: all of them. slack: factor on the setting `tether`, above 1
-    where cloth spans pins that move apart: a taut tether on either side leaves all the stretch to the edges between.
-    felt: joints whose rotations move the garment: the network's features, and what static poses are told apart by.
+    """vertices [n, 3] m where the simulation of the bind pose starts, cloth: faces, pattern, hems, creases,
+    mirror [n] permutation, pinned [n] bool, touches [n] bit masks of body.PARTS, uv [n, 2] (a seam's vertex has those of
+    its first panel), fabric: its name in settings.FABRICS, felt: joints whose motion moves it (the network's features).
     """
+    name: str
+    fabric: str
     vertices: np.ndarray
-    faces: np.ndarray
+    cloth: Fabric
     mirror: np.ndarray
     pinned: np.ndarray
-    pin_joints: np.ndarray = None
-    not_colliding: tuple = NOT_COLLIDING
-    yoke: float = 0.0
-    touches: np.ndarray = None
-    slack: float = 1.0
-    felt: tuple = LOWER_BODY
+    touches: np.ndarray
+    uv: np.ndarray
+    felt: tuple
 
-    def __post_init__(self):
-        if self.pin_joints is None:
-            self.pin_joints = np.where(self.pinned, INDEX["Hips"], -1)
+    @property
+    def faces(self):
+        return self.cloth.faces
 
 
-def _half_axes(way):
-    """Half width and depth of the unpleated profile at `way` in 0..1 from waist to hem."""
-    over_hips = np.clip(way / HIP_AT, 0.0, 1.0)
-    over_hips = np.sin(over_hips * np.pi / 2)          # leaves the waist steeply, as hips do
-    below = np.clip((way - HIP_AT) / (1 - HIP_AT), 0.0, 1.0)
-    width = WAIST_HALF_WIDTH + (HIP_HALF_WIDTH - WAIST_HALF_WIDTH) * over_hips
-    depth = WAIST_HALF_DEPTH + (HIP_HALF_DEPTH - WAIST_HALF_DEPTH) * over_hips
-    return (width + (HEM_RADIUS - HIP_HALF_WIDTH) * below,
-            depth + (HEM_RADIUS - HIP_HALF_DEPTH) * below)
+def _both_sides(panels, seams, folds):
+    """Left panels [(points, faces, flipped)] and their reflections, sewn by `seams` and along x = 0 by `folds`.
+
+    seams: ((panel, points), (panel, points)) of left panels; folds: (panel, points) that lie on x = 0.
+    -> Sewn, mirror permutation."""
+    count = len(panels)
+    right = [(points * [-1, 1], faces, not flipped) for points, faces, flipped in panels]
+    all_seams = list(seams) + [((a + count, i), (b + count, j)) for (a, i), (b, j) in seams]
+    all_seams += [((p, own), (p + count, own)) for p, own in folds]
+    sewn = pattern.sew(panels + right, all_seams)
+    mirror = np.arange(sewn.count)
+    for p in range(count):
+        a, b = sewn.vertex[p], sewn.vertex[p + count]
+        mirror[a[a >= 0]], mirror[b[b >= 0]] = b[a >= 0], a[b >= 0]
+    return sewn, mirror
 
 
-def skirt(radius_scale=1.0):
-    """Build the skirt in bind pose. `radius_scale` perturbs it for the predictability floor."""
-    way = np.linspace(0.0, 1.0, RINGS)[:, None]
-    half = COLUMNS // 2
-    angle = 2 * np.pi * np.arange(half + 1)[None, :] / COLUMNS  # 0 = front, growing to the left
-    width, depth = _half_axes(way)
-    pleat = 1 + PLEAT_DEPTH * way ** 2 * np.cos(PLEATS * angle)
-    x = radius_scale * width * pleat * np.sin(angle)
-    z = radius_scale * depth * pleat * np.cos(angle)
-    x[:, 0] = x[:, half] = 0.0
-    y = np.broadcast_to(HIP_HEIGHT + WAIST_ABOVE_HIPS - LENGTH * way, x.shape)
-    left = np.stack([x, y, z], -1)
-    grid = np.zeros((RINGS, COLUMNS, 3))
-    grid[:, :half + 1] = left
-    grid[:, half + 1:] = left[:, half - 1:0:-1] * np.array([-1.0, 1.0, 1.0])
+def _layout(sewn, panels, gap=0.05):
+    """uv [n, 2]: the panels laid side by side, in metres, scaled to the unit square."""
+    uv, at = np.zeros((sewn.count, 2)), 0.0
+    done = np.zeros(sewn.count, bool)
+    count = len(panels)
+    for p in range(2 * count):
+        points = panels[p % count][0] * ([1, 1] if p < count else [-1, 1])
+        low, high = points.min(0), points.max(0)
+        own = sewn.vertex[p]
+        new = (own >= 0) & ~done[np.maximum(own, 0)]
+        uv[own[new]] = (points - low + [at, 0])[new]
+        done[own[new]] = True
+        at += high[0] - low[0] + gap
+    return (uv / uv.max()).astype(np.float32)
 
-    index = np.arange(RINGS * COLUMNS, dtype=np.int32).reshape(RINGS, COLUMNS)
-    mirror = index[:, (-np.arange(COLUMNS)) % COLUMNS].reshape(-1)
-    faces = []
-    for ring in range(RINGS - 1):
-        for column in range(half):  # left half; the right half is its reflection
-            a, b = index[ring, column], index[ring, column + 1]
-            d, c = index[ring + 1, column], index[ring + 1, column + 1]
-            pair = [(a, d, c), (a, c, b)] if (ring + column) % 2 else [(a, d, b), (b, d, c)]
-            faces += pair
-            faces += [(mirror[p], mirror[r], mirror[q]) for p, q, r in pair]
-    pinned = np.zeros((RINGS, COLUMNS), dtype=bool)
-    pinned[:PINNED_RINGS] = True
-    return Garment(grid.reshape(-1, 3), np.array(faces, dtype=np.int32), mirror, pinned.reshape(-1), yoke=YOKE)
+
+def _hem(faces, rim, turned_up, points, scale, count):
+    """[count] factors: `scale` within `turned_up` m of the rim vertices (two or three layers of cloth)."""
+    out = np.ones(count)
+    out[cKDTree(points[rim]).query(points)[0] < turned_up] = scale
+    return out
+
+
+# The skirt ----------------------------------------------------------------------------------------------------------
+
+SKIRT = {
+    "spacing": 0.0116,       # m between vertices
+    "waist": 1.045,          # height of the waistband's upper edge on a figure of 1.68 m
+    "length": 0.58,          # m along the cloth: ends below the knee
+    "sector": 2.9,           # rad of a circle that front and back together are cut from (a half circle: 3.14)
+    "band": 0.022,           # m of waistband
+    "ease": 0.006,           # m between waist and waistband
+    "hem": 0.025, "hem_layers": 2.2,
+}
+
+
+def skirt(figure, **changes):
+    """A flared skirt: front and back cut from circle sectors on the fold, side seams, waistband, turned-up hem."""
+    cut = {**SKIRT, **changes}
+    outline = parts.section(figure, cut["waist"] - 0.5 * cut["band"])
+    angles = np.linspace(0, 2 * np.pi, 2000)
+    ring = (outline(angles) + cut["ease"])[:, None] * np.stack([np.sin(angles), np.cos(angles)], -1)
+    arc = np.r_[0, np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))]
+    sector, length, spacing = cut["sector"], cut["length"], cut["spacing"]
+    inner = arc[-1] / sector
+    quarter = sector / 4
+
+    def corner(radius, turn):
+        return np.array([radius * np.sin(turn), -radius * np.cos(turn)])
+
+    def side(turn, first, last):
+        return pattern.sample([corner(first, turn), corner(last, turn)], spacing)
+
+    def round_(radius, first, last):
+        count = max(2, round(radius * abs(last - first) / spacing))
+        return np.array([corner(radius, t) for t in np.linspace(first, last, count + 1)])
+
+    outer = inner + length
+    fold, hem = side(0.0, inner, outer), round_(outer, 0.0, quarter)
+    seam, waist = side(quarter, outer, inner), round_(inner, quarter, 0.0)
+    border = np.concatenate([fold[:-1], hem[:-1], seam[:-1], waist[:-1]])
+    band = round_(inner + cut["band"], quarter, 0.0)[1:-1]
+    panels = []
+    for seed in (1, 2):
+        points, faces = pattern.triangulate(border, spacing, [band], seed)
+        panels.append((points, faces, False))
+    own_fold = np.arange(len(fold))
+    own_seam = np.arange(len(fold) + len(hem) - 2, len(fold) + len(hem) + len(seam) - 2)
+    panels[1] = (panels[1][0], panels[1][1], True)     # the back, seen from behind
+    sewn, mirror = _both_sides(panels, [((0, own_seam), (1, own_seam))], [(0, own_fold), (1, own_fold)])
+
+    start = np.zeros((sewn.count, 3))
+    slant = np.zeros(sewn.count)
+    lean = np.arcsin(min(1.0, sector / (2 * np.pi)))   # a cone rolled from that sector
+    for p in range(4):
+        points = panels[p % 2][0]
+        radius = np.linalg.norm(points, axis=1)
+        turn = np.arctan2(points[:, 0], -points[:, 1]) / quarter * (np.pi / 2)     # 0 front or back, pi/2 left side
+        turn = turn if p % 2 == 0 else np.pi - turn
+        down = radius - inner
+        # Even along the waist's outline, even in angle where the skirt is round.
+        round_off = np.clip((down - cut["band"]) / (length - cut["band"]), 0, 1)
+        phi = np.interp(turn / (2 * np.pi) * arc[-1], arc, angles) * (1 - round_off) + turn * round_off
+        own = (outline(phi) + cut["ease"]) * (1 - round_off) + arc[-1] / (2 * np.pi) * round_off
+        r = own + down * np.sin(lean)
+        at = np.stack([r * np.sin(phi) * (1 if p < 2 else -1), cut["waist"] - down * np.cos(lean), r * np.cos(phi)], -1)
+        keep = sewn.vertex[p] >= 0
+        start[sewn.vertex[p][keep]], slant[sewn.vertex[p][keep]] = at[keep], down[keep]
+    factor = np.where(slant > length - cut["hem"], cut["hem_layers"], 1.0)
+    cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5)
+    return Garment("skirt", "wool", start, cloth, mirror, slant <= cut["band"] + 1e-6,
+                   np.full(sewn.count, parts.TRUNK | parts.LEFT_LEG | parts.RIGHT_LEG, np.uint32),
+                   _layout(sewn, panels), LOWER_BODY)
+
+
+# The robe ------------------------------------------------------------------------------------------------------------
+
+ROBE = {
+    "spacing": 0.0141,
+    "neck": 0.115,            # half width of the neck opening
+    "front_neck": 0.13, "back_neck": 0.06,
+    "rise": 0.085,            # of the shoulder line above the figure's shoulders: cloth that blouses over the belt
+    "sleeve": 0.17,           # half height of the sleeve's opening
+    "wrist": 0.05,            # the sleeve ends that far from the wrist, towards the elbow
+    "armpit": 0.275,         # half width of the body under the arms
+    "armpit_drop": 0.25,      # below the shoulder line
+    "waist": 0.225, "waist_height": 1.075,
+    "hem": 0.38, "hem_height": 0.40, "flare": 1.7,
+    "slit": 0.30,             # m from the hem that the front stays open
+    "belt": 0.035,
+    "turned_up": 0.02, "hem_layers": 2.0,
+}
+
+
+def _smooth(a, b, t):
+    return a + (b - a) * t * t * (3 - 2 * t)
+
+
+def _robe_start(x, y, low, half, top, armpit):
+    """Where points of the left front panel stand before the first step, about the T-pose: the body an elliptic tube that
+    closes on the shoulders, the sleeve a round one. [n, 3] with z counted forward from the middle."""
+    closing = 0.14
+    up = np.clip((y - top + closing) / closing, 0, 1)
+    dome = np.sqrt(1 - up ** 2)
+    depth = 0.86 * half * 2 / np.pi
+    width = np.sqrt(np.maximum(2 * (half * 2 / np.pi) ** 2 - depth ** 2, 1e-6))
+    turn = 0.5 * np.pi * np.clip(x / half, 0, 1)
+    trunk = np.stack([x + (width * np.sin(turn) - x) * dome, y, depth * np.cos(turn) * dome], -1)
+    height = np.maximum(top - low, 1e-3)
+    radius = height / np.pi
+    round_ = np.pi * np.clip((top - y) / height, 0, 1)
+    sleeve = np.stack([x, top - radius + radius * np.cos(round_), radius * np.sin(round_)], -1)
+    share = np.clip((x - 0.55 * armpit) / (0.75 * armpit), 0, 1)[:, None] * (y >= low - 1e-6)[:, None]
+    share = share * share * (3 - 2 * share)
+    return trunk + share * (sleeve - trunk)
+
+
+def robe(figure, **changes):
+    """A belted robe: front and back cut in one with their sleeves on the fold, sewn along shoulder, sleeve and side; the
+    front is open from the hem to above the knee."""
+    cut = {**ROBE, **changes}
+    joint = dict(zip(figure.names, figure.joints))
+    spacing = cut["spacing"]
+    arm = joint["LeftArm"][1]
+    near = (np.abs(figure.vertices[:, 0] - joint["LeftArm"][0]) < 0.03) & (figure.vertices[:, 1] > arm)
+    top = figure.vertices[near, 1].max() + cut["rise"]
+    reach = joint["LeftHand"][0] - cut["wrist"]
+    belt_low, belt_high = cut["waist_height"] - 0.5 * cut["belt"], cut["waist_height"] + 0.5 * cut["belt"]
+
+    def side(y):      # half width of the body panel at a height
+        y = np.asarray(y, float)
+        above = np.clip((y - cut["waist_height"]) / (top - cut["armpit_drop"] - cut["waist_height"]), 0, 1)
+        below = np.clip((cut["waist_height"] - y) / (cut["waist_height"] - cut["hem_height"]), 0, 1)
+        return np.where(y >= cut["waist_height"], _smooth(cut["waist"], cut["armpit"], above),
+                        cut["waist"] + (cut["hem"] - cut["waist"]) * (1 - (1 - below) ** cut["flare"]))
+
+    underarm = np.array([cut["armpit"], top - cut["armpit_drop"]])
+    sleeve_low = top - 2 * cut["sleeve"] * 0.9
+    curve = np.array([[_smooth(underarm[0], underarm[0] + 0.09, t), _smooth(underarm[1], min(underarm[1], sleeve_low) +
+                       0.0, t)] for t in np.linspace(0, 1, 12)])
+    heights = np.linspace(cut["hem_height"], underarm[1], 60)
+    shoulder = pattern.sample([(cut["neck"], top), (reach, top)], spacing)
+    opening = pattern.sample([(reach, top), (reach, sleeve_low)], spacing)
+    under = pattern.sample(np.concatenate([[(reach, sleeve_low)], curve[::-1],
+                                           np.stack([side(heights[::-1]), heights[::-1]], -1)[1:]]), spacing)
+    hem = pattern.sample([(cut["hem"], cut["hem_height"]), (0, cut["hem_height"])], spacing)
+    bottom = np.r_[0, curve[:, 0], reach], np.r_[underarm[1], curve[:, 1], sleeve_low]   # of the sleeve, by x
+    panels, rows = [], []
+    for seed, drop in ((1, cut["front_neck"]), (2, cut["back_neck"])):
+        turn = np.linspace(0, np.pi / 2, 30)
+        fold = pattern.sample([(0, cut["hem_height"]), (0, top - drop)], spacing)
+        neck = pattern.sample(np.stack([cut["neck"] * np.sin(turn), top - drop * np.cos(turn)], -1), spacing)
+        border = np.concatenate([fold[:-1], neck[:-1], shoulder[:-1], opening[:-1], under[:-1], hem[:-1]])
+        # The fold, neck, shoulder, ... are met clockwise or not; only their numbers matter.
+        at = np.cumsum([0] + [len(part) - 1 for part in (fold, neck, shoulder, opening, under, hem)])
+        rows.append([np.arange(at[k], at[k + 1] + 1) % len(border) for k in range(6)])
+        lines = [np.stack([np.arange(spacing, side(y) - 0.5 * spacing, spacing), np.full(len(np.arange(
+            spacing, side(y) - 0.5 * spacing, spacing)), y)], -1) for y in (belt_low, cut["waist_height"], belt_high)]
+        points, faces = pattern.triangulate(border, spacing, lines, seed)
+        panels.append((points, faces, False))
+    panels[1] = (panels[1][0], panels[1][1], True)
+    seams = [((0, rows[0][2]), (1, rows[1][2])), ((0, rows[0][4]), (1, rows[1][4]))]
+    front_fold = rows[0][0]
+    closed = panels[0][0][front_fold][:, 1] >= cut["hem_height"] + cut["slit"]
+    sewn, mirror = _both_sides(panels, seams, [(0, front_fold[closed]), (1, rows[1][0])])
+
+    start, height = np.zeros((sewn.count, 3)), np.zeros(sewn.count)
+    outline = parts.section(figure, cut["waist_height"], half_width=0.2)
+    belt_ring = np.linspace(0, 2 * np.pi, 2000)
+    ring = (outline(belt_ring) + 0.008)[:, None] * np.stack([np.sin(belt_ring), np.cos(belt_ring)], -1)
+    arc = np.r_[0, np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))]
+    pinned = np.zeros(sewn.count, bool)
+    sleeved = np.zeros(sewn.count, np.uint32)
+    for p in range(4):
+        points = panels[p % 2][0]
+        own, sign, front = sewn.vertex[p], 1 if p < 2 else -1, 1 if p % 2 == 0 else -1
+        keep = own >= 0
+        x, y = points[:, 0], points[:, 1]
+        at = _robe_start(x, y, np.interp(x, *bottom), side(y), top, cut["armpit"])
+        at *= [sign, 1, 1]
+        at[:, 2] = joint["Spine2"][2] + front * at[:, 2]
+        band = (np.abs(points[:, 1] - cut["waist_height"]) < 0.5 * cut["belt"] + 1e-6)
+        share = np.clip(points[:, 0] / side(points[:, 1]), 0, 1)     # of the way from the fold to the side seam
+        turn = 0.5 * np.pi * share if front > 0 else np.pi - 0.5 * np.pi * share
+        phi = np.interp(turn / (2 * np.pi) * arc[-1], arc, belt_ring)
+        at[band] = np.stack([(outline(phi) + 0.008) * np.sin(phi) * sign, points[:, 1],
+                             (outline(phi) + 0.008) * np.cos(phi)], -1)[band]
+        start[own[keep]], height[own[keep]] = at[keep], points[keep, 1]
+        pinned[own[keep]] |= band[keep]
+        arms = parts.LEFT_ARM if p < 2 else parts.RIGHT_ARM
+        body_parts = parts.TRUNK | parts.LEFT_LEG | parts.RIGHT_LEG
+        on_sleeve = x > cut["armpit"] + 0.06
+        on_shoulder = (x > 0.5 * cut["armpit"]) & (y > underarm[1] - 0.02) & ~on_sleeve
+        own_mask = np.where(on_sleeve, arms, np.where(on_shoulder, arms | parts.TRUNK, body_parts)).astype(np.uint32)
+        sleeved[own[keep]] |= own_mask[keep]
+    factor = np.where(height < cut["hem_height"] + cut["turned_up"], cut["hem_layers"], 1.0)
+    cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5)
+    return Garment("robe", "cotton", start, cloth, mirror, pinned, sleeved, _layout(sewn, panels), WHOLE_BODY)
+
+
+GARMENTS = {"skirt": skirt, "robe": robe}
+FELT = {"skirt": LOWER_BODY, "robe": WHOLE_BODY}
+
+
+def perturbed(garment, scale):
+    """The same garment cut a little larger or smaller, for the predictability floor."""
+    return dataclasses.replace(garment, cloth=dataclasses.replace(garment.cloth, pattern=garment.cloth.pattern * scale))

@@ -1,7 +1,7 @@
 """Make the ground truth: one resumable, atomic file a clip.
 
     python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
-        [--clips static,validation,development,training,random,variations,wide,mixed,leaning | --clips mocap/walk] [--root fixed]
+        [--clips held_out,static,training,random,variations,wide,mixed,leaning | --clips mocap/walk] [--root fixed]
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
 and one JSON line a clip in DIR/manifest.jsonl. Finished files are skipped; a clip that fails or is
@@ -9,6 +9,7 @@ not cloth (checks.py) is reported and skipped, never half-written.
 """
 import argparse
 import concurrent.futures
+import dataclasses
 import hashlib
 import json
 import os
@@ -33,34 +34,33 @@ def with_lead(motion):
     return joined, np.arange(len(lead), len(joined))
 
 
-GARMENTS = {"skirt": garment.skirt}
+def put_on(folder, name):
+    """(figure, garment as it hangs in bind pose), from `folder`/character.safetensors or simulated and written there.
 
-
-def make_character(path, body, worn):
-    """Writes the figure, topology and the garment as it hangs in the bind pose, unless they are there."""
+    name: in garment.GARMENTS."""
+    body, worn = figure.load(), garment.GARMENTS[name](figure.load())
+    path = os.path.join(folder, "character.safetensors")
     if os.path.exists(path):
-        return
-    rest = skeleton.rest_motion(settings.DRAPE_FRAMES)
-    hung = cloth_job.simulate(rest, body, worn, [len(rest) - 2, len(rest) - 1])
-    drape = hung.cloth[1].astype(np.float64)
-    reflected = drape[worn.mirror] * np.array([-1.0, 1.0, 1.0])
-    lopsided = np.linalg.norm(drape - reflected, axis=1)
-    moving = np.linalg.norm(hung.cloth[1] - hung.cloth[0], axis=1).mean()
-    print(f"character: drape moves {1e3 * moving:.3f} mm a frame, lopsided by "
-          f"{1e3 * lopsided.mean():.2f} mm (mean), made symmetric; {hung.seconds:.0f} s",
-          flush=True)
-    touch = {} if worn.touches is None else {"cloth_touches": worn.touches.astype(np.int32),
-                                             "body_parts": cloth_job.skin_parts(body, worn).astype(np.int32)}
+        hanging = safetensors_io.read(path)[0]["cloth_template"].astype(np.float64)
+        if hanging.shape != worn.vertices.shape:
+            raise ValueError(f"{path}: {len(hanging)} cloth vertices, the {name} has {len(worn.vertices)}; take "
+                             "a folder of its own for each garment")
+        return body, dataclasses.replace(worn, vertices=hanging)
+    worn, moving, lopsided = cloth_job.hung(worn, body)
+    print(f"{name}: hanging, it moves {1e3 * moving:.3f} mm a frame; left and right differed by "
+          f"{1e3 * lopsided:.2f} mm (mean), made symmetric", flush=True)
+    _, _, _, masks = cloth_job.collider(body, worn)
     safetensors_io.write(path, {
         "joint_bind": skeleton.bind_matrices().astype(np.float32),
-        "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces,
-        "body_weights": body.weights.astype(np.float32),
-        "body_collider": cloth_job.collided(body, worn).astype(np.uint8),
-        "cloth_template": (0.5 * (drape + reflected)).astype(np.float32),
-        "cloth_rest": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
-        "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8), **touch,
-    }, {"joint_names": json.dumps(skeleton.NAMES), "parents": json.dumps(skeleton.PARENTS.tolist()),
-        "joint_mirror": json.dumps(skeleton.MIRROR.tolist()), "feature_joints": json.dumps(worn.felt)})
+        "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces.astype(np.int32),
+        "body_weights": body.weights.astype(np.float32), "body_collider": (masks > 0).astype(np.uint8),
+        "cloth_template": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
+        "cloth_rest_length": cloth_job.rest_lengths(worn).astype(np.float32), "cloth_uv": worn.uv,
+        "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8), "cloth_touches": worn.touches.astype(np.int32),
+        "body_parts": masks.astype(np.int32),
+    }, {"joint_names": json.dumps(list(skeleton.NAMES)), "parents": json.dumps([int(p) for p in skeleton.PARENTS]),
+        "joint_mirror": json.dumps(skeleton.MIRROR.tolist()), "feature_joints": json.dumps(list(worn.felt))})
+    return body, dataclasses.replace(worn, vertices=worn.vertices.astype(np.float32).astype(np.float64))
 
 
 def manifest(options, entry):
@@ -68,13 +68,16 @@ def manifest(options, entry):
         file.write(json.dumps(entry) + "\n")
 
 
-def run_clip(name, kind, motion, record, chosen, context, path):
+def run_clip(name, kind, motion, record, wind, path, context):
     """Simulate, check, write. Returns the manifest entry; raises nothing on a bad clip."""
     options, body, worn = context
     began = time.time()
+    chosen = settings.of(worn.fabric)
     entry = {"clip": name, "kind": kind, "root": options.root, "settings": chosen}
     try:
-        result = cloth_job.simulate(motion, body, worn, record, chosen)
+        if wind is not None:    # it rises while the cloth settles
+            entry["wind_max"] = round(float(np.linalg.norm(wind, axis=1).max()), 2)
+        result = cloth_job.simulate(motion, body, worn, record, chosen, wind)
         if kind == "static":
             result, good = checks.drapes(result, body, worn)
             if not good.any():
@@ -90,7 +93,7 @@ def run_clip(name, kind, motion, record, chosen, context, path):
         bad = checks.refuse({"speed_max": 0.0, **entry})
         if bad is None:
             sequence.write(path, sequence.Sequence(result.matrices, result.cloth, skeleton.NAMES,
-                                                   skeleton.FPS, name, kind))
+                                                   skeleton.FPS, name, kind, result.wind))
             with open(path, "rb") as file:
                 entry["sha256"] = hashlib.sha256(file.read()).hexdigest()
     except Exception as error:  # a bad clip must not stop the batch
@@ -108,19 +111,29 @@ def prepare(name, options):
     return motion
 
 
+def with_lead_wind(name, motion):
+    """Wind [T, 3] of lead-in and clip: it rises while the lead is held. None where the clip is calm."""
+    blowing = clips.wind(name, len(motion))
+    if blowing is None:
+        return None
+    rise = np.r_[np.zeros(settings.REACH_FRAMES), np.linspace(0, 1, settings.HOLD_FRAMES)]
+    return np.concatenate([rise[:, None] * blowing[0], blowing])
+
+
 def static_tours(options, felt):
     """[(file number, poses)] of the quasi-static drapes; always the same poses, of training clips alone."""
-    motions = []
-    for name in clips.training() + clips.VARIATIONS + clips.WIDE + clips.MIXED:
-        if name.startswith("procedural/") or options.motion:
-            motions.append(clips.load(name, options.motion))
+    names = [name for name in clips.training() + clips.VARIATIONS + clips.WIDE + clips.MIXED
+             if name.startswith("procedural/") or options.motion]
+    motions = [clips.load(name, options.motion) for name in names]
     poses = statics.order(statics.select(motions, options.poses, felt), felt)
     size = statics.POSES_A_FILE
     return [(i // size, poses[i:i + size]) for i in range(0, len(poses), size)]
 
 
-def tasks(options, context):
-    """(name, function, arguments) of each file that is not there yet, once, in order of importance."""
+def tasks(options, felt):
+    """(name, kind, motion, frames to record, wind, path) of each file that is not there yet, once, in order of importance.
+
+    felt: joints whose rotations tell static poses apart."""
     met = set()
 
     def wanted(path):
@@ -130,22 +143,20 @@ def tasks(options, context):
 
     for word in options.clips.split(","):
         if word == "static":
-            for number, poses in static_tours(options, context[2].felt):
+            for number, poses in static_tours(options, felt):
                 name = f"drapes-{number:02d}"
                 path = os.path.join(options.out, "static", name + ".safetensors")
                 if wanted(path):
                     tour, rests = statics.tour(poses)
                     joined, frames = with_lead(tour)
-                    chosen = settings.with_changes(**statics.SETTINGS)
-                    yield name, run_clip, (name, "static", joined, frames[rests], chosen,
-                                           context, path)
+                    yield name, "static", joined, frames[rests], None, path
             continue
         for name in clips.group(word):
             path = os.path.join(options.out, "dynamic", clips.file_stem(name) + ".safetensors")
             if wanted(path):
-                motion, frames = with_lead(prepare(name, options))
-                yield name, run_clip, (name, "dynamic", motion, frames, settings.GROUND_TRUTH,
-                                       context, path)
+                motion = prepare(name, options)
+                joined, frames = with_lead(motion)
+                yield name, "dynamic", joined, frames, with_lead_wind(name, motion), path
 
 
 def arguments(argv=None):
@@ -155,7 +166,7 @@ def arguments(argv=None):
     parser.add_argument("--clips", default="static,validation,development,training,random,variations,wide,mixed,leaning",
                         help="groups or single clips, in order of importance; 'reported' last, for the final figures")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--garment", choices=GARMENTS, default="skirt")
+    parser.add_argument("--garment", choices=garment.GARMENTS, default="skirt")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--poses", type=int, default=1200, help="quasi-static drapes")
     return parser.parse_args(argv)
@@ -163,16 +174,14 @@ def arguments(argv=None):
 
 def run(options):
     """-> how many clips were refused."""
-    worn = GARMENTS[options.garment]()
-    body = figure.load()
     # All of them before the first is simulated: a clip that cannot be read must not stop a batch half way.
-    chosen = list(tasks(options, (options, body, worn)))
+    chosen = list(tasks(options, garment.FELT[options.garment]))
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)
-    make_character(os.path.join(options.out, "character.safetensors"), body, worn)
+    context = (options, *put_on(options.out, options.garment))
     refused, began = 0, time.time()
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
-        waiting = [pool.submit(function, *given) for _, function, given in chosen]
+        waiting = [pool.submit(run_clip, *given, context) for given in chosen]
         for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
             entry, _ = future.result()
             refused += "refused" in entry

@@ -1,33 +1,42 @@
-"""Solver settings of the ground truth, and why they are what they are.
+"""What the ground truth's cloth is made of, and how it is simulated.
 
-They are chosen for repeatability, not for the prettiest single simulation: a network can only
-learn what two nearly equal simulations agree on (README.md, predictability floor).
+Fabrics are described by what a laboratory measures; `python3 -m dcloth_training.simulate.fabric` measures the simulated
+cloth the same way (README.md, the fabric tests).
 """
 from ..motion.skeleton import FPS
 
-GROUND_TRUTH = {
-    "steps": 30,
-    "frame_seconds": 1.0 / FPS,
-    "density": 0.25,               # kg/m^2, a light wool
-    "stretch_compliance": 1e-6,    # m/N: stiff; what stretch is left comes from two passes a step
-    "bend_stiffness": 100.0,
-    "brace_stiffness": 3.0,        # without it a pose has many drapes: dents stay where a leg once was (README.md)
-    "drag_normal": 10.0,           # 1/s; at 5 a run's floor is three times as high
-    "drag_tangent": 10.0,
-    "air_follows": 1.0,            # with braces over four edges a run's floor was twice as high in still air
-    "smoothing": 1000.0,           # 1/s: a full average with the neighbours every fourth step
-    "thickness": 0.008,
-    "contact_drag": 5.0,           # viscous: Coulomb friction sticks and slips
-    "tether": 1.0,
+WOOL = {
+    "density": 0.24,        # kg/m^2, a light suiting
+    "stretch": 3000.0,      # N/m along the threads
+    "bias": 40.0,           # N/m at 45 degrees: woven cloth shears
+    "compression": 0.05,
+    "bend": 1.85e-5,        # N m
+    "damping": 25.0,        # 1/s
+    "friction": 0.25,
 }
-REACH_FRAMES = 12                  # T-pose to the clip's first pose
-HOLD_FRAMES = 18                   # first pose held until the garment rests
-DRAPE_FRAMES = 60                  # bind pose, for the template
+COTTON = {**WOOL, "density": 0.12, "bend": 9.0e-6, "friction": 0.3}
+SOLVER = {
+    "steps": 30,
+    "stretch_passes": 7,
+    "frame_seconds": 1.0 / FPS,
+    "gravity": 9.81,
+    "drag_normal": 1.3,     # a flat plate across the flow: 1.1 to 2
+    "drag_tangent": 0.03,   # skin friction
+    "air_density": 1.2,
+    "thickness": 0.004,
+    "layer_thickness": 0.005,
+    "max_speed": 30.0,
+    "tether": 1.01,
+}
+FABRICS = {"wool": WOOL, "cotton": COTTON}
+REACH_FRAMES = 20                  # T-pose to the clip's first pose
+HOLD_FRAMES = 30                   # first pose held until the garment rests
 
 
-def with_changes(**changes):
-    """A copy of GROUND_TRUTH with single settings changed, e.g. steps=20."""
-    unknown = set(changes) - set(GROUND_TRUTH)
+def of(fabric, **changes):
+    """All settings of a simulation of `fabric` (a name in FABRICS), with single ones changed, e.g. steps=20."""
+    out = {**SOLVER, **FABRICS[fabric]}
+    unknown = set(changes) - set(out)
     if unknown:
-        raise ValueError(f"unknown settings {sorted(unknown)}; known: {', '.join(GROUND_TRUTH)}")
-    return {**GROUND_TRUTH, **changes}
+        raise ValueError(f"unknown settings {sorted(unknown)}; known: {', '.join(out)}")
+    return {**out, **changes}

@@ -6,6 +6,7 @@ The library is found at $DCLOTH_CLOTH_SOLVER or in build/training beside this ch
 import ctypes
 import functools
 import os
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,17 +17,19 @@ _MASK = ctypes.POINTER(ctypes.c_uint32)
 
 class Settings(ctypes.Structure):
     """cloth_solver_settings: see training/cloth_solver/cloth_solver.h."""
-    _fields_ = [("steps", ctypes.c_int32)] + [(name, ctypes.c_float) for name in (
-        "frame_seconds", "density", "stretch_compliance", "bend_stiffness",
-        "brace_stiffness", "drag_normal", "drag_tangent", "air_follows", "smoothing", "thickness", "contact_drag", "tether")]
+    _fields_ = [(name, ctypes.c_int32) for name in ("steps", "stretch_passes")] + [
+        (name, ctypes.c_float) for name in (
+            "frame_seconds", "gravity", "density", "stretch", "bias", "compression", "bend", "damping", "drag_normal",
+            "drag_tangent", "air_density", "friction", "thickness", "layer_thickness", "max_speed",
+            "tether")]
 
 
 class _Problem(ctypes.Structure):
     _fields_ = [(name, ctypes.c_int32) for name in (
         "vertices", "faces", "pinned", "body_vertices", "body_faces", "body_parts", "frames")] + [
-        ("rest", _FLOAT), ("face", _INT), ("pin", _INT), ("pin_path", _FLOAT),
-        ("body_face", _INT), ("body_path", _FLOAT), ("body_part", _MASK), ("cloth_part", _MASK),
-        ("hips", _FLOAT), ("yoke", ctypes.c_float), ("settings", Settings)]
+        ("start", _FLOAT), ("face", _INT), ("pattern", _FLOAT), ("mass_scale", _FLOAT), ("bend_scale", _FLOAT),
+        ("crease", _FLOAT), ("pin", _INT), ("pin_path", _FLOAT), ("body_face", _INT), ("body_part", _INT),
+        ("body_path", _FLOAT), ("cloth_part", _MASK), ("origin", _FLOAT), ("wind", _FLOAT), ("settings", Settings)]
 
 
 @functools.lru_cache(maxsize=None)
@@ -45,38 +48,60 @@ def library():
                             "scripts/build.sh build -DDCLOTH_BUILD_TESTS=OFF, or set DCLOTH_CLOTH_SOLVER to its path")
 
 
-def run(rest, faces, pins, pin_path, body_faces, body_path, body_part, hips, settings,
-        yoke=0.0, cloth_part=None):
-    """Simulate every frame.
+@dataclass
+class Fabric:
+    """A piece of sewn cloth: faces [c, 3], pattern [c, 3, 2] m; per vertex, or None: mass_scale [n], bend_scale [n]
+    (factors), crease [n] rad (cloth_solver.h)."""
+    faces: np.ndarray
+    pattern: np.ndarray
+    mass_scale: np.ndarray = None
+    bend_scale: np.ndarray = None
+    crease: np.ndarray = None
 
-    rest [n, 3] m where the simulation starts, faces [c, 3], pins [p], pin_path [T, p, 3],
-    body_faces [g, 3], body_path [T, b, 3], body_part [b] bit masks, hips [T, 4, 4] world matrices,
-    settings: a dict with every field of Settings, yoke: m, see cloth_solver.h, cloth_part [n] bit masks of the parts
-    each cloth vertex touches, None: all. Returns cloth [k, n, 3] float32: k = T, or fewer when the simulation came
-    apart at frame k.
+
+@dataclass
+class Body:
+    """What the cloth touches: faces [g, 3] outward, part [g] numbers of closed surfaces, path [T, b, 3] m."""
+    faces: np.ndarray
+    part: np.ndarray
+    path: np.ndarray
+
+
+def nothing(frames):
+    """No body, for `frames` frames."""
+    return Body(np.zeros((0, 3), np.int32), np.zeros(0, np.int32), np.zeros((frames, 0, 3)))
+
+
+def run(start, fabric, pins, pin_path, body, origin, settings, wind=None, cloth_part=None):
+    """Simulate every frame of body.path.
+
+    start [n, 3] m world positions in frame 0, pins [p] vertex numbers, pin_path [T, p, 3] m, origin [T, 3] m a point near
+    the cloth, settings: a dict with every field of Settings, wind [T, 3] m/s or None: still air, cloth_part [n] bit
+    masks of the body parts each cloth vertex touches, None: all. Returns cloth [k, n, 3] float32: k = T, or fewer when
+    the simulation came apart at frame k. ValueError: shapes that do not fit.
     """
-    rest, pin_path, body_path, hips = (np.ascontiguousarray(a, np.float32) for a in (
-        rest, pin_path, body_path, np.asarray(hips)[:, :3]))
-    faces, pins, body_faces = (np.ascontiguousarray(a, np.int32) for a in (
-        faces, pins, body_faces))
-    body_part = np.ascontiguousarray(body_part, np.uint32)
-    if cloth_part is not None:
-        cloth_part = np.ascontiguousarray(cloth_part, np.uint32)
-        if cloth_part.shape != (len(rest),):
-            raise ValueError(f"cloth_part has shape {cloth_part.shape}, ({len(rest)},) expected")
-    frames = len(body_path)
-    if not len(pin_path) == len(hips) == frames:
-        raise ValueError(f"{frames} body frames, {len(pin_path)} pin frames, {len(hips)} of the hips")
-    out = np.empty((frames,) + rest.shape, np.float32)
+    frames, count, keep = len(body.path), len(start), []
 
-    def pointer(array, kind=_FLOAT):
+    def pointer(array, kind, shape, dtype):
+        if array is None:
+            return None
+        array = np.ascontiguousarray(array, dtype)
+        if array.shape != shape:
+            raise ValueError(f"array of shape {array.shape} given, {shape} expected")
+        keep.append(array)
         return array.ctypes.data_as(kind)
 
+    def floats(array, *shape):
+        return pointer(array, _FLOAT, shape, np.float32)
+
+    faces, parts = len(fabric.faces), int(np.max(body.part, initial=-1)) + 1
+    out = np.empty((frames, count, 3), np.float32)
     problem = _Problem(
-        len(rest), len(faces), len(pins), body_path.shape[1], len(body_faces),
-        int(body_part.max(initial=0)).bit_length(), frames, pointer(rest), pointer(faces, _INT),
-        pointer(pins, _INT), pointer(pin_path), pointer(body_faces, _INT), pointer(body_path),
-        pointer(body_part, _MASK),
-        None if cloth_part is None else pointer(cloth_part, _MASK), pointer(hips), yoke,
-        Settings(**settings))
-    return out[:library().cloth_solver_run(ctypes.byref(problem), pointer(out))]
+        count, faces, len(pins), body.path.shape[1], len(body.faces), parts, frames,
+        floats(start, count, 3), pointer(fabric.faces, _INT, (faces, 3), np.int32), floats(fabric.pattern, faces, 3, 2),
+        floats(fabric.mass_scale, count), floats(fabric.bend_scale, count), floats(fabric.crease, count),
+        pointer(pins, _INT, (len(pins),), np.int32), floats(pin_path, frames, len(pins), 3),
+        pointer(body.faces, _INT, (len(body.faces), 3), np.int32), pointer(body.part, _INT, (len(body.faces),), np.int32),
+        floats(body.path, frames, body.path.shape[1], 3), pointer(cloth_part, _MASK, (count,), np.uint32),
+        floats(origin, frames, 3), floats(wind, frames, 3), Settings(**settings))
+    return out[:library().cloth_solver_run(ctypes.byref(problem), out.ctypes.data_as(_FLOAT))]
