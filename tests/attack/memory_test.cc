@@ -99,7 +99,7 @@ TEST_P(MemoryTest, EveryHostBufferBetweenGuardPages) {
       GuardedBuffer<float> matrices(first, lender.other);
       GuardedBuffer<float> positions(3 * n, lender.other), normals(3 * n, lender.other);
       GuardedBuffer<dcloth_pose> pose(1, lender.other);
-      pose[0] = {sizeof(dcloth_pose), info[0].joint_count, matrices.data(), 0};
+      pose[0] = {sizeof(dcloth_pose), info[0].joint_count, matrices.data(), 0, 0};
       GuardedBuffer<dcloth_output> output(1, lender.other);
       output[0] = {};
       output[0].struct_size = sizeof(dcloth_output);

@@ -151,9 +151,9 @@ TEST_P(UpdateAttackTest, EveryVertexBufferBetweenGuardPages) {
       output[0].scratch_size = 4 * scratch.size();
       const GuardedBuffer<float> matrices(Pose(formats / 60.0), place);
       GuardedBuffer<dcloth_pose> pose(1, place);
-      pose[0] = {sizeof(dcloth_pose), opened_.info().joint_count, matrices.data(), 0};
+      pose[0] = {sizeof(dcloth_pose), opened_.info().joint_count, matrices.data(), 0, 0};
       GuardedBuffer<dcloth_frame> frame(1, place);
-      frame[0] = {sizeof(dcloth_frame), stages(), 1 / 60.0f, 0};
+      frame[0] = {sizeof(dcloth_frame), stages(), 1 / 60.0f, 0, nullptr};
       ASSERT_EQ(dcloth_cloth_update(cloth.get(), pose.data(), frame.data(), output.data(), nullptr),
                 DCLOTH_OK)
           << formats;

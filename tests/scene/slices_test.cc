@@ -99,7 +99,7 @@ std::vector<Work> Frames(const converter::OpenModel& model, const Motion& motion
     }
     const size_t before = PositionOf(inside, items.size());
     const dcloth_pose pose = MakePose(matrices.data(), static_cast<uint32_t>(matrices.size() / 16));
-    const dcloth_frame update = {sizeof(update), DCLOTH_STAGES_MESH, static_cast<float>(1 / rate), flags};
+    const dcloth_frame update = {sizeof(update), DCLOTH_STAGES_MESH, static_cast<float>(1 / rate), flags, nullptr};
     EXPECT_EQ(dcloth_cloth_update(cloth, &pose, &update, nullptr, nullptr), DCLOTH_OK);
     dcloth_cloth_info info = {};
     info.struct_size = sizeof(info);

@@ -210,7 +210,7 @@ TEST(HotSwap, AnotherNetworkRunsInBesideTheOld) {
     ASSERT_EQ(older.Update(time += 0.01, kFrame), DCLOTH_OK);
     const std::vector<float> matrices = PoseAt(newer.model.numbers, time);
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const dcloth_frame unseen = {sizeof(unseen), kAll, kFrame, 0};
+    const dcloth_frame unseen = {sizeof(unseen), kAll, kFrame, 0, nullptr};
     ASSERT_EQ(dcloth_cloth_update(newer.cloth->get(), &pose, &unseen, nullptr, nullptr), DCLOTH_OK);
     ASSERT_EQ(twin.Update(time, kFrame), DCLOTH_OK);
   }
