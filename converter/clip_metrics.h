@@ -1,5 +1,5 @@
-// How well a predicted clip moves: what training/dcloth_training/metrics.py defines, but penetration and crossings, which
-// need exact tests of meshes.
+// How well a predicted clip moves: what training/dcloth_training/metrics.py defines, but penetration and crossings,
+// which need exact tests of meshes.
 #ifndef DCLOTH_CONVERTER_CLIP_METRICS_H_
 #define DCLOTH_CONVERTER_CLIP_METRICS_H_
 
@@ -26,15 +26,15 @@ struct BandError {
 
 // Of one clip, or the mean over clips in which each weighs the same (rms: of the mean square).
 struct ClipError {
-  size_t clip_count = 0;           // 0: nothing was measured
-  double error_mm = 0;             // E_d
-  double alive_mm = 0;             // the truth about its own mean shape over the clip, in the hips' frame
-  double predicted_alive_mm = 0;   // the same of the prediction
-  double offset_mm = 0;            // between the two mean shapes
-  double motion_error_mm = 0;      // when each has lost its mean shape
-  double fine_motion_mm = 0;       // of the truth: its middle and fine bands about their mean
-  double strain_p99 = 0;           // edge length / rest length - 1
-  double jitter_rms_mm = 0;        // second difference over time, in the hips' frame
+  size_t clip_count = 0;          // 0: nothing was measured
+  double error_mm = 0;            // E_d
+  double alive_mm = 0;            // the truth about its own mean shape over the clip, in the hips' frame
+  double predicted_alive_mm = 0;  // the same of the prediction
+  double offset_mm = 0;           // between the two mean shapes
+  double motion_error_mm = 0;     // when each has lost its mean shape
+  double fine_motion_mm = 0;      // of the truth: its middle and fine bands about their mean
+  double strain_p99 = 0;          // edge length / rest length - 1
+  double jitter_rms_mm = 0;       // second difference over time, in the hips' frame
   double jitter_truth_rms_mm = 0;
   std::array<BandError, 3> bands;  // coarse, middle, fine: 40 and 8 steps of averaging over mesh neighbours apart
   std::optional<double> calm_mm;   // predicted_alive_mm - alive_mm where the truth hardly moves
@@ -63,16 +63,16 @@ class ClothMesh {
     uint16_t a, b;
     float rest;
   };
-  std::vector<uint32_t> row_starts_;   // [n + 1]
-  std::vector<uint16_t> neighbours_;   // without the vertex itself
+  std::vector<uint32_t> row_starts_;  // [n + 1]
+  std::vector<uint16_t> neighbours_;  // without the vertex itself
   std::vector<Edge> edges_;
 };
 
 // The truth of one clip, which predictions are compared with.
 class ClipTruth {
  public:
-  using Frame = std::span<const float>;          // [n, 3] world, metres
-  using Hips = std::array<float, 12>;            // rows of the joint's world matrix
+  using Frame = std::span<const float>;  // [n, 3] world, metres
+  using Hips = std::array<float, 12>;    // rows of the joint's world matrix
 
   // `mesh` and what the frames refer to outlive it. At least one frame, as many hips.
   ClipTruth(const ClothMesh& mesh, std::vector<Frame> frames, std::vector<Hips> hips);
@@ -96,8 +96,8 @@ class ClipTruth {
   std::vector<Frame> frames_;  // all of them
   std::vector<Hips> hips_;
   size_t first_, counted_;
-  std::vector<float> mean_;    // [n, 3] in the hips' frame
-  ClipError truth_;            // what a comparison begins with: the truth's own figures
+  std::vector<float> mean_;  // [n, 3] in the hips' frame
+  ClipError truth_;          // what a comparison begins with: the truth's own figures
 };
 
 }  // namespace dcloth::converter

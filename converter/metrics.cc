@@ -93,6 +93,13 @@ void ErrorMeter::AddFrame(std::span<const float> predicted, std::span<const floa
   if (counted != 0) frame_deg_.push_back(sum / static_cast<double>(counted));
 }
 
+void ErrorMeter::Add(const ErrorMeter& other) {
+  distances_mm_.insert(distances_mm_.end(), other.distances_mm_.begin(), other.distances_mm_.end());
+  frame_mm_.insert(frame_mm_.end(), other.frame_mm_.begin(), other.frame_mm_.end());
+  frame_deg_.insert(frame_deg_.end(), other.frame_deg_.begin(), other.frame_deg_.end());
+  skipped_ += other.skipped_;
+}
+
 MeshError ErrorMeter::Result() const {
   MeshError error;
   error.frame_count = frame_mm_.size();

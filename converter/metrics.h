@@ -39,6 +39,9 @@ class ErrorMeter {
   // Positions [vertex_count, 3] in metres, both in one space. Throws Error for another length, NaN or infinity.
   void AddFrame(std::span<const float> predicted, std::span<const float> truth);
 
+  // Adds another meter's frames, of a garment with the same triangles.
+  void Add(const ErrorMeter& other);
+
   // All zero before the first frame.
   MeshError Result() const;
 

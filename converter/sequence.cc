@@ -97,6 +97,7 @@ Sequence SequenceFrom(const SafeFile& file) {
   sequence.path = file.path();
   sequence.joint_names = UniqueNames(file, "joint_names");
   sequence.fps = PositiveNumber(file, "fps", 1000);
+  if (const auto clip = file.metadata().find("clip"); clip != file.metadata().end()) sequence.clip = clip->second;
   ReadMatrices(file, &sequence);
   ReadWind(file, &sequence);
   ReadTruth(file, &sequence);

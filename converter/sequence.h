@@ -18,6 +18,7 @@ struct Sequence {
   std::filesystem::path path;
   std::vector<std::string> joint_names;
   double fps = 0;
+  std::string clip;  // what the motion is called, "mocap/run"; empty where the file does not say
   size_t frame_count = 0;
   std::vector<float> joint_matrices;  // [frame_count, joints, 4, 4] world, rows contiguous
   size_t truth_vertex_count = 0;      // 0 without truth
@@ -29,14 +30,16 @@ struct Sequence {
     if (wind.empty()) return {};
     return {wind[3 * frame], wind[3 * frame + 1], wind[3 * frame + 2]};
   }
+  // Motion out of a generator, which training may have seen: never averaged with recorded motion.
+  bool scripted() const { return clip.starts_with("procedural/"); }
   bool has_truth() const { return truth_vertex_count != 0; }
   std::span<const float> FrameTruth(size_t frame) const {
     return std::span(truth).subspan(frame * truth_vertex_count * 3, truth_vertex_count * 3);
   }
 };
 
-// Throws Error: shapes, dtypes, NaN or infinity, a wind over 100 m/s, a bottom row other than 0 0 0 1 (a transposed matrix), duplicate joint
-// names, fps outside (0, 1000], no frames.
+// Throws Error: shapes, dtypes, NaN or infinity, a wind over 100 m/s, a bottom row other than 0 0 0 1 (a transposed
+// matrix), duplicate joint names, fps outside (0, 1000], no frames.
 Sequence ReadSequence(const std::filesystem::path& path);
 Sequence SequenceFrom(const SafeFile& file);
 

@@ -195,13 +195,18 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
   command->footer(
       "tick_ms is tick plus skin with normals on one thread, with the caches emptied before every tick; tick_warm_ms "
       "is the\n"
-      "same back to back. Rows: plain skinning (nearest-point weights, no network), the last precision stopped after "
-      "each\n"
-      "earlier stage (\"int8/static\"), each precision with all stages, the last one kept outside the body "
-      "(\"int8/outside\")\nwhere the bundle's skin collides. fp32 is the difference to the float32 engine. A variant "
-      "is dominated where another\nis neither slower (cold p50) nor less exact (E_d, steps of 0.01 mm), and better in "
-      "one. --pareto adds the rest of\nprecision x rank x stages: \"int8@64/skeleton\" is a basis of 64 rows, stopped "
-      "after the skeleton stage.");
+      "same back to back. Rows: rigid hips (the garment fixed to the hips), plain skinning (nearest-point weights, no "
+      "network),\n"
+      "the last precision stopped after each earlier stage (\"int8/static\"), each precision with all stages, the last "
+      "one kept\noutside the body (\"int8/outside\") where the bundle's skin collides. Errors are to the truth: "
+      "recorded "
+      "and scripted\n"
+      "clips (\"procedural/...\") are two tables, the first 12 frames of a clip do not count, and \"of alive\" is the "
+      "error as a\nshare of the truth's own motion. fp32 is the difference to the float32 engine. A variant is "
+      "dominated "
+      "where another is\nneither slower (cold p50) nor less exact (E_d, steps of 0.01 mm), and better in one. --pareto "
+      "adds the rest of\nprecision x rank x stages: \"int8@64/skeleton\" is a basis of 64 rows, stopped after the "
+      "skeleton stage.");
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("SEQ", options->sequences, "sequences (.safetensors)")->required();
   command

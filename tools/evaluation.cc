@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "converter/error.h"
 #include "converter/model_maker.h"
@@ -21,35 +22,128 @@ using converter::ErrorMeter;
 using converter::OpenModel;
 using converter::Sequence;
 
-// Errors of one variant: per sequence and over all.
+// Ticks of the last pose, held after a sequence, between which vertices should have come to rest.
+constexpr size_t kHeldFrom = 30, kHeldTo = 60;
+
+// The truths of the sequences that have one, as predictions are compared with them.
+class Truths {
+ public:
+  Truths(const Bundle& bundle, const OpenModel& model, std::span<const Sequence> sequences)
+      : mesh_(model.triangles(), std::span(bundle.template_positions.data(), size_t{bundle.vertex_count()} * 3)) {
+    for (const Sequence& sequence : sequences) {
+      clips_.emplace_back();
+      if (!sequence.has_truth()) continue;
+      const PoseTrack poses(sequence, bundle.joint_names);
+      const size_t step = FramesPerTick(bundle, sequence);
+      std::vector<converter::ClipTruth::Frame> frames;
+      std::vector<converter::ClipTruth::Hips> hips;
+      for (size_t t = 0; t < TickCount(bundle, sequence); ++t) {
+        frames.push_back(sequence.FrameTruth(t * step));
+        std::copy_n(&poses.Frame(t * step)[16 * size_t{bundle.hips}], 12, hips.emplace_back().begin());
+      }
+      clips_.back().emplace(mesh_, std::move(frames), std::move(hips));
+    }
+  }
+
+  // Null without truth.
+  const converter::ClipTruth* of(size_t sequence) const { return clips_[sequence] ? &*clips_[sequence] : nullptr; }
+
+ private:
+  converter::ClothMesh mesh_;
+  std::vector<std::optional<converter::ClipTruth>> clips_;
+};
+
+// Errors over several sequences.
+class Total {
+ public:
+  Total(std::span<const uint16_t> triangles, size_t vertex_count)
+      : truth_(triangles, vertex_count), fp32_(triangles, vertex_count) {}
+
+  void Add(const ErrorMeter& truth, const ErrorMeter& fp32, const ErrorPair& clip) {
+    truth_.Add(truth), fp32_.Add(fp32);
+    if (clip.truth.frame_count == 0) return;
+    motion_.push_back(clip.motion);
+    position_mm_ += clip.truth.position_mm.mean, normal_deg_ += clip.truth.normal_deg.mean;
+  }
+
+  ErrorPair Result() const {
+    ErrorPair out{.truth = truth_.Result(), .motion = converter::OverClips(motion_), .fp32 = fp32_.Result()};
+    if (motion_.empty()) return out;
+    out.truth.position_mm.mean = position_mm_ / static_cast<double>(motion_.size());
+    out.truth.normal_deg.mean = normal_deg_ / static_cast<double>(motion_.size());
+    return out;
+  }
+
+ private:
+  ErrorMeter truth_, fp32_;
+  std::vector<converter::ClipError> motion_;
+  double position_mm_ = 0, normal_deg_ = 0;
+};
+
+// Errors of one variant: per sequence, over all, over the recorded and over the scripted ones.
 class Errors {
  public:
-  Errors(std::span<const uint16_t> triangles, size_t vertex_count, const Bundle& bundle)
+  Errors(std::span<const uint16_t> triangles, const Bundle& bundle, const Truths& truths)
       : triangles_(triangles),
-        vertex_count_(vertex_count),
         bundle_(bundle),
-        truth_(triangles, vertex_count),
-        fp32_(triangles, vertex_count) {}
+        truths_(truths),
+        all_(triangles, bundle.vertex_count()),
+        recorded_(triangles, bundle.vertex_count()),
+        scripted_(triangles, bundle.vertex_count()) {}
 
-  ErrorPair Add(const Sequence& sequence, std::span<const float> positions, std::span<const float> reference) {
-    ErrorMeter truth(triangles_, vertex_count_), fp32(triangles_, vertex_count_);
-    const size_t size = vertex_count_ * 3, step = FramesPerTick(bundle_, sequence);
-    for (size_t t = 0; (t + 1) * size <= positions.size(); ++t) {
+  ErrorPair Add(const Sequence& sequence, size_t index, std::span<const float> positions,
+                std::span<const float> reference, double held_mm) {
+    const size_t vertex_count = bundle_.vertex_count();
+    ErrorMeter truth(triangles_, vertex_count), fp32(triangles_, vertex_count);
+    const size_t size = vertex_count * 3, step = FramesPerTick(bundle_, sequence), ticks = positions.size() / size;
+    for (size_t t = 0; t < ticks; ++t) {
       const std::span<const float> frame = positions.subspan(t * size, size);
-      for (ErrorMeter* meter : {&fp32, &fp32_}) meter->AddFrame(frame, reference.subspan(t * size, size));
-      if (!sequence.has_truth()) continue;
-      for (ErrorMeter* meter : {&truth, &truth_}) meter->AddFrame(frame, sequence.FrameTruth(t * step));
+      fp32.AddFrame(frame, reference.subspan(t * size, size));
+      if (!sequence.has_truth() || t < converter::FirstCounted(ticks)) continue;
+      truth.AddFrame(frame, sequence.FrameTruth(t * step));
     }
-    return {.truth = truth.Result(), .fp32 = fp32.Result()};
+    ErrorPair out{.truth = truth.Result(), .motion = {}, .fp32 = fp32.Result()};
+    if (const converter::ClipTruth* const clip = truths_.of(index)) {
+      out.motion = clip->Compare(positions);
+      out.motion.held_mm = held_mm;
+    }
+    all_.Add(truth, fp32, out);
+    (sequence.scripted() ? scripted_ : recorded_).Add(truth, fp32, out);
+    return out;
   }
-  ErrorPair Total() const { return {.truth = truth_.Result(), .fp32 = fp32_.Result()}; }
+
+  void Finish(Variant* variant) const {
+    variant->error = all_.Result();
+    variant->recorded = recorded_.Result(), variant->scripted = scripted_.Result();
+  }
 
  private:
   std::span<const uint16_t> triangles_;
-  size_t vertex_count_;
   const Bundle& bundle_;
-  ErrorMeter truth_, fp32_;
+  const Truths& truths_;
+  Total all_, recorded_, scripted_;
 };
+
+// The template fixed to the hips: what a garment without any cloth is worth.
+std::vector<float> PlayRigidHips(const Bundle& bundle, const Sequence& sequence) {
+  const std::vector<double> inverse_bind = InverseBind(bundle);
+  const PoseTrack poses(sequence, bundle.joint_names);
+  const size_t step = FramesPerTick(bundle, sequence), ticks = TickCount(bundle, sequence);
+  const size_t size = size_t{bundle.vertex_count()} * 3;
+  std::vector<float> matrices(bundle.joint_names.size() * 12), positions(ticks * size);
+  const float* const points = bundle.template_positions.data();
+  for (size_t t = 0; t < ticks; ++t) {
+    SkinningMatrices(inverse_bind, poses.Frame(t * step), matrices);
+    const float* const hips = &matrices[12 * size_t{bundle.hips}];
+    for (size_t i = 0; i < size; i += 3) {
+      for (size_t r = 0; r < 3; ++r) {
+        positions[t * size + i + r] = hips[4 * r] * points[i] + hips[4 * r + 1] * points[i + 1] +
+                                      hips[4 * r + 2] * points[i + 2] + hips[4 * r + 3];
+      }
+    }
+  }
+  return positions;
+}
 
 std::vector<float> PlayPlainSkinning(const Bundle& bundle, const Sequence& sequence) {
   const PlainSkinning skinning(bundle);
@@ -82,6 +176,8 @@ TickTimes TimesOf(const TickSamples& samples) {
   return times;
 }
 
+constexpr size_t kBaselines = 2;  // rigid hips and plain skinning, before the measured variants
+
 using StepCallback = std::function<void()>;
 constexpr size_t kColdRounds = 4;
 
@@ -104,9 +200,9 @@ void MarkDominated(std::span<const Measured> measured, std::vector<Variant>* var
   std::vector<size_t> rows;
   std::vector<ParetoPoint> points;
   for (size_t i = 0; i < measured.size(); ++i) {
-    Variant& variant = (*variants)[i + 1];
+    Variant& variant = (*variants)[i + kBaselines];
     if (measured[i].job->output_flags != 0) continue;
-    rows.push_back(i + 1);
+    rows.push_back(i + kBaselines);
     points.push_back({variant.times->cold_ms.p50, variant.error.compared().position_mm.mean});
   }
   const std::vector<std::optional<size_t>> by = DominatedBy(points);
@@ -151,30 +247,35 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
   const VariantGrid grid(bundle, &maker, options);
   const std::vector<PoseTrack> poses = PosesFor(reference, sequences);
 
-  const size_t total = (grid.jobs().size() + 2) * sequences.size() + kColdRounds * grid.jobs().size();
+  const size_t total = (grid.jobs().size() + 1 + kBaselines) * sequences.size() + kColdRounds * grid.jobs().size();
   size_t done = 0;
   const auto step = [&] { progress.Step(++done, total); };
   std::vector<std::vector<float>> expected;  // the fp32 engine's positions
   {
     VariantRunner runner(bundle, reference, reference.info().stages, sequences, poses);
-    for (size_t s = 0; s < sequences.size(); ++s, step()) expected.push_back(runner.Play(s, nullptr));
+    for (size_t s = 0; s < sequences.size(); ++s, step()) expected.push_back(runner.Play(s, nullptr).positions);
   }
 
+  const Truths truths(bundle, reference, sequences);
   std::vector<Variant> variants;
   const auto measure = [&](Variant variant, bool shown, auto&& play) {
-    Errors errors(reference.triangles(), bundle.vertex_count(), bundle);
+    Errors errors(reference.triangles(), bundle, truths);
     for (size_t s = 0; s < sequences.size(); ++s, step()) {
-      const std::vector<float> positions = play(s);
-      variant.sequences.push_back(errors.Add(sequences[s], positions, expected[s]));
-      if (shown) visit({.variant = variant.name, .sequence = s, .positions = positions});
+      const VariantRunner::Positions played = play(s);
+      variant.sequences.push_back(errors.Add(sequences[s], s, played.positions, expected[s], played.held_mm));
+      if (shown) visit({.variant = variant.name, .sequence = s, .positions = played.positions});
     }
-    variant.error = errors.Total();
+    errors.Finish(&variant);
     variants.push_back(std::move(variant));
   };
   Variant baseline;
-  baseline.name = "skinning";
+  baseline.name = "rigid";
   baseline.stages = "none";
-  measure(std::move(baseline), true, [&](size_t s) { return PlayPlainSkinning(bundle, sequences[s]); });
+  measure(baseline, false, [&](size_t s) { return VariantRunner::Positions{PlayRigidHips(bundle, sequences[s]), 0}; });
+  baseline.name = "skinning";
+  measure(std::move(baseline), true, [&](size_t s) {
+    return VariantRunner::Positions{PlayPlainSkinning(bundle, sequences[s]), 0};
+  });
   std::vector<Measured> measured;
   measured.reserve(grid.jobs().size());
   for (const Job& job : grid.jobs()) {
@@ -188,10 +289,11 @@ std::vector<Variant> Evaluate(const Bundle& bundle, std::span<const Sequence> se
     measured.push_back(
         {&job, VariantRunner(bundle, *job.model, job.stages, sequences, poses, job.output_flags), TickSamples{}});
     Measured& last = measured.back();
-    measure(std::move(variant), job.shown, [&](size_t s) { return last.runner.Play(s, &last.samples.warm_ms); });
+    measure(std::move(variant), job.shown,
+            [&](size_t s) { return last.runner.Play(s, &last.samples.warm_ms, kHeldFrom, kHeldTo); });
   }
   MeasureCold(&measured, sequences.size(), options.cold_ticks, step);
-  for (size_t i = 0; i < measured.size(); ++i) variants[i + 1].times = TimesOf(measured[i].samples);
+  for (size_t i = 0; i < measured.size(); ++i) variants[i + kBaselines].times = TimesOf(measured[i].samples);
   MarkDominated(measured, &variants);
   return variants;
 }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "converter/bundle.h"
+#include "converter/clip_metrics.h"
 #include "converter/metrics.h"
 #include "converter/precision.h"
 #include "converter/sequence.h"
@@ -19,8 +20,11 @@
 namespace dcloth::tools {
 
 struct ErrorPair {
-  converter::MeshError truth;  // no frames where the sequences have no truth
-  converter::MeshError fp32;   // difference to the float32 engine with all stages
+  // No frames where the sequences have no truth. The first kWarmUpFrames of a clip do not count; of several clips,
+  // means weigh every clip the same.
+  converter::MeshError truth;
+  converter::ClipError motion;  // against the truth too
+  converter::MeshError fp32;    // difference to the float32 engine with all stages
 
   // What variants are compared by: the truth where there is one.
   const converter::MeshError& compared() const { return truth.frame_count > 0 ? truth : fp32; }
@@ -35,22 +39,23 @@ struct TickTimes {
 enum class ParetoPlace : uint8_t { kNone, kFront, kDominated };
 
 struct Variant {
-  std::string name;       // "int8", "int8@64", "int8/skeleton", "int8/outside", "skinning"; 64 is a rank
-  std::string precision;  // empty for plain skinning
+  std::string name;       // "int8", "int8@64", "int8/skeleton", "int8/outside", "rigid", "skinning"; 64 is a rank
+  std::string precision;  // empty for the baselines, rigid hips and plain skinning
   uint32_t rank = 0;      // rows of the displacement basis that the stages read
-  std::string stages;                            // "static", "skeleton", "mesh"; "none" for plain skinning
-  uint64_t model_bytes = 0, instance_bytes = 0;  // 0 for plain skinning
-  std::optional<TickTimes> times;                // none for plain skinning: it is here for its error
+  std::string stages;     // "static", "skeleton", "mesh"; "none" for the baselines
+  uint64_t model_bytes = 0, instance_bytes = 0;  // 0 for the baselines
+  std::optional<TickTimes> times;                // none for the baselines: they are here for their error
   ErrorPair error;
-  std::vector<ErrorPair> sequences;  // in the order given
+  ErrorPair recorded, scripted;            // of those sequences alone; fp32 is not measured apart
+  std::vector<ErrorPair> sequences;        // in the order given
   ParetoPlace place = ParetoPlace::kNone;  // cold p50 against error.compared(): see pareto.h
   std::string dominated_by;                // a variant's name
 };
 
 struct EvaluationOptions {
   std::vector<converter::Precision> precisions;
-  size_t cold_ticks = 200;  // per variant, over all sequences; at least 10 a sequence
-  bool pareto = false;      // every precision x rank x stages
+  size_t cold_ticks = 200;      // per variant, over all sequences; at least 10 a sequence
+  bool pareto = false;          // every precision x rank x stages
   std::vector<uint32_t> ranks;  // of the grid, beside the exact one; empty: halves of it where there is calibration
   std::span<const converter::Sequence> calibration;  // for ranks below the exact one; not what is evaluated
 };
@@ -68,7 +73,7 @@ using PlayedVisitor = std::function<void(const Played&)>;
 size_t FramesPerTick(const converter::Bundle& bundle, const converter::Sequence& sequence);
 size_t TickCount(const converter::Bundle& bundle, const converter::Sequence& sequence);
 
-// Plain skinning, then the variants of variant_grid.h.
+// Rigid hips, plain skinning, then the variants of variant_grid.h.
 std::vector<Variant> Evaluate(const converter::Bundle& bundle, std::span<const converter::Sequence> sequences,
                               const EvaluationOptions& options, const PlayedVisitor& visit);
 

@@ -5,6 +5,7 @@
 #include "converter/error.h"
 #include "tools/evaluation.h"
 #include "tools/playback.h"
+#include "tools/report_scene.h"
 
 namespace dcloth::tools {
 namespace {
@@ -29,10 +30,12 @@ VariantRunner::VariantRunner(const converter::Bundle& bundle, const converter::O
       sequences_(sequences),
       poses_(poses) {}
 
-std::vector<float> VariantRunner::Play(size_t index, std::vector<double>* warm_ms) const {
+VariantRunner::Positions VariantRunner::Play(size_t index, std::vector<double>* warm_ms, size_t held_from,
+                                             size_t held_to) const {
   const size_t ticks = TickCount(bundle_, sequences_[index]), step = FramesPerTick(bundle_, sequences_[index]);
   Player player(model_, stages_, converter::PathText(sequences_[index].path), output_flags_);
-  std::vector<float> positions;
+  Positions out;
+  std::vector<float>& positions = out.positions;
   positions.reserve(ticks * player.positions().size());
   player.Reset();
   for (size_t t = 0; t < ticks; ++t) {
@@ -44,7 +47,17 @@ std::vector<float> VariantRunner::Play(size_t index, std::vector<double>* warm_m
     if (warm_ms != nullptr) warm_ms->push_back(MillisecondsSince(start));
     positions.insert(positions.end(), player.positions().begin(), player.positions().end());
   }
-  return positions;
+  const std::span<const float> pose = poses_[index].Frame((ticks - 1) * step);
+  std::vector<float> before;
+  for (size_t t = 0; t < held_to; ++t) {
+    player.Tick(pose);
+    if (t + 1 < held_from) continue;  // nobody looks
+    player.Skin(pose, 1);
+    if (t >= held_from) out.held_mm += MeanDistanceMm(player.positions(), before);
+    before.assign(player.positions().begin(), player.positions().end());
+  }
+  if (held_to > held_from) out.held_mm /= static_cast<double>(held_to - held_from);
+  return out;
 }
 
 void VariantRunner::PlayCold(size_t index, size_t first, size_t last, CacheEvictor* evictor,

@@ -31,8 +31,13 @@ class VariantRunner {
                 std::span<const converter::Sequence> sequences, std::span<const PoseTrack> poses,
                 uint32_t output_flags = 0);
 
-  // The whole sequence back to back. Positions [ticks, n, 3]; milliseconds per tick go to `warm_ms`, which may be null.
-  std::vector<float> Play(size_t index, std::vector<double>* warm_ms) const;
+  struct Positions {
+    std::vector<float> positions;  // [ticks, n, 3]
+    double held_mm = 0;            // how far vertices move a tick while the last pose is held
+  };
+  // The whole sequence back to back; milliseconds per tick go to `warm_ms`, which may be null. Then the last pose is
+  // held for `held_to` ticks, and held_mm is the mean over those from `held_from` on; 0 where nothing is held.
+  Positions Play(size_t index, std::vector<double>* warm_ms, size_t held_from = 0, size_t held_to = 0) const;
 
   // Ticks [first, last) of the sequence, as far as it goes, with the caches emptied before each.
   void PlayCold(size_t index, size_t first, size_t last, CacheEvictor* evictor, TickSamples* samples) const;

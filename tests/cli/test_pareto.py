@@ -33,14 +33,14 @@ def test_every_combination_is_measured_once(grid):
     rows = {v["name"]: v for v in grid[0]["variants"]}
     assert len(rows) == len(grid[0]["variants"])
     # What evaluate always measures comes first, in its order.
-    assert list(rows)[:6] == ["skinning", "int8/static", "int8/skeleton", "fp32", "fp16", "int8"]
-    wanted = {"skinning", "int8/outside"}
+    assert list(rows)[:7] == ["rigid", "skinning", "int8/static", "int8/skeleton", "fp32", "fp16", "int8"]
+    wanted = {"rigid", "skinning", "int8/outside"}
     for p in PRECISIONS:
         # Ranks are even; one that is no smaller than the basis is the basis.
         wanted |= {p, f"{p}/static", f"{p}/skeleton"} | {f"{p}@{r}{s}" for r in (8, 16) for s in ("", "/skeleton")}
     assert set(rows) == wanted
     for name, row in rows.items():
-        if name == "skinning":
+        if name in ("rigid", "skinning"):
             assert row["rank"] is None and row["precision"] is None and row["dominated"] is None
             continue
         percentiles(row["tick_ms"])
@@ -72,7 +72,7 @@ def test_a_rank_is_what_convert_makes_of_it(dcloth, files, grid, tmp_path):
 
 
 def test_dominated_is_what_the_figures_say(grid):
-    rows = {v["name"]: v for v in grid[0]["variants"] if v["name"] not in ("skinning", "int8/outside")}
+    rows = {v["name"]: v for v in grid[0]["variants"] if v["name"] not in ("rigid", "skinning", "int8/outside")}
     assert grid[0]["pareto"]["mm"] == "truth.position_mm.mean" and grid[0]["pareto"]["step_mm"] == 0.01
     by = dominated(rows, lambda r: r["truth"]["position_mm"]["mean"])
     for name, row in rows.items():
@@ -87,7 +87,7 @@ def test_dominated_is_what_the_figures_say(grid):
 def test_without_truth_the_difference_to_fp32_counts(dcloth, files):
     said = json.loads(dcloth("evaluate", files.bundle, files.bare, "--precision", "int8", "--json").stdout)
     assert said["pareto"]["mm"] == "fp32.position_mm.mean"
-    rows = {v["name"]: v for v in said["variants"] if v["name"] not in ("skinning", "int8/outside")}
+    rows = {v["name"]: v for v in said["variants"] if v["name"] not in ("rigid", "skinning", "int8/outside")}
     by = dominated(rows, lambda r: r["fp32"]["position_mm"]["mean"])
     assert all(row["dominated"] == bool(by[name]) for name, row in rows.items())
 
@@ -101,9 +101,9 @@ def test_ranks_unasked_are_halves_of_the_basis(dcloth, files):
 
 def test_table_names_the_dominators(dcloth, files):
     result = dcloth("evaluate", files.bundle, files.walk, "--precision", "int8", "--pareto")
-    lines = result.stdout.rstrip("\n").split("\n")
+    lines = result.stdout.rstrip("\n").split("\n")[1:]
     assert len({len(line) for line in lines}) == 1, "columns are not aligned"
-    assert len(lines) == 7 and "dominated" in lines[0] and any(line.endswith("front") for line in lines)
+    assert len(lines) == 8 and "dominated" in lines[0] and any(line.endswith("front") for line in lines)
 
 
 def test_the_report_holds_all_figures_and_few_tracks(grid):

@@ -43,7 +43,8 @@ function resultTable(select) {
     ['p99', (v) => ms(v.tick_ms, 'p99')], ['max', (v) => ms(v.tick_ms, 'max')],
     ['p50 warm', (v) => ms(v.tick_warm_ms, 'p50')],
     ['E_d, mm', (v) => spread(v.truth && v.truth.position_mm), 'Error to the simulation'], ['p99', (v) => mm(v.truth, 'p99')],
-    ['max', (v) => mm(v.truth, 'max')], ['E_n, °', (v) => spread(v.truth && v.truth.normal_deg)],
+    ['max', (v) => mm(v.truth, 'max')], ['of alive', (v) => (v.truth && v.truth.relative_error !== null ? `${formatNumber(100 * v.truth.relative_error)} %` : '–')],
+    ['E_n, °', (v) => spread(v.truth && v.truth.normal_deg)],
     ['mean', (v) => mm(v.fp32, 'mean'), 'Difference to fp32, mm'], ['p99', (v) => mm(v.fp32, 'p99')], ['max', (v) => mm(v.fp32, 'max')],
     ['', (v) => (v.dominated === null ? '–' : v.dominated_by || 'front'), 'Dominated by'],
   ];

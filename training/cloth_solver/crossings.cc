@@ -11,9 +11,9 @@ namespace {
 
 __extension__ typedef __int128 Wide;
 
-constexpr double kCells = 1 << 26;   // a metre
-constexpr double kLargest = 16;      // m from the origin: differences of coordinates then stay below 2^31
-constexpr int32_t kLeaf = 4;         // triangles
+constexpr double kCells = 1 << 26;  // a metre
+constexpr double kLargest = 16;     // m from the origin: differences of coordinates then stay below 2^31
+constexpr int32_t kLeaf = 4;        // triangles
 
 using Point = std::array<int32_t, 3>;
 
@@ -50,8 +50,8 @@ int Side(const Point& a, const Point& b, const Point& c, const Point& d) {
   for (int k = 0; k < 3; ++k) {
     u[k] = int64_t{a[k]} - d[k], v[k] = int64_t{b[k]} - d[k], w[k] = int64_t{c[k]} - d[k];
   }
-  // In double first. Differences are exact; the bound is that of Shewchuk, "Adaptive precision floating-point arithmetic
-  // and fast robust geometric predicates", 1997, for orient3d without rounded differences, generously.
+  // In double first. Differences are exact; the bound is that of Shewchuk, "Adaptive precision floating-point
+  // arithmetic and fast robust geometric predicates", 1997, for orient3d without rounded differences, generously.
   constexpr double kBound = 1e-15;
   double determinant = 0, permanent = 0;
   for (int k = 0; k < 3; ++k) {
@@ -72,7 +72,8 @@ int Side(const Point& a, const Point& b, const Point& c, const Point& d) {
 
 // The same in a plane of two axes.
 int Turn(const Point& a, const Point& b, const Point& c, int i, int j) {
-  return Sign(Wide{int64_t{b[i]} - a[i]} * (int64_t{c[j]} - a[j]) - Wide{int64_t{b[j]} - a[j]} * (int64_t{c[i]} - a[i]));
+  return Sign(Wide{int64_t{b[i]} - a[i]} * (int64_t{c[j]} - a[j]) -
+              Wide{int64_t{b[j]} - a[j]} * (int64_t{c[i]} - a[i]));
 }
 
 // Axes of the projection in which a triangle keeps its area; false: it has none.
@@ -138,8 +139,8 @@ bool ShareVertex(const Triangle& a, const Triangle& b) {
   return false;
 }
 
-// A balanced tree of boxes over the triangles, which it sorts. Node k has children 2k+1 and 2k+2; first[k] to last[k] are
-// its triangles.
+// A balanced tree of boxes over the triangles, which it sorts. Node k has children 2k+1 and 2k+2; first[k] to last[k]
+// are its triangles.
 class Tree {
  public:
   explicit Tree(std::vector<Triangle> triangles) : triangles_(std::move(triangles)) {

@@ -1,7 +1,7 @@
 /* Which triangles of two meshes, or of one, intersect: the referee of simulated and predicted cloth.
  *
- * Exact: coordinates are rounded to 2^-26 m (15 nm, finer than a float beyond 0.25 m), and on that grid every sign of an
- * orientation is the true one. No tolerance, no random numbers. Triangles that only touch count as intersecting. */
+ * Exact: coordinates are rounded to 2^-26 m (15 nm, finer than a float beyond 0.25 m), and on that grid every sign of
+ * an orientation is the true one. No tolerance, no random numbers. Triangles that only touch count as intersecting. */
 #ifndef DCLOTH_CROSSINGS_H_
 #define DCLOTH_CROSSINGS_H_
 

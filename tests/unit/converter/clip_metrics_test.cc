@@ -122,8 +122,9 @@ TEST_F(ClipMetricsTest, FirstFramesDoNotCountButInAShortClip) {
   for (size_t i = 0; i < kWarmUpFrames * 3 * kVertices; ++i) predicted[i] += 1;
   EXPECT_NEAR(Compare(predicted, truth).error_mm, 0, 1e-6);
   const size_t shorter = kWarmUpFrames * 3 * kVertices;
-  EXPECT_GT(Compare({predicted.begin(), predicted.begin() + shorter}, {truth.begin(), truth.begin() + shorter}).error_mm,
-            1000);
+  EXPECT_GT(
+      Compare({predicted.begin(), predicted.begin() + shorter}, {truth.begin(), truth.begin() + shorter}).error_mm,
+      1000);
   predicted.pop_back();
   EXPECT_THROW(Compare(predicted, truth), Error);
 }
