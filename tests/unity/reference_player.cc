@@ -140,7 +140,8 @@ void Frame(dcloth_cloth* cloth, size_t joints, File* script, Vertices* vertices,
 int Run(const char* model_path, const char* script_path, const char* result_path, bool unity) {
   Block bytes = ReadWhole(model_path);
   Block view(dcloth_model_storage_size());
-  dcloth_error error = {sizeof(error), 0, 0, ""};
+  dcloth_error error = {};
+  error.struct_size = sizeof(error);
   dcloth_model* model = nullptr;
   if (dcloth_model_open(bytes.data(), bytes.size(), view.data(), view.size(), &model, &error) != DCLOTH_OK) {
     std::fprintf(stderr, "%s: %s\n", model_path, error.text);
