@@ -1,9 +1,9 @@
 #include "converter/loss.h"
-#include "kernels/half.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/half.h"
 
 namespace dcloth::converter {
 namespace {

@@ -14,7 +14,7 @@ case "${1:-}" in
   *) echo "test: unknown argument '$1'; allowed: --quick" >&2; exit 2 ;;
 esac
 
-options=(-DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON -DPython3_EXECUTABLE=/usr/bin/python3)
+options=(-DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON -DPython3_EXECUTABLE="$PWD/.venv/bin/python3")
 if [ -n "$quick" ]; then
   scripts/install_dependencies.sh build test
   step build scripts/build.sh build "${options[@]}" || { closing_line; exit 1; }

@@ -11,7 +11,7 @@ steps=("$@")
 
 scripts/install_dependencies.sh build test import
 step build scripts/build.sh build -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON \
-  -DPython3_EXECUTABLE=/usr/bin/python3 || { closing_line; exit 1; }
+  -DPython3_EXECUTABLE="$PWD/.venv/bin/python3" || { closing_line; exit 1; }
 export DCLOTH_TOOL=build/dcloth
 for name in "${steps[@]}"; do
   case $name in

@@ -8,9 +8,9 @@
 
 namespace dcloth::kernels {
 
-// Adds `origin` to every position. `bounds`: least x, y, z, then greatest, of the moved positions, [6], or null. A position
-// that is NaN leaves the bounds as they are; of none they are kEmptyBound and its negative. Sums are the same bits on every
-// instruction set; a bound of zero may have either sign.
+// Adds `origin` to every position. `bounds`: least x, y, z, then greatest, of the moved positions, [6], or null. A
+// position that is NaN leaves the bounds as they are; of none they are kEmptyBound and its negative. Sums are the same
+// bits on every instruction set; a bound of zero may have either sign.
 constexpr float kEmptyBound = 3.4e38f;
 struct MoveJob {
   float* positions;
@@ -30,8 +30,8 @@ struct StoreHalfJob {
 };
 
 // Vertex tangents. xyz: the direction in which u grows, the triangles' (dP/du |det|) summed, made perpendicular to the
-// normal and unit; any direction in the surface where texture coordinates give none. w: 1 or -1, `hand` where the sum of
-// det is not negative. The same bits on every instruction set.
+// normal and unit; any direction in the surface where texture coordinates give none. w: 1 or -1, `hand` where the sum
+// of det is not negative. The same bits on every instruction set.
 struct TangentsJob {
   const float* positions;
   size_t position_stride_bytes;
@@ -39,7 +39,7 @@ struct TangentsJob {
   size_t normal_stride_bytes;
   const float* texture;  // u, v
   size_t texture_stride_bytes;
-  float* tangents;       // 16 bytes a vertex are read and written
+  float* tangents;  // 16 bytes a vertex are read and written
   size_t tangent_stride_bytes;
   const uint16_t* triangles;  // [triangle_count, 3], each below `vertices`
   size_t vertices;

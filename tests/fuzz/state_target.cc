@@ -150,8 +150,8 @@ bool IsKept(const AlignedBytes& state, const Bytes& saved) {
 }
 
 // A cloth that took the state, and a twin that takes what the first one saves.
-std::string BrokenByRun(const Garment& garment, const AlignedBytes& state, Host* host, uint32_t stages,
-                        uint32_t flags, uint8_t bind) {
+std::string BrokenByRun(const Garment& garment, const AlignedBytes& state, Host* host, uint32_t stages, uint32_t flags,
+                        uint8_t bind) {
   const Bytes saved = host->Save();
   if (saved.empty()) return "a state that was taken but cannot be saved";
   if (!IsKept(state, saved)) return "a part of the state that was not taken";

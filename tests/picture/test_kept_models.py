@@ -30,7 +30,8 @@ def test_every_kept_file_is_listed():
 @pytest.mark.parametrize("name", sorted(DRAWN))
 def test_kept_model(name):
     model, kept = KEPT / f"{name}.dcloth", DRAWN[name]
-    said = json.loads(subprocess.run([os.environ["DCLOTH_BIN"], "inspect", model, "--json"], capture_output=True, check=True).stdout)
+    printed = subprocess.run([os.environ["DCLOTH_BIN"], "inspect", model, "--json"], capture_output=True, check=True).stdout
+    said = json.loads(printed)
     assert said["format"] == kept["format"]
     assert drawn(model) == kept["picture"]
     assert drawn(model, "--body") == kept["outside"] != kept["picture"]

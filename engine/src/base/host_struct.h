@@ -1,7 +1,7 @@
 // Structs of hosts that were compiled with another version's headers, shorter or longer than today's.
 //
-// A struct only grows at its end. What a host does not know reads as zero; what it has no room for is not written. A struct
-// is refused where not even its first version fits: that ended with its last field, whatever padding followed.
+// A struct only grows at its end. What a host does not know reads as zero; what it has no room for is not written. A
+// struct is refused where not even its first version fits: that ended with its last field, whatever padding followed.
 #ifndef DCLOTH_ENGINE_SRC_BASE_HOST_STRUCT_H_
 #define DCLOTH_ENGINE_SRC_BASE_HOST_STRUCT_H_
 

@@ -1,10 +1,10 @@
 #include "converter/loss.h"
-#include "kernels/half.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "kernels/half.h"
 
 namespace dcloth::converter {
 namespace {

@@ -204,7 +204,8 @@ void AddOrders(TestModel* model) {
     const size_t groups = kernels::CountSiteGroups(touched_by.data(), touched_by.size());
     std::vector<uint16_t> sites(groups * kernels::kNearestGroup);
     kernels::OrderSites(skin.data(), touched_by.data(), touched_by.size(), sites.data());
-    body.sites = writer.Add(format::DType_U16, {static_cast<uint32_t>(groups), uint32_t{kernels::kNearestGroup}}, sites);
+    body.sites =
+        writer.Add(format::DType_U16, {static_cast<uint32_t>(groups), uint32_t{kernels::kNearestGroup}}, sites);
   }
   body.garment_order = writer.Add(format::DType_U16, {static_cast<uint32_t>(order.size())}, order);
 }

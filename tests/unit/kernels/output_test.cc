@@ -45,12 +45,20 @@ TEST_P(OutputTest, MovesAndBounds) {
 
 // Both neighbours of every half, each midpoint between two and its neighbours, NaN, infinity, subnormal floats.
 TEST_P(OutputTest, HalvesAreThoseOfHalfFromFloat) {
-  std::vector<float> values = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 65519.996f,
-                               65520.0f, 3e38f, 1e-40f, 0x1p-25f, 0x1.000002p-25f, 0.0f};
+  std::vector<float> values = {std::numeric_limits<float>::quiet_NaN(),
+                               std::numeric_limits<float>::infinity(),
+                               65519.996f,
+                               65520.0f,
+                               3e38f,
+                               1e-40f,
+                               0x1p-25f,
+                               0x1.000002p-25f,
+                               0.0f};
   for (uint32_t half = 0; half < 0x7C00; ++half) {
     const float low = FloatFromHalf(static_cast<uint16_t>(half));
     const float middle = half == 0x7BFF ? 65520.0f : (low + FloatFromHalf(static_cast<uint16_t>(half + 1))) / 2;
-    for (const float value : {low, std::nextafter(middle, 0.0f), middle, std::nextafter(middle, 1e9f)}) values.push_back(value);
+    for (const float value : {low, std::nextafter(middle, 0.0f), middle, std::nextafter(middle, 1e9f)})
+      values.push_back(value);
   }
   const size_t count = values.size();
   for (size_t i = 0; i < count; ++i) values.push_back(-values[i]);
@@ -104,8 +112,8 @@ TEST_P(OutputTest, TangentsPointWhereUGrows) {
         }
         GuardedBuffer<float> tangents((kVertices - 1) * stride + 4);
         for (size_t i = 0; i < tangents.size(); ++i) tangents[i] = 0.25f;
-        TangentsJob job = {positions.data(), 12, normals.data(), 12, texture.data(), 8, tangents.data(), 4 * stride,
-                           triangles.data(), kVertices, triangles.size() / 3, 1.0f};
+        TangentsJob job = {positions.data(), 12,         normals.data(),   12,        texture.data(),       8,
+                           tangents.data(),  4 * stride, triangles.data(), kVertices, triangles.size() / 3, 1.0f};
         table().tangents(job);
         ASSERT_TRUE(tangents.SlackUntouched());
         std::vector<float> plain(tangents.size(), 0.25f);
@@ -127,10 +135,12 @@ TEST_P(OutputTest, TangentsPointWhereUGrows) {
 
 // Without a direction of u any unit vector in the surface will do.
 TEST_P(OutputTest, TangentsWithoutTexture) {
-  const std::vector<float> positions = {0, 0, 0, 1, 0, 0, 0, 1, 0}, normals = {0, 0, 1, 1, 0, 0, 0, 1, 0}, texture(6, 0.5f);
+  const std::vector<float> positions = {0, 0, 0, 1, 0, 0, 0, 1, 0}, normals = {0, 0, 1, 1, 0, 0, 0, 1, 0},
+                           texture(6, 0.5f);
   const std::vector<uint16_t> triangles = {0, 1, 2};
   std::vector<float> tangents(12);
-  table().tangents({positions.data(), 12, normals.data(), 12, texture.data(), 8, tangents.data(), 16, triangles.data(), 3, 1, -1.0f});
+  table().tangents({positions.data(), 12, normals.data(), 12, texture.data(), 8, tangents.data(), 16, triangles.data(),
+                    3, 1, -1.0f});
   for (size_t i = 0; i < 3; ++i) {
     double along = 0, square = 0;
     for (size_t c = 0; c < 3; ++c) {

@@ -272,7 +272,8 @@ TEST_F(ClothTest, ARefusedFrameSaysWhy) {
   const auto refused = [&](auto change, dcloth_status status, const std::string& what, const std::string& found,
                            const std::string& allowed) {
     dcloth_error error = EmptyError();
-    Call call = {OwnedCloth::Pose(matrices), {sizeof(dcloth_frame), kAll, 0.01f, 0, &error},
+    Call call = {OwnedCloth::Pose(matrices),
+                 {sizeof(dcloth_frame), kAll, 0.01f, 0, &error},
                  FloatOutput(model_.numbers.n, out.data(), 12, nullptr)};
     ASSERT_EQ(dcloth_cloth_update(cloth.get(), &call.pose, &call.frame, &call.output, nullptr), DCLOTH_OK) << what;
     EXPECT_EQ(error.status, DCLOTH_OK);
@@ -290,11 +291,13 @@ TEST_F(ClothTest, ARefusedFrameSaysWhy) {
   };
   constexpr dcloth_status kArgument = DCLOTH_ERROR_ARGUMENT;
   refused([](Call* c) { c->frame.seconds = -1; }, kArgument, "frame.seconds", "-1.00000", "0 or more, finite");
-  refused([](Call* c) { c->frame.flags = 1u << 31; }, kArgument, "frame.flags", "an unknown flag", "DCLOTH_FRAME_* or 0");
-  refused([](Call* c) { c->frame.stages = 5; }, kArgument, "frame.stages", "a number that is none of them", "DCLOTH_STAGES_*");
+  refused([](Call* c) { c->frame.flags = 1u << 31; }, kArgument, "frame.flags", "an unknown flag",
+          "DCLOTH_FRAME_* or 0");
+  refused([](Call* c) { c->frame.stages = 5; }, kArgument, "frame.stages", "a number that is none of them",
+          "DCLOTH_STAGES_*");
   refused([](Call* c) { c->pose.column_major = 2; }, kArgument, "pose.column_major", "another number", "0 or 1");
-  refused([](Call* c) { c->pose.joint_matrices = nullptr; }, kArgument, "pose.joint_matrices", "a null or misaligned pointer",
-          "floats on a multiple of 4");
+  refused([](Call* c) { c->pose.joint_matrices = nullptr; }, kArgument, "pose.joint_matrices",
+          "a null or misaligned pointer", "floats on a multiple of 4");
   refused([](Call* c) { c->output.vertex_count = 7; }, kArgument, "output.vertex_count", "7", "60, the model's");
   refused([](Call* c) { c->output.positions = nullptr; }, kArgument, "output.positions", "a null pointer", "memory");
   refused([](Call* c) { c->output.flags = 64; }, kArgument, "output.flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
@@ -317,8 +320,8 @@ TEST(Abi, NamesAndNumbers) {
   EXPECT_STREQ(dcloth_status_name(-1), "UNKNOWN");
 }
 
-// Structs of a later header hold fields that this library does not know, whatever they say; those of this one may be longer
-// than a host's.
+// Structs of a later header hold fields that this library does not know, whatever they say; those of this one may be
+// longer than a host's.
 TEST_F(ClothTest, StructsMayBeLongerOrShorterThanTodays) {
   OwnedCloth cloth(opened_);
   const std::vector<float> matrices = Pose(0);
@@ -335,7 +338,8 @@ TEST_F(ClothTest, StructsMayBeLongerOrShorterThanTodays) {
 
   // 0.1.0's frame ended before `error`: what lies behind it is no pointer.
   const dcloth_pose pose = OwnedCloth::Pose(matrices);
-  dcloth_frame frame = {offsetof(dcloth_frame, flags) + sizeof(uint32_t), kAll, -1, 0, reinterpret_cast<dcloth_error*>(64)};
+  dcloth_frame frame = {offsetof(dcloth_frame, flags) + sizeof(uint32_t), kAll, -1, 0,
+                        reinterpret_cast<dcloth_error*>(64)};
   EXPECT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
   frame.seconds = 0.01f;
   EXPECT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, nullptr, nullptr), DCLOTH_OK);
