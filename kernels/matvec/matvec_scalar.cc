@@ -34,7 +34,7 @@ void MatvecI8(const MatvecI8Job& job) {
     for (size_t c = 0; c < kPanelColumns; ++c) {
       uint32_t sum = 0;  // unsigned, so that inputs outside the contract wrap instead of being undefined
       for (size_t j = 0; j < job.row_count; ++j) {
-        const int32_t weight = static_cast<int32_t>(weights[(j / 2 * kPanelColumns + c) * 2 + j % 2]);
+        const int32_t weight = weights[(j / 2 * kPanelColumns + c) * 2 + j % 2];
         sum += static_cast<uint32_t>(job.x[j] * weight);
       }
       const size_t column = panel * kPanelColumns + c;
