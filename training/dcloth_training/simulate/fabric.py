@@ -18,13 +18,6 @@ from . import cloth_job, garment, pattern, settings, solver
 SPACING = {"skirt": garment.SKIRT["spacing"], "robe": garment.ROBE["spacing"]}     # m
 
 
-def flat(outline, spacing, seed=0):
-    """A panel laid flat at height 0, warp along z: positions [n, 3], Fabric."""
-    points, faces = pattern.triangulate(outline, spacing, seed=seed)
-    at = np.stack([points[:, 0], np.zeros(len(points)), -points[:, 1]], -1)
-    return at, points, solver.Fabric(faces, points[faces])
-
-
 def rectangle(width, length, spacing):
     ring = [(0, 0), (width, 0), (width, length), (0, length), (0, 0)]
     return np.concatenate([pattern.sample(ring[k:k + 2], spacing, closed=True) for k in range(4)])

@@ -6,7 +6,6 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..motion.skeleton import LOWER_BODY, WHOLE_BODY
 from . import body as parts
@@ -66,13 +65,6 @@ def _layout(sewn, panels, gap=0.05):
         done[own[new]] = True
         at += high[0] - low[0] + gap
     return (uv / uv.max()).astype(np.float32)
-
-
-def _hem(faces, rim, turned_up, points, scale, count):
-    """[count] factors: `scale` within `turned_up` m of the rim vertices (two or three layers of cloth)."""
-    out = np.ones(count)
-    out[cKDTree(points[rim]).query(points)[0] < turned_up] = scale
-    return out
 
 
 # The skirt ----------------------------------------------------------------------------------------------------------

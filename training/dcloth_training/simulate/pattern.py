@@ -83,7 +83,7 @@ def triangulate(outline, spacing, lines=(), seed=0):
     return points, np.where(turned[:, None] > 0, faces, faces[:, [0, 2, 1]]).astype(np.int32)
 
 
-def sew(panels, seams, merged=()):
+def sew(panels, seams):
     """One mesh of panels [(points [p, 2], faces [c, 3], flipped)], joined where `seams` say.
 
     flipped: the panel's right side looks down, its faces are turned over. seams: ((panel, point numbers), (panel,

@@ -13,7 +13,6 @@ from ..motion.skeleton import HIP_HEIGHT, INDEX, Motion
 POSES_A_FILE = 20
 MOVE_FRAMES = 8
 HOLD_FRAMES = 20
-SETTINGS = {}
 SEED = 1
 
 
