@@ -112,9 +112,9 @@ MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, co
   parts.embed_bias = mesh.embed.bias[0];
   parts.hidden = Pack("mesh_stage.hidden", mesh.hidden, plan);
   parts.coefficients = Pack("mesh_stage.coefficients",
-                            !folded.reduced       ? mesh.coefficients
+                            !folded.reduced             ? mesh.coefficients
                             : IsCorrected(folded, plan) ? CoefficientsWithCopies(*folded.reduced)
-                                                  : folded.reduced->coefficients,
+                                                        : folded.reduced->coefficients,
                             plan);
   return parts;
 }

@@ -40,7 +40,7 @@ Candidate Attempts::Write(const PrecisionPlan& plan, uint32_t rank) const {
   FoldedBundle folded = folded_;
   if (skin_) folded.skin = *skin_;
   WrittenModel written = WriteRanked(bundle_, ranks_, rank, plan, &folded);
-  return {plan,         std::move(written.bytes),    std::move(written.tensors), rank,
+  return {plan,         std::move(written.bytes),  std::move(written.tensors), rank,
           written.rows, std::move(folded.reduced), std::move(folded.skin)};
 }
 
@@ -158,8 +158,8 @@ uint32_t Attempts::FixedRank() const {
   }
   if (asked < exact && options_.calibration.empty()) {
     throw Error({bundle_.path, "",
-                 "a rank of " + std::to_string(options_.rank.rank) + ", below the basis' own " +
-                     std::to_string(exact) + ", and no motion to tell what may go",
+                 "a rank of " + std::to_string(options_.rank.rank) + ", below the basis' own " + std::to_string(exact) +
+                     ", and no motion to tell what may go",
                  "motion to weigh directions by", "pass --calibrate SEQ, once or more"});
   }
   return asked;
@@ -197,8 +197,7 @@ ThresholdError Attempts::Missed() const {
   if (options_.stages) mend += ", or keep all stages";
   if (options_.precision) mend += ", or pass --precision auto";
   return ThresholdError({bundle_.path, "",
-                         last.precision +
-                             (reduced ? " of rank " + std::to_string(last.rank) : "") +
+                         last.precision + (reduced ? " of rank " + std::to_string(last.rank) : "") +
                              " to differ from fp32 by up to " + Millimetres(error.position_mm.max) +
                              (unseen ? " on motion that it was not calibrated on" : ""),
                          "at most " + Millimetres(*options_.max_error_mm), mend});

@@ -29,8 +29,8 @@ OpenModel ReferenceModel(const Bundle& bundle, const FoldedBundle& folded);
 
 class Attempts {
  public:
-  // All arguments outlive it; `reference` is null where there is nothing to measure on. Every measured attempt is added to
-  // `trials`.
+  // All arguments outlive it; `reference` is null where there is nothing to measure on. Every measured attempt is added
+  // to `trials`.
   Attempts(const Bundle& bundle, const FoldedBundle& folded, const ConvertOptions& options, const OpenModel* reference,
            RankMaker* ranks, std::vector<Trial>* trials)
       : bundle_(bundle), folded_(folded), options_(options), reference_(reference), ranks_(ranks), trials_(trials) {}
@@ -64,8 +64,8 @@ class Attempts {
   RankMaker* ranks_;
   std::vector<Trial>* trials_;
   Candidate found_;
-  PrecisionPlan chosen_;                // of ChooseAt
-  std::optional<PrunedWeights> skin_;   // in place of folded_'s
+  PrecisionPlan chosen_;               // of ChooseAt
+  std::optional<PrunedWeights> skin_;  // in place of folded_'s
 };
 
 }  // namespace dcloth::converter

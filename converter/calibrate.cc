@@ -54,9 +54,10 @@ MatrixD DisplacementMoment(const Bundle& bundle, const FoldedBundle& folded, con
     const std::vector<Eigen::Matrix3d> turns = InverseTurns(bundle, sequence);
     // The static stage moves pivots and with them every vertex: its own level shows where delta is zero.
     std::vector<float> still;
-    Rollout(model, sequence, DCLOTH_STAGES_STATIC, [&](size_t, std::span<const float> positions, std::span<const float>) {
-      still.insert(still.end(), positions.begin(), positions.end());
-    });
+    Rollout(model, sequence, DCLOTH_STAGES_STATIC,
+            [&](size_t, std::span<const float> positions, std::span<const float>) {
+              still.insert(still.end(), positions.begin(), positions.end());
+            });
     for (const uint32_t level : levels) {
       Rollout(model, sequence, level, [&](size_t t, std::span<const float> positions, std::span<const float>) {
         const auto columns = static_cast<Eigen::Index>(positions.size());

@@ -16,10 +16,10 @@ namespace dcloth::converter {
 
 // A matrix whose format is open.
 struct FormatOption {
-  std::string tensor;           // "displacement.basis.weights"
-  Precision lowest;             // what Assemble stores it in when int8 is asked for
+  std::string tensor;  // "displacement.basis.weights"
+  Precision lowest;    // what Assemble stores it in when int8 is asked for
   uint64_t element_count = 0;
-  bool has_halves = true;       // else the next format above int8 is float32
+  bool has_halves = true;  // else the next format above int8 is float32
 };
 
 // Why a tensor is stored as it is.

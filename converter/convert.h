@@ -31,22 +31,22 @@ struct ConvertOptions {
   // motion; a search looks at calibration alone, so that `motion` stays unseen.
   RankRequest rank;
   std::span<const Sequence> calibration;
-  // Bones per cloth vertex and joints per body point, 1 to 8. Fewer are written where no vertex has as many; more are cut
-  // to the strongest, and the report says what that costs.
+  // Bones per cloth vertex and joints per body point, 1 to 8. Fewer are written where no vertex has as many; more are
+  // cut to the strongest, and the report says what that costs.
   uint32_t influences = 8;
   uint32_t body_influences = 8;
   std::optional<uint32_t> stages;  // DCLOTH_STAGES_* that the model holds; without it all of the bundle's
-  ProgressCallback progress;  // of measuring each tensor's cost on the motion
-  ProgressCallback choosing;  // of `auto`, in models; how many it takes is an estimate
+  ProgressCallback progress;       // of measuring each tensor's cost on the motion
+  ProgressCallback choosing;       // of `auto`, in models; how many it takes is an estimate
 };
 
 // One precision and rank that were tried. Errors are against the fp32 model with all stages and the whole basis.
 struct Trial {
   std::string precision;  // "fp32", "fp16", "int8" or "mixed"
   uint64_t model_bytes = 0;
-  MeshError error;        // on the motion; on the calibration where there is no motion; no frames where not measured
-  uint32_t rank = 0;      // rows of the basis, without padding where it is not reduced
-  MeshError calibration;  // on the calibration; no frames without any
+  MeshError error;          // on the motion; on the calibration where there is no motion; no frames where not measured
+  uint32_t rank = 0;        // rows of the basis, without padding where it is not reduced
+  MeshError calibration;    // on the calibration; no frames without any
   uint32_t influences = 0;  // bones of a cloth vertex
 };
 
@@ -64,25 +64,25 @@ struct AutoReport {
   bool calibrated = false;  // chosen on the calibration
   bool checked = false;     // on `motion`, which the choice did not see
   std::vector<FormatDecision> decisions;
-  uint32_t rank = 0;           // rows of the basis when the formats were chosen; fewer may be stored, see RankReport
-  double error_mm = 0;         // then, largest distance to the fp32 model
-  uint32_t influences = 0;     // bones of a cloth vertex, cut to what the bound still allows after all else
+  uint32_t rank = 0;        // rows of the basis when the formats were chosen; fewer may be stored, see RankReport
+  double error_mm = 0;      // then, largest distance to the fp32 model
+  uint32_t influences = 0;  // bones of a cloth vertex, cut to what the bound still allows after all else
   std::optional<double> fewer_influences_mm;  // what one fewer would make it; none where there is one alone
-  size_t measured_models = 0;  // all in all
+  size_t measured_models = 0;                 // all in all
 };
 
 struct ConvertReport {
   std::string precision;  // as Trial::precision
   uint32_t stages = 0;    // DCLOTH_STAGES_* of the model
   uint64_t model_bytes = 0;
-  uint64_t instance_bytes = 0;  // lent memory per garment
-  uint32_t joint_count = 0;     // joints that a host supplies
-  uint32_t dropped_joints = 0;  // of the bundle's, not needed
+  uint64_t instance_bytes = 0;        // lent memory per garment
+  uint32_t joint_count = 0;           // joints that a host supplies
+  uint32_t dropped_joints = 0;        // of the bundle's, not needed
   std::vector<TensorReport> tensors;  // with what each costs on the motion
-  PruneReport influences;       // of the static stage
-  PruneReport body_influences;  // of the body points; all zero without a mesh stage
+  PruneReport influences;             // of the static stage
+  PruneReport body_influences;        // of the body points; all zero without a mesh stage
   RankReport rank;
-  std::vector<Trial> trials;    // empty without motion and calibration
+  std::vector<Trial> trials;  // empty without motion and calibration
   std::optional<AutoReport> automatic;
 };
 

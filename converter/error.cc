@@ -26,7 +26,8 @@ size_t Utf8Length(const std::string& text, size_t at) {
   return 0;
 }
 
-// Of the character at `at`, `length` bytes long: U+0000 to U+001F and U+007F to U+009F, which terminals take for orders.
+// Of the character at `at`, `length` bytes long: U+0000 to U+001F and U+007F to U+009F, which terminals take for
+// orders.
 bool IsControl(const std::string& text, size_t at, size_t length) {
   const auto lead = static_cast<uint8_t>(text[at]);
   return lead < 0x20 || lead == 0x7F || (length == 2 && lead == 0xC2 && static_cast<uint8_t>(text[at + 1]) < 0xA0);

@@ -32,8 +32,8 @@ class ThresholdError : public Error {
   using Error::Error;
 };
 
-// Text out of an untrusted file for a terminal or a log: control characters, those beyond ASCII too, and bytes that are not
-// UTF-8 become '?'. what() treats every part so.
+// Text out of an untrusted file for a terminal or a log: control characters, those beyond ASCII too, and bytes that are
+// not UTF-8 become '?'. what() treats every part so.
 std::string PrintableText(const std::string& raw);
 
 // The path as such text.

@@ -8,13 +8,13 @@
 namespace dcloth::converter {
 
 struct IntegerLayer {
-  Matrix weights;              // [F, 7 F], of the first layer [F, 4 F]: to be multiplied by integers, so steps are in it
+  Matrix weights;  // [F, 7 F], of the first layer [F, 4 F]: to be multiplied by integers, so steps are in it
   Vector input_inverse_steps;  // [F]; empty for the first layer
 };
 
-// `output` is W^o; `before` the layer whose next x are this one's inputs, null for the first. Inputs get steps from what
-// its layer norm can give: a feature is at most sqrt(F - 1) deviations from the mean, and beyond four it is cut off, which a
-// mean over neighbours hardly ever reaches. h, r h and h' never leave +-1.
+// `output` is W^o; `before` the layer whose next x are this one's inputs, null for the first. Inputs get steps from
+// what its layer norm can give: a feature is at most sqrt(F - 1) deviations from the mean, and beyond four it is cut
+// off, which a mean over neighbours hardly ever reaches. h, r h and h' never leave +-1.
 IntegerLayer StackIntegerLayer(const FoldedMeshLayer& layer, const Matrix& output, const MeshLayerWeights* before);
 
 }  // namespace dcloth::converter

@@ -13,10 +13,10 @@ namespace dcloth::converter {
 
 struct TensorLoss {
   double lowest = 0, highest = 0;  // of the exact values
-  uint64_t clipped = 0;     // elements whose nearest level lies past the last one, so that they lost size
-  uint64_t zeroed = 0;      // elements other than zero that are stored as zero
-  double relative_rms = 0;  // sqrt(sum (stored - exact)^2 / sum exact^2); 0 where stored exactly
-  double relative_max = 0;  // max |stored - exact| / max |exact|
+  uint64_t clipped = 0;            // elements whose nearest level lies past the last one, so that they lost size
+  uint64_t zeroed = 0;             // elements other than zero that are stored as zero
+  double relative_rms = 0;         // sqrt(sum (stored - exact)^2 / sum exact^2); 0 where stored exactly
+  double relative_max = 0;         // max |stored - exact| / max |exact|
   // 10 log10 (sum exact^2 / sum (stored - exact)^2), dB; infinite where stored exactly.
   double snr_db = std::numeric_limits<double>::infinity();
 };

@@ -30,9 +30,7 @@ WrittenModel WriteRanked(const Bundle& bundle, RankMaker* ranks, uint32_t rank, 
 }
 
 ModelMaker::ModelMaker(const Bundle& bundle, std::span<const Sequence> calibration)
-    : bundle_(bundle),
-      folded_(FoldBundle(bundle, kInfluences, kInfluences)),
-      ranks_(bundle, folded_, calibration) {}
+    : bundle_(bundle), folded_(FoldBundle(bundle, kInfluences, kInfluences)), ranks_(bundle, folded_, calibration) {}
 
 uint32_t ModelMaker::DefaultRank(Precision precision) {
   return ranks_.ExactSaves(precision) ? ranks_.exact_rank() : RankMaker::kFullRank;

@@ -22,8 +22,8 @@ struct WrittenModel {
   uint32_t rows = 0;  // of a reduced basis, remainders among them; 0 where it is not reduced
 };
 
-// `rank` is what RankMaker::Make takes; the reduced basis made from it is left in `folded`. Without `ranks`, which may be
-// null then, the basis is the whole one. Throws Error that names the bundle.
+// `rank` is what RankMaker::Make takes; the reduced basis made from it is left in `folded`. Without `ranks`, which may
+// be null then, the basis is the whole one. Throws Error that names the bundle.
 WrittenModel WriteRanked(const Bundle& bundle, RankMaker* ranks, uint32_t rank, const PrecisionPlan& plan,
                          FoldedBundle* folded);
 

@@ -105,7 +105,7 @@ PartWork CountMeshLayers(const format::Model* model) {
   for (uint32_t l = 0; l < mesh->layers()->size(); ++l) {
     const uint64_t w = l == 0 ? 3 : f;
     const uint64_t products = 3 * w * f + 2 * f * f + f * f + f * f;  // gates of x, of h, candidate, output
-    const uint64_t aggregation = edges * w + n * w;                    // sum of neighbours, their number divided out
+    const uint64_t aggregation = edges * w + n * w;                   // sum of neighbours, their number divided out
     const uint64_t gates = n * f * (3 * kActivationFlops + 8);
     const uint64_t norm = n * f * (4 + 4 + 2);  // mean and variance, LayerNorm, PReLU
     work.flops += 2 * n * products + aggregation + gates + norm;

@@ -19,8 +19,8 @@ std::vector<std::byte> BytesOf(const auto& values) {
   return {bytes.begin(), bytes.end()};
 }
 
-PackedTensor Finish(const std::string& name, StoredType type, std::vector<uint32_t> shape,
-                    std::vector<std::byte> bytes, const TensorLoss& loss) {
+PackedTensor Finish(const std::string& name, StoredType type, std::vector<uint32_t> shape, std::vector<std::byte> bytes,
+                    const TensorLoss& loss) {
   PackedTensor packed;
   packed.report = {name, StoredTypeName(type), std::move(shape), bytes.size(), loss, {}};
   packed.type = type;
@@ -92,8 +92,8 @@ PackedLinear PackFlatIntegers(const std::string& name, const Matrix& weights) {
   PackedLinear linear;
   linear.weights = Finish(name + ".weights", StoredType::kI8, ShapeOf(weights), BytesOf(quantized.values),
                           LossOf(weights, quantized));
-  linear.column_scales = PackFloats(name + ".column_scales", {static_cast<uint32_t>(quantized.columns)},
-                                    quantized.column_scales);
+  linear.column_scales =
+      PackFloats(name + ".column_scales", {static_cast<uint32_t>(quantized.columns)}, quantized.column_scales);
   return linear;
 }
 

@@ -10,7 +10,8 @@ namespace {
 // The most weights worth keeping that any row has.
 uint32_t MostWeights(const MatrixD& dense) {
   Eigen::Index most = 1;
-  for (Eigen::Index i = 0; i < dense.rows(); ++i) most = std::max(most, (dense.row(i).array() > kNegligibleWeight).count());
+  for (Eigen::Index i = 0; i < dense.rows(); ++i)
+    most = std::max(most, (dense.row(i).array() > kNegligibleWeight).count());
   return static_cast<uint32_t>(most);
 }
 

@@ -11,7 +11,8 @@ namespace dcloth::converter {
 namespace {
 
 // Of the whole basis' squared rounding error. Both are estimated for independent coefficients, but real ones favour the
-// strong directions, which are few rows now: at an equal estimate the bundled skirt was off by 0.20 mm instead of 0.125.
+// strong directions, which are few rows now: at an equal estimate the bundled skirt was off by 0.20 mm instead of
+// 0.125.
 constexpr double kRoundingShare = 0.25;
 
 // One row in so many has its remainder stored at most: an int8 model stays below 0.30 of its fp32 twin.

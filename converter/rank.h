@@ -35,9 +35,9 @@ class RankMaker {
   uint32_t exact_rank() const;  // the numerical rank, even
   bool ExactSaves(Precision precision);
 
-  // `rank` is even, 2 to exact_rank(), or kFullRank for no reduction. For int8 some rows are remainders (correct.h): with
-  // calibration as many of `rank` rows as lower the error, without it as many on top of them as keep the rounding of the
-  // whole basis. Throws Error.
+  // `rank` is even, 2 to exact_rank(), or kFullRank for no reduction. For int8 some rows are remainders (correct.h):
+  // with calibration as many of `rank` rows as lower the error, without it as many on top of them as keep the rounding
+  // of the whole basis. Throws Error.
   std::optional<ReducedBasis> Make(uint32_t rank, Precision precision);
   static constexpr uint32_t kFullRank = 0;
 

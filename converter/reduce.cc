@@ -13,7 +13,8 @@ namespace dcloth::converter {
 namespace {
 
 constexpr double kHalfRounding = 0x1p-11, kFloatRounding = 0x1p-24;
-constexpr double kSmallestScale = 1e-6;  // of the strongest direction's; a displacement of 1 m leaves a micrometre there
+constexpr double kSmallestScale =
+    1e-6;  // of the strongest direction's; a displacement of 1 m leaves a micrometre there
 
 bool AllHalves(const Matrix& matrix) {
   return std::all_of(matrix.data(), matrix.data() + matrix.size(),
@@ -64,7 +65,9 @@ uint32_t NumericalRank(const Spectrum& spectrum, const VectorD& tolerances) {
   return static_cast<uint32_t>(rank);
 }
 
-uint64_t Width(Precision precision) { return precision == Precision::kFp32 ? 4 : precision == Precision::kFp16 ? 2 : 1; }
+uint64_t Width(Precision precision) {
+  return precision == Precision::kFp32 ? 4 : precision == Precision::kFp16 ? 2 : 1;
+}
 
 }  // namespace
 
@@ -105,7 +108,8 @@ ReducedBasis Reduce(const Bundle& bundle, const BasisFrame& frame, const MatrixD
   const Eigen::Index kept = std::min(rank, frame.rank()), stored = StoredRank(rank);
   const Eigen::Index k_s = bundle.skeleton->basis.rows();
   const double largest = std::sqrt(spectrum.values[0]);
-  MatrixD basis = MatrixD::Zero(stored, frame.directions.cols()), head = MatrixD::Zero(frame.coordinates.rows(), stored);
+  MatrixD basis = MatrixD::Zero(stored, frame.directions.cols()),
+          head = MatrixD::Zero(frame.coordinates.rows(), stored);
   for (Eigen::Index i = 0; i < kept; ++i) {
     // The floor keeps 1 / scale in float range for directions that carry nothing; any scale is right for those.
     const double scale = largest > 0 ? std::max(std::sqrt(spectrum.values[i]), kSmallestScale * largest) : 1;
@@ -131,8 +135,7 @@ bool ReductionSaves(const Bundle& bundle, uint32_t rank, Precision precision) {
   const Eigen::Index columns = bundle.skeleton->basis.cols(), k_s = bundle.skeleton->basis.rows();
   const Eigen::Index k_m = bundle.mesh ? bundle.mesh->basis.rows() : 0;
   const Eigen::Index width = bundle.mesh ? bundle.mesh->coefficients.weight.cols() : 0, stored = StoredRank(rank);
-  const uint64_t before =
-      matrix(k_s + k_s % 2 + k_m + k_m % 2, columns, precision) + matrix(width, k_m, precision);
+  const uint64_t before = matrix(k_s + k_s % 2 + k_m + k_m % 2, columns, precision) + matrix(width, k_m, precision);
   const uint64_t after = matrix(stored, columns, precision) + matrix(width, stored, precision) +
                          matrix(k_s, stored, HeadPrecision(precision));
   return after < before;

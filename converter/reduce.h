@@ -18,9 +18,9 @@ struct BasisFrame {
   uint32_t rank() const { return static_cast<uint32_t>(coordinates.cols()); }
 };
 
-// The numerical rank of A: the smallest r directions that keep all of every row but a `tolerance` of its length that its
-// own numbers leave open. That is 2^-11, half a unit in the last place, for a matrix whose elements are all half floats,
-// and never below sqrt(k_S + k_M) 2^-24, by which a float sum over the rows rounds anyway.
+// The numerical rank of A: the smallest r directions that keep all of every row but a `tolerance` of its length that
+// its own numbers leave open. That is 2^-11, half a unit in the last place, for a matrix whose elements are all half
+// floats, and never below sqrt(k_S + k_M) 2^-24, by which a float sum over the rows rounds anyway.
 class BasisRank {
  public:
   // Above this many rows eigenvectors take minutes: rank() is rows() then, and Frame() throws Error.
@@ -62,12 +62,13 @@ ReducedBasis Reduce(const Bundle& bundle, const BasisFrame& frame, const MatrixD
 // X^T X: what to expect of displacements without having seen any, all coefficients independent and of size 1.
 MatrixD ExpectedMoment(const BasisFrame& frame);
 
-// How much of the expected moment goes into a measured one, of its trace. Directions that calibration motion did not use
-// are not worthless: kept at 0.01, a basis cut to a third and calibrated on one clip was off by 0.46 mm instead of 1.5 on
-// another, and one calibrated on twelve clips by 0.244 instead of 0.233 (bundled skirt, 64 of 192 rows).
+// How much of the expected moment goes into a measured one, of its trace. Directions that calibration motion did not
+// use are not worthless: kept at 0.01, a basis cut to a third and calibrated on one clip was off by 0.46 mm instead
+// of 1.5 on another, and one calibrated on twelve clips by 0.244 instead of 0.233 (bundled skirt, 64 of 192 rows).
 constexpr double kExpectedShare = 0.01;
 
-// The head is never below fp16, as every displacement goes through it: int8 would save 8 KB of the bundled skirt's 6 MB.
+// The head is never below fp16, as every displacement goes through it: int8 would save 8 KB of the bundled skirt's 6
+// MB.
 constexpr Precision HeadPrecision(Precision precision) {
   return precision == Precision::kInt8 ? Precision::kFp16 : precision;
 }

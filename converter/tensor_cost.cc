@@ -33,8 +33,8 @@ void MeasureTensorCosts(const Bundle& bundle, const FoldedBundle& folded, const 
     if (tensor.dtype != "f16" && tensor.dtype != "i8") continue;
     PrecisionPlan alone = plan;
     alone.only = tensor.name;
-    variants.push_back({&tensor, ModelOf(bundle, folded, alone),
-                        ErrorMeter(reference.triangles(), reference.info().vertex_count)});
+    variants.push_back(
+        {&tensor, ModelOf(bundle, folded, alone), ErrorMeter(reference.triangles(), reference.info().vertex_count)});
   }
   size_t done = 0, total = 0;
   for (const Sequence& sequence : motion) total += sequence.frame_count * (variants.size() + 1);
@@ -46,11 +46,10 @@ void MeasureTensorCosts(const Bundle& bundle, const FoldedBundle& folded, const 
   for (const Sequence& sequence : motion) {
     std::vector<float> expected;
     expected.reserve(sequence.frame_count * floats);
-    Rollout(reference, sequence, stages,
-            [&](size_t, std::span<const float> positions, std::span<const float>) {
-              expected.insert(expected.end(), positions.begin(), positions.end());
-              step();
-            });
+    Rollout(reference, sequence, stages, [&](size_t, std::span<const float> positions, std::span<const float>) {
+      expected.insert(expected.end(), positions.begin(), positions.end());
+      step();
+    });
     for (Variant& variant : variants) {
       Rollout(variant.model, sequence, stages,
               [&](size_t frame, std::span<const float> positions, std::span<const float>) {

@@ -33,7 +33,7 @@ class TensorReader {
   Matrix TakeBasis(const std::string& name, uint64_t rows, uint64_t vertices,
                    const char* names);  // [k, n, 3] as [k, 3n]
   std::vector<Matrix> TakeStack(const std::string& name, uint64_t rows, uint64_t columns,
-                                const char* names);  // 0 or more
+                                const char* names);                                            // 0 or more
   std::vector<uint32_t> TakeMasks(const std::string& name, uint64_t size, const char* names);  // I32, bits 0 to 30
   Faces TakeFaces(const std::string& name, uint64_t vertices);
   // F32, nonnegative, rows sum to 1 within kRowSumTolerance.

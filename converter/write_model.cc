@@ -18,8 +18,7 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4,
-                   kFormatMinorOfAir = 5;
+constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4, kFormatMinorOfAir = 5;
 
 // The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
 uint16_t FormatMinor(const ModelParts& parts) {
@@ -72,10 +71,9 @@ class Writer {
     const auto body = parts_.body ? Body(*parts_.body) : fb::Offset<format::Body>();
     const auto producer = String(parts_.producer);
     const auto precision = String(parts_.precision);
-    const auto model =
-        format::CreateModel(builder_, format::kFormatMajor, FormatMinor(parts_), producer, precision, parts_.tick_rate,
-                            garment, character, features, static_stage, skeleton, mesh, displacement, weights,
-                            kNoIdentityYet, body);
+    const auto model = format::CreateModel(builder_, format::kFormatMajor, FormatMinor(parts_), producer, precision,
+                                           parts_.tick_rate, garment, character, features, static_stage, skeleton, mesh,
+                                           displacement, weights, kNoIdentityYet, body);
     builder_.Finish(model, format::ModelIdentifier());
     AlignedBytes bytes(builder_.GetSize());
     std::memcpy(bytes.data(), builder_.GetBufferPointer(), bytes.size());
@@ -135,7 +133,8 @@ class Writer {
     const auto inverse_deviation = Tensor(parts_.inverse_deviation);
     const auto low = Tensor(parts_.low);
     const auto high = Tensor(parts_.high);
-    return format::CreateFeatures(builder_, joints, static_cast<format::RootMotion>(parts_.root_motion), mean, inverse_deviation, low, high);
+    return format::CreateFeatures(builder_, joints, static_cast<format::RootMotion>(parts_.root_motion), mean,
+                                  inverse_deviation, low, high);
   }
 
   fb::Offset<format::StaticStage> Static() {

@@ -32,15 +32,15 @@ constexpr bool SameText(const char* a, const char* b) {
 
 #define DCLOTH_KERNEL_ENTRY(Function, member) Function,
 // Highway names the namespaces; the vector sources define the functions.
-#define DCLOTH_KERNEL_TABLE(space, label)                                                                           \
-  namespace space {                                                                                                 \
-  DCLOTH_KERNEL_LIST(DCLOTH_DECLARE_KERNEL)                                                                         \
+#define DCLOTH_KERNEL_TABLE(space, label)                                                                          \
+  namespace space {                                                                                                \
+  DCLOTH_KERNEL_LIST(DCLOTH_DECLARE_KERNEL)                                                                        \
   constexpr KernelTable kTable = {label, SameText(label, kReproducible), DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
   }
 // The functions of `of` as the reproducible ones.
-#define DCLOTH_KERNEL_ALIAS(of, space)                                                            \
-  namespace space {                                                                               \
-  using namespace of;                                                                             \
+#define DCLOTH_KERNEL_ALIAS(of, space)                                                           \
+  namespace space {                                                                              \
+  using namespace of;                                                                            \
   constexpr KernelTable kTable = {kReproducible, true, DCLOTH_KERNEL_LIST(DCLOTH_KERNEL_ENTRY)}; \
   }
 
@@ -60,8 +60,8 @@ DCLOTH_KERNEL_TABLE(N_NEON, "neon")
 DCLOTH_KERNEL_TABLE(N_WASM, "wasm")
 #endif
 DCLOTH_KERNEL_TABLE(scalar, "scalar")
-// 128-bit vectors, nothing fused: the same operations in the same order everywhere (multiply_add-inl.h). Where a build has
-// none of these, the scalar references, whose bits differ in one kernel alone (gsgru_strands.cc).
+// 128-bit vectors, nothing fused: the same operations in the same order everywhere (multiply_add-inl.h). Where a build
+// has none of these, the scalar references, whose bits differ in one kernel alone (gsgru_strands.cc).
 #if HWY_TARGETS & HWY_SSE4
 DCLOTH_KERNEL_ALIAS(N_SSE4, reproducible)
 #elif (HWY_TARGETS & HWY_NEON) && HWY_ARCH_ARM_A64

@@ -1,7 +1,7 @@
 // The kernels of one instruction set as a table, and the choice of the table for this CPU.
 //
-// Every entry is `void f(const <Kernel>Job& job)`; the contract of each job is in its family's header. No kernel allocates,
-// fails, keeps state or touches the floating-point environment. Any thread may call any entry.
+// Every entry is `void f(const <Kernel>Job& job)`; the contract of each job is in its family's header. No kernel
+// allocates, fails, keeps state or touches the floating-point environment. Any thread may call any entry.
 #ifndef DCLOTH_KERNELS_KERNELS_H_
 #define DCLOTH_KERNELS_KERNELS_H_
 

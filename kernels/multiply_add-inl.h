@@ -1,7 +1,7 @@
 // a b + c: fused where the instruction set has it, else with a rounding in between. Included once per instruction set.
 //
-// kernels/split_vector.cc.in compiles the vector sources a second time with DCLOTH_SPLIT_MULTIPLY_ADD, which never fuses:
-// with 128-bit vectors that is the arithmetic that every CPU with such vectors has, the "reproducible" table's.
+// kernels/split_vector.cc.in compiles the vector sources a second time with DCLOTH_SPLIT_MULTIPLY_ADD, which never
+// fuses: with 128-bit vectors that is the arithmetic that every CPU with such vectors has, the "reproducible" table's.
 #if defined(DCLOTH_KERNELS_MULTIPLY_ADD_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef DCLOTH_KERNELS_MULTIPLY_ADD_INL_H_
 #undef DCLOTH_KERNELS_MULTIPLY_ADD_INL_H_

@@ -19,8 +19,8 @@
 
 namespace dcloth::kernels {
 
-// Into L2, line by line. `begin` is an address, as a pointer may not lie outside of its array. Always inline: GCC takes a
-// function that only prefetches for one without effect and drops calls.
+// Into L2, line by line. `begin` is an address, as a pointer may not lie outside of its array. Always inline: GCC takes
+// a function that only prefetches for one without effect and drops calls.
 DCLOTH_PREFETCH_INLINE void PrefetchBytes(uintptr_t begin, size_t size) {
   constexpr size_t kLine = 64;
 #if defined(__GNUC__) && !defined(__clang__)

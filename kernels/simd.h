@@ -21,9 +21,9 @@
 #else
 #define DCLOTH_DISABLED_AVX3 HWY_AVX3
 #endif
-#define HWY_DISABLED_TARGETS                                                                            \
-  (HWY_SSSE3 | DCLOTH_DISABLED_AVX3 | HWY_AVX3_DL | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 |   \
-   HWY_RVV | HWY_PPC8 | HWY_WASM_EMU256)
+#define HWY_DISABLED_TARGETS                                                                                    \
+  (HWY_SSSE3 | DCLOTH_DISABLED_AVX3 | HWY_AVX3_DL | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV | \
+   HWY_PPC8 | HWY_WASM_EMU256)
 
 #if defined(DCLOTH_SPLIT_MULTIPLY_ADD)
 #define N_NEON N_NEON_SPLIT  // Highway's namespace in these sources, and theirs

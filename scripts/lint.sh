@@ -14,12 +14,10 @@ failed=()
 
 lint_format() {
   local -a files
-  # Public headers and the solver of training are aligned by hand. .clang-format-ignore lists files that were never formatted:
-  # none may join them; --fix formats them, too, and removes the list.
-  mapfile -t files < <(git ls-files '*.c' '*.cc' '*.h' | grep -vE '^(engine/include|training|tests/abi/kept)/' |
-    if [ -z "$fix" ] && [ -f .clang-format-ignore ]; then grep -vxFf .clang-format-ignore; else cat; fi)
+  # Public headers and the solver of training are aligned by hand.
+  mapfile -t files < <(git ls-files '*.c' '*.cc' '*.h' | grep -vE '^(engine/include|training|tests/abi/kept)/')
   [ ${#files[@]} -gt 100 ] || { echo "lint: found ${#files[@]} files to format; is this the repository?" >&2; return 1; }
-  if [ -n "$fix" ]; then clang-format -i "${files[@]}"; rm -f .clang-format-ignore; return; fi
+  if [ -n "$fix" ]; then clang-format -i "${files[@]}"; return; fi
   printf '%s\0' "${files[@]}" | xargs -0 -n 40 -P "$(nproc)" clang-format --dry-run --Werror --ferror-limit=1 ||
     { echo "lint: scripts/lint.sh --fix format mends these" >&2; return 1; }
   echo "lint: clang-format: ${#files[@]} files"

@@ -38,8 +38,7 @@ int RunConvert(const Options& options) {
   };
   const bool calibrated = !options.calibration.empty(), measured = calibrated || !options.motion.empty();
   if (options.precision == "auto" && (!options.bounded || !measured)) {
-    usage("--precision auto without a bound to keep and motion to test it on",
-          "add --max-error-mm E and --motion SEQ");
+    usage("--precision auto without a bound to keep and motion to test it on", "add --max-error-mm E and --motion SEQ");
   }
   if (options.bounded && !measured) {
     usage("--max-error-mm without motion to measure it on", "add --motion SEQ, once or more");
@@ -126,9 +125,10 @@ void AddConvert(CLI::App& app, int& exit_code) {
   command->add_option("--rank", options->rank,
                       "rows of the displacement basis: exact, full, auto (the fewest within --max-error-mm on "
                       "--calibrate) or a number; auto where both are given, else exact");
-  command->add_option("--stages", options->stages,
-                      "the last stage that the model holds: static, skeleton or mesh; all of the bundle's when not given, "
-                      "which errors are against all the same");
+  command->add_option(
+      "--stages", options->stages,
+      "the last stage that the model holds: static, skeleton or mesh; all of the bundle's when not given, "
+      "which errors are against all the same");
   command->add_option("--report", options->report, "write the figures as JSON to this file too");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, bound, &exit_code] {

@@ -39,8 +39,8 @@ int NameWidth(const converter::ConvertReport& report) {
 
 void PrintTensors(const converter::ConvertReport& report) {
   const int width = NameWidth(report);
-  std::printf("%-*s  %-5s  %-13s  %10s  %22s  %8s  %8s  %7s\n", width, "tensor", "dtype", "shape", "bytes",
-              "range", "clipped", "to zero", "SNR dB");
+  std::printf("%-*s  %-5s  %-13s  %10s  %22s  %8s  %8s  %7s\n", width, "tensor", "dtype", "shape", "bytes", "range",
+              "clipped", "to zero", "SNR dB");
   for (const TensorReport& t : report.tensors) {
     std::string shape;
     for (uint32_t s : t.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(s);
@@ -66,11 +66,11 @@ void PrintRanking(const converter::ConvertReport& report) {
     return;
   }
   const int width = NameWidth(report);
-  std::printf("\n%-*s  %-5s  %10s  %10s  %10s\n", width, "costliest tensors, each alone", "dtype", "mean mm",
-              "p99 mm", "max mm");
+  std::printf("\n%-*s  %-5s  %10s  %10s  %10s\n", width, "costliest tensors, each alone", "dtype", "mean mm", "p99 mm",
+              "max mm");
   for (const TensorReport* t : converter::RankByCost(report.tensors)) {
-    std::printf("%-*s  %-5s  %10.5f  %10.5f  %10.5f\n", width, t->name.c_str(), t->dtype.c_str(),
-                t->cost->mean_mm, t->cost->p99_mm, t->cost->max_mm);
+    std::printf("%-*s  %-5s  %10.5f  %10.5f  %10.5f\n", width, t->name.c_str(), t->dtype.c_str(), t->cost->mean_mm,
+                t->cost->p99_mm, t->cost->max_mm);
   }
 }
 
@@ -90,8 +90,7 @@ Json AutoJson(const converter::ConvertReport& report) {
                {"error_mm", chosen.error_mm},
                {"checked_mm", CheckedMm(report)},
                {"influences", chosen.influences},
-               {"fewer_influences_mm",
-                chosen.fewer_influences_mm ? Json(*chosen.fewer_influences_mm) : Json(nullptr)},
+               {"fewer_influences_mm", chosen.fewer_influences_mm ? Json(*chosen.fewer_influences_mm) : Json(nullptr)},
                {"measured_models", chosen.measured_models},
                {"tensors", Json::array()}};
   for (const converter::FormatDecision& d : chosen.decisions) {
@@ -153,8 +152,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
   for (const converter::TensorReport& t : report.tensors) json["tensors"].push_back(TensorJson(t));
   // Costliest first; null where there was no motion to measure on.
   json["ranking"] = report.trials.empty() ? Json(nullptr) : Json::array();
-  for (const converter::TensorReport* t : converter::RankByCost(report.tensors))
-    json["ranking"].push_back(t->name);
+  for (const converter::TensorReport* t : converter::RankByCost(report.tensors)) json["ranking"].push_back(t->name);
   const auto pruning = [](const converter::PruneReport& p) {
     Json out = {{"influences", p.influences},
                 {"removed_mean", p.removed_mean},
@@ -180,7 +178,8 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
 void PrintConvertTables(const converter::ConvertReport& report, const std::filesystem::path& model) {
   PrintTensors(report);
   std::printf(
-      "\n%s: %s, stages up to %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not needed\n",
+      "\n%s: %s, stages up to %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not "
+      "needed\n",
       converter::PathText(model).c_str(), report.precision.c_str(), converter::StagesName(report.stages),
       static_cast<double>(report.model_bytes) / 1e6, static_cast<double>(report.instance_bytes) / 1024,
       report.joint_count, report.dropped_joints);

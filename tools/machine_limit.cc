@@ -125,8 +125,8 @@ void Read(const uint64_t* words, size_t count) {
   ReadPlain(words, count);
 }
 
-// Reads `bytes` over and over in pieces, `total_bytes` in all. The rate that one piece in ten exceeds: the best of all may
-// be luck, and most others share the machine. Filled with something: untouched pages are all one page.
+// Reads `bytes` over and over in pieces, `total_bytes` in all. The rate that one piece in ten exceeds: the best of all
+// may be luck, and most others share the machine. Filled with something: untouched pages are all one page.
 double ReadGbs(uint64_t bytes, uint64_t total_bytes) {
   const size_t count = std::max<size_t>(bytes / sizeof(uint64_t) / 32 * 32, 512);
   const std::vector<uint64_t> memory(count + kPrefetchWords + 32, 1);

@@ -44,8 +44,8 @@ int Run(int argc, char** argv) {
     } catch (const CLI::RequiredError& error) {
       // The parser asks for a command before it looks at a misspelt one.
       if (!arguments.empty() && app.get_subcommands().empty()) {
-        const std::string text = "no command '" + arguments.front() +
-                                 "'; there are convert, inspect, run, profile, evaluate, poses, body";
+        const std::string text =
+            "no command '" + arguments.front() + "'; there are convert, inspect, run, profile, evaluate, poses, body";
         return Fail(text.c_str(), kExitBadInput);
       }
       app.exit(error);

@@ -98,10 +98,7 @@ void Interpolate(const float* a, const float* b, double t, float* out) {
 }  // namespace
 
 PoseTrack::PoseTrack(const converter::Sequence& sequence, std::span<const std::string> joint_names)
-    : frame_count_(sequence.frame_count),
-      joint_count_(joint_names.size()),
-      fps_(sequence.fps),
-      wind_(sequence.wind) {
+    : frame_count_(sequence.frame_count), joint_count_(joint_names.size()), fps_(sequence.fps), wind_(sequence.wind) {
   const std::vector<uint32_t> map = converter::MapJoints(sequence, joint_names);
   matrices_.resize(frame_count_ * joint_count_ * 16);
   for (size_t f = 0; f < frame_count_; ++f) {

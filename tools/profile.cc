@@ -192,9 +192,9 @@ void AddProfile(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("profile", "Measure what a frame costs on one core");
   command->footer(
-      "A frame is the ticks that are due or their part, then skinning with normals. The sequence repeats until --frames "
-      "are measured,\n"
-      "after one uncounted pass. With truth in the sequence the error of the drawn frames stands beside the times.");
+      "A frame is the ticks that are due or their part, then skinning with normals. The sequence repeats until "
+      "--frames are measured,\nafter one uncounted pass. With truth in the sequence the error of the drawn frames "
+      "stands beside the times.");
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
   command->add_option("--budget-ms", options->budget_ms, "exit 1 when any frame takes longer")

@@ -71,11 +71,12 @@ Json MachineJson(const Profile& profile) {
 
 void PrintKernels(const Profile& profile) {
   const MachineLimit& limit = profile.limit;
-  std::printf("\nthis core's limits, measured: %.1f GFLOP/s (%s), %.1f GB/s from caches (%.1f MB again and again), "
-              "%.1f GB/s from memory\n\n",
-              limit.gflops, limit.unit, limit.read_gbs, static_cast<double>(limit.read_bytes) / 1e6, limit.memory_gbs);
-  std::printf("  %-17s %9s %9s %9s %9s %9s %9s %9s\n", "kernel", "p50 ms", "MFLOP", "MB", "GFLOP/s", "GB/s",
-              "limit ms", "reached");
+  std::printf(
+      "\nthis core's limits, measured: %.1f GFLOP/s (%s), %.1f GB/s from caches (%.1f MB again and again), "
+      "%.1f GB/s from memory\n\n",
+      limit.gflops, limit.unit, limit.read_gbs, static_cast<double>(limit.read_bytes) / 1e6, limit.memory_gbs);
+  std::printf("  %-17s %9s %9s %9s %9s %9s %9s %9s\n", "kernel", "p50 ms", "MFLOP", "MB", "GFLOP/s", "GB/s", "limit ms",
+              "reached");
   for (const KernelRow& row : KernelRows(profile)) {
     const double flops = static_cast<double>(row.work.flops), bytes = static_cast<double>(row.work.bytes());
     std::printf("  %-17s", converter::WorkPartName(row.part));

@@ -14,12 +14,12 @@ namespace dcloth::tools {
 struct Device {
   const char* name;
   const char* core;
-  double ghz;              // published
-  int flops_per_cycle;     // float32 multiply-adds of one core, two operations each; published or measured by others
-  int int8_factor;         // 16-bit multiply-adds over float32 ones: 2 for x86's pmaddwd, 1 for NEON's smlal
-  double memory_gbs;       // of the whole device, published
-  double core_share;       // assumed: what one core gets of it
-  double reached_factor;   // assumed: what it reaches of the share of the limit that this machine reached
+  double ghz;             // published
+  int flops_per_cycle;    // float32 multiply-adds of one core, two operations each; published or measured by others
+  int int8_factor;        // 16-bit multiply-adds over float32 ones: 2 for x86's pmaddwd, 1 for NEON's smlal
+  double memory_gbs;      // of the whole device, published
+  double core_share;      // assumed: what one core gets of it
+  double reached_factor;  // assumed: what it reaches of the share of the limit that this machine reached
   const char* source;
 
   double gflops() const { return ghz * flops_per_cycle; }

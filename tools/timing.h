@@ -22,8 +22,8 @@ struct Percentiles {
 Percentiles PercentilesOf(std::span<const double> samples);
 
 using StepNames = std::array<const char*, DCLOTH_STEP_COUNT>;
-constexpr StepNames kStepNames = {"pose",     "static",  "skeleton",   "mesh", "displacement",
-                                  "skinning", "normals", "penetration"};
+constexpr StepNames kStepNames = {"pose",         "static",   "skeleton", "mesh",
+                                  "displacement", "skinning", "normals",  "penetration"};
 using StepTimes = std::array<uint64_t, DCLOTH_STEP_COUNT>;  // ns
 
 // A dcloth_timer on NowNanoseconds. Not copyable in spirit: hand out get() while this lives.

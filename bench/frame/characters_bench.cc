@@ -10,9 +10,9 @@
 #include <memory>
 #include <vector>
 
+#include "bench/frame/run.h"
 #include "converter/error.h"
 #include "converter/file.h"
-#include "bench/frame/run.h"
 #include "tools/json_output.h"
 #include "tools/machine.h"
 #include "tools/playback.h"

@@ -18,8 +18,8 @@
 #include <string>
 #include <vector>
 
-#include "converter/rollout.h"
 #include "bench/frame/run.h"
+#include "converter/rollout.h"
 #include "tools/machine.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "bench/frame/run.h"
 #include "converter/convert.h"
 #include "converter/rollout.h"
-#include "bench/frame/run.h"
 #include "tools/machine.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
@@ -100,17 +100,20 @@ int Run(int argc, char** argv) {
       options.motion = motion;
       options.calibration = calibration;
       converter::ConvertResult result = converter::Convert(bundle, options);
-      auto variant = std::make_unique<Variant>(
-          Variant{precision + "/" + rank, converter::OpenModel(std::move(result.bytes)), result.report.trials.back(),
-                  {}, nullptr, {}, {}});
+      auto variant = std::make_unique<Variant>(Variant{precision + "/" + rank,
+                                                       converter::OpenModel(std::move(result.bytes)),
+                                                       result.report.trials.back(),
+                                                       {},
+                                                       nullptr,
+                                                       {},
+                                                       {}});
       for (const Sequence& s : motion) variant->poses.emplace_back(s, variant->model.joint_names());
       variant->player = std::make_unique<Player>(variant->model, variant->model.info().stages, bundle_path.string());
       variants.push_back(std::move(variant));
     }
   }
   CacheEvictor evictor;
-  std::printf("%s, %s, caches emptied by %zu MB\n", CpuName().c_str(), dcloth_isa_name(),
-              evictor.size_bytes() >> 20);
+  std::printf("%s, %s, caches emptied by %zu MB\n", CpuName().c_str(), dcloth_isa_name(), evictor.size_bytes() >> 20);
   for (size_t done = 0, sequence = 0, frame = 0; done < ticks; ++done) {
     for (size_t v = 0; v < variants.size(); ++v)
       TickOnce(variants[(v + done) % variants.size()].get(), sequence, frame, &evictor);

@@ -56,16 +56,28 @@ struct Layer {
   bool embed;
 
   Layer(size_t vertices, size_t features, Place place)
-      : n(vertices), F(features), w(place == Place::kFirst ? 3 : features), mesh(n, 142),
-        x(RandomFloats(n * GsgruInputStride(w), -1, 1)), input_gates(Weights(w * 3 * F, 2)),
-        gate_bias(Weights(3 * F, 3)), hidden_gates(Weights(2 * F * F, 4)), candidate(Weights(F * F, 5)),
-        output(Weights(F * F, 6)), row(Weights(F, 7)),
-        next(n * F), s(n), scratch(GsgruI8ScratchFloats(F)), factors(7 * F), integers(7 * F * F),
+      : n(vertices),
+        F(features),
+        w(place == Place::kFirst ? 3 : features),
+        mesh(n, 142),
+        x(RandomFloats(n * GsgruInputStride(w), -1, 1)),
+        input_gates(Weights(w * 3 * F, 2)),
+        gate_bias(Weights(3 * F, 3)),
+        hidden_gates(Weights(2 * F * F, 4)),
+        candidate(Weights(F * F, 5)),
+        output(Weights(F * F, 6)),
+        row(Weights(F, 7)),
+        next(n * F),
+        s(n),
+        scratch(GsgruI8ScratchFloats(F)),
+        factors(7 * F),
+        integers(7 * F * F),
         embed(place == Place::kEmbed) {
     AlignedArray<float> levels = RandomFloats(integers.size(), -127, 127, 8);
     for (size_t i = 0; i < integers.size(); ++i) integers[i] = static_cast<int8_t>(std::lround(levels[i]));
     // Weights of the floats' size, for inputs within 1.
-    for (size_t i = 0; i < factors.size(); ++i) factors[i] = 1.0f / (127.0f * kGsgruHiddenLevels * std::sqrt(static_cast<float>(F)));
+    for (size_t i = 0; i < factors.size(); ++i)
+      factors[i] = 1.0f / (127.0f * kGsgruHiddenLevels * std::sqrt(static_cast<float>(F)));
     steps = RandomFloats(F, 25000, 32000, 9);
   }
 
@@ -75,15 +87,30 @@ struct Layer {
   }
 
   GsgruJob Job(float* state) {
-    return {x.data(), mesh.row_starts.data(), mesh.columns.data(), input_gates.data(), gate_bias.data(),
-            hidden_gates.data(), candidate.data(), output.data(), row.data(), row.data(), row.data(),
-            embed ? row.data() : nullptr, state, embed ? nullptr : next.data(), embed ? s.data() : nullptr,
-            scratch.data(), n, w, F, 0.25f, 0.0f};
+    return {x.data(),
+            mesh.row_starts.data(),
+            mesh.columns.data(),
+            input_gates.data(),
+            gate_bias.data(),
+            hidden_gates.data(),
+            candidate.data(),
+            output.data(),
+            row.data(),
+            row.data(),
+            row.data(),
+            embed ? row.data() : nullptr,
+            state,
+            embed ? nullptr : next.data(),
+            embed ? s.data() : nullptr,
+            scratch.data(),
+            n,
+            w,
+            F,
+            0.25f,
+            0.0f};
   }
 
-  GsgruI8Job IntegerJob(float* state) {
-    return {Job(state), integers.data(), factors.data(), steps.data()};
-  }
+  GsgruI8Job IntegerJob(float* state) { return {Job(state), integers.data(), factors.data(), steps.data()}; }
 
   double Products() const {
     return static_cast<double>(n * F) * (3.0 * static_cast<double>(w) + 4.0 * static_cast<double>(F));
@@ -164,11 +191,14 @@ void Run(const std::string& name, size_t n, size_t F, Place place) {
   for (const KernelTable* table : BestTables()) {
     const auto state = std::make_shared<AlignedArray<float>>(GsgruStateFloats(n, F));
     const auto integer_state = std::make_shared<AlignedArray<float>>(state->size());
-    contestants.push_back({table->name, {[=] { table->gsgru(layer->Job(state->data())); }},
-                           ErrorToScalar(*table, *layer, false), kScalarDifference});
+    contestants.push_back({table->name,
+                           {[=] { table->gsgru(layer->Job(state->data())); }},
+                           ErrorToScalar(*table, *layer, false),
+                           kScalarDifference});
     contestants.push_back({table->name + std::string(" int8"),
                            {[=] { table->gsgru_i8(layer->IntegerJob(integer_state->data())); }},
-                           ErrorToScalar(*table, *layer, true), kScalarLevels});
+                           ErrorToScalar(*table, *layer, true),
+                           kScalarLevels});
   }
 #ifdef DCLOTH_BENCH_XNNPACK
   const auto peer = std::make_shared<XnnpackProducts>(*layer);

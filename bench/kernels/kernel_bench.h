@@ -105,8 +105,8 @@ void ForEveryTable(const std::string& name, Run run) {
     const KernelTable* table = KernelTableAt(i);
     for (const bool cold : {false, true}) {
       const std::string full = name + "/" + table->name + (cold ? "/cold" : "/warm");
-      auto* registered = benchmark::RegisterBenchmark(
-          full.c_str(), [=](benchmark::State& state) { run(state, *table, cold); });
+      auto* registered =
+          benchmark::RegisterBenchmark(full.c_str(), [=](benchmark::State& state) { run(state, *table, cold); });
       registered->UseManualTime()->Unit(benchmark::kMicrosecond);
       // Cold calls spend their time in the eviction, so their number is fixed instead of grown to fill half a second.
       if (cold) registered->Iterations(25);

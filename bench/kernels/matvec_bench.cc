@@ -75,15 +75,17 @@ void Run(const std::string& name, const Layers& layers, WeightKind kind) {
     for (const DenseProblem& problem : layers) packed.push_back(std::make_shared<PackedDense>(problem, kind));
     for (size_t t = 0; t < contestants.size(); ++t) {
       const KernelTable* table = BestTables()[t];
-      AddPlacement(layers, kind, *table, [=](size_t p) { packed[p]->Run(*table); },
-                   [=](size_t p) { return packed[p]->y(); }, &contestants[t]);
+      AddPlacement(
+          layers, kind, *table, [=](size_t p) { packed[p]->Run(*table); }, [=](size_t p) { return packed[p]->y(); },
+          &contestants[t]);
     }
 #ifdef DCLOTH_BENCH_XNNPACK
     if (kind == WeightKind::kF32) {
       std::vector<std::shared_ptr<Peer>> peers;
       for (const DenseProblem& problem : layers) peers.push_back(std::make_shared<Peer>(problem));
-      AddPlacement(layers, kind, *BestKernels(), [=](size_t p) { peers[p]->dense.Run(); },
-                   [=](size_t p) { return static_cast<const float*>(peers[p]->y.data()); }, &xnnpack);
+      AddPlacement(
+          layers, kind, *BestKernels(), [=](size_t p) { peers[p]->dense.Run(); },
+          [=](size_t p) { return static_cast<const float*>(peers[p]->y.data()); }, &xnnpack);
     }
 #endif
     for (size_t i = 0; i < limits.size(); ++i) {  // the kernels' own weights

@@ -61,18 +61,18 @@ void* peers_open(const char* model, const char* sequence) {
 
 int peers_open_times(const char* path, int cold, uint32_t count, double* ms) {
   return Guard([&] {
-           const dcloth::converter::AlignedBytes bytes = dcloth::converter::ReadFile(path);
-           dcloth::converter::AlignedBytes view(dcloth_model_storage_size());
-           for (uint32_t i = 0; i < count; ++i) {
-             if (cold != 0) Evictor().Evict();
-             dcloth_model* model = nullptr;
-             const uint64_t start = NowNanoseconds();
-             const dcloth_status status =
-                 dcloth_model_open(bytes.data(), bytes.size(), view.data(), view.size(), &model, nullptr);
-             ms[i] = static_cast<double>(NowNanoseconds() - start) * 1e-6;
-             if (status != DCLOTH_OK) dcloth::tools::OpenModelFile(path);  // says what is wrong
-           }
-         })
+    const dcloth::converter::AlignedBytes bytes = dcloth::converter::ReadFile(path);
+    dcloth::converter::AlignedBytes view(dcloth_model_storage_size());
+    for (uint32_t i = 0; i < count; ++i) {
+      if (cold != 0) Evictor().Evict();
+      dcloth_model* model = nullptr;
+      const uint64_t start = NowNanoseconds();
+      const dcloth_status status =
+          dcloth_model_open(bytes.data(), bytes.size(), view.data(), view.size(), &model, nullptr);
+      ms[i] = static_cast<double>(NowNanoseconds() - start) * 1e-6;
+      if (status != DCLOTH_OK) dcloth::tools::OpenModelFile(path);  // says what is wrong
+    }
+  })
              ? 0
              : 1;
 }
@@ -87,15 +87,15 @@ int peers_reset(void* engine) {
 
 int peers_tick(void* handle, uint32_t frame, PeersTimes* times) {
   return Guard([&] {
-           Engine& engine = EngineOf(handle);
-           const std::span<const float> pose = engine.poses.Frame(frame);
-           engine.timer.Take();
-           const uint64_t start = NowNanoseconds();
-           engine.player.Tick(pose, engine.timer.get());
-           engine.player.Skin(pose, 1, engine.timer.get());
-           times->whole = NowNanoseconds() - start;
-           std::ranges::copy(engine.timer.Take(), times->steps);
-         })
+    Engine& engine = EngineOf(handle);
+    const std::span<const float> pose = engine.poses.Frame(frame);
+    engine.timer.Take();
+    const uint64_t start = NowNanoseconds();
+    engine.player.Tick(pose, engine.timer.get());
+    engine.player.Skin(pose, 1, engine.timer.get());
+    times->whole = NowNanoseconds() - start;
+    std::ranges::copy(engine.timer.Take(), times->steps);
+  })
              ? 0
              : 1;
 }

@@ -24,8 +24,8 @@ PEERS_API uint64_t peers_model_bytes(void* engine);
 PEERS_API uint64_t peers_instance_bytes(void* engine);
 PEERS_API const char* peers_isa();
 
-// Milliseconds of each of `count` calls of dcloth_model_open on one file's bytes, with emptied caches where `cold` is not 0.
-// 0 on success.
+// Milliseconds of each of `count` calls of dcloth_model_open on one file's bytes, with emptied caches where `cold` is
+// not 0. 0 on success.
 PEERS_API int peers_open_times(const char* model, int cold, uint32_t count, double* ms);
 
 // 0 on success.

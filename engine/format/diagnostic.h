@@ -29,7 +29,8 @@ class Text {
   Text(char* out, size_t size) : begin_(out), out_(out), left_(size) {}
   size_t size() const { return static_cast<size_t>(out_ - begin_); }
   Text& Add(const char* text);
-  Text& AddName(const char* name);  // of a file: ASCII control characters become '?', as it may go to a terminal or a log
+  Text& AddName(
+      const char* name);  // of a file: ASCII control characters become '?', as it may go to a terminal or a log
   Text& Add(uint64_t value);
   Text& Add(const Path& path);
   Text& AddNumber(double value);  // six significant digits

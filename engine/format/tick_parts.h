@@ -1,6 +1,6 @@
 // The parts of a tick, in the order in which they run. This list is the only one: the engine's schedule
-// (engine/src/network/schedule.cc), saved states, timers, the profiler and the converter's count of work are made from it.
-// A part without a row in the schedule, or without a count of its work, does not compile.
+// (engine/src/network/schedule.cc), saved states, timers, the profiler and the converter's count of work are made from
+// it. A part without a row in the schedule, or without a count of its work, does not compile.
 #ifndef DCLOTH_ENGINE_FORMAT_TICK_PARTS_H_
 #define DCLOTH_ENGINE_FORMAT_TICK_PARTS_H_
 
@@ -11,19 +11,18 @@
 
 // X(Part, number, name, step)
 //   Part    TickPart::k<Part>, and what functions and rows of the part are called
-//   number  of the part in a saved state: never changed, and never given to another part. 10 says that no tick is in work
-//   name    in profiles
-//   step    the DCLOTH_STEP_* to which a timer adds the part's time
-#define DCLOTH_TICK_PARTS(X)                                          \
-  X(Static, 0, "static", DCLOTH_STEP_STATIC)                          \
-  X(SkeletonInput, 1, "skeleton input", DCLOTH_STEP_SKELETON)         \
-  X(SkeletonHidden, 2, "skeleton hidden", DCLOTH_STEP_SKELETON)       \
-  X(SkeletonGates, 3, "skeleton gates", DCLOTH_STEP_SKELETON)         \
-  X(BodyPoints, 4, "body points", DCLOTH_STEP_MESH)                   \
-  X(MeshLayers, 5, "mesh layers", DCLOTH_STEP_MESH)                   \
-  X(MeshHidden, 6, "mesh hidden", DCLOTH_STEP_MESH)                   \
-  X(MeshCoefficients, 7, "mesh coefficients", DCLOTH_STEP_MESH)       \
-  X(Head, 8, "head", DCLOTH_STEP_DISPLACEMENT)                        \
+//   number  of the part in a saved state: never changed, and never given to another part. 10 says that no tick is in
+//   work name    in profiles step    the DCLOTH_STEP_* to which a timer adds the part's time
+#define DCLOTH_TICK_PARTS(X)                                    \
+  X(Static, 0, "static", DCLOTH_STEP_STATIC)                    \
+  X(SkeletonInput, 1, "skeleton input", DCLOTH_STEP_SKELETON)   \
+  X(SkeletonHidden, 2, "skeleton hidden", DCLOTH_STEP_SKELETON) \
+  X(SkeletonGates, 3, "skeleton gates", DCLOTH_STEP_SKELETON)   \
+  X(BodyPoints, 4, "body points", DCLOTH_STEP_MESH)             \
+  X(MeshLayers, 5, "mesh layers", DCLOTH_STEP_MESH)             \
+  X(MeshHidden, 6, "mesh hidden", DCLOTH_STEP_MESH)             \
+  X(MeshCoefficients, 7, "mesh coefficients", DCLOTH_STEP_MESH) \
+  X(Head, 8, "head", DCLOTH_STEP_DISPLACEMENT)                  \
   X(Basis, 9, "basis", DCLOTH_STEP_DISPLACEMENT)
 
 namespace dcloth::format {

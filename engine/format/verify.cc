@@ -68,8 +68,8 @@ bool CheckVersion(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
                                "convert the bundle with the converter of this release");
 }
 
-// Whether the offsets of a vector lead forwards and inside. FlatBuffers' verifier follows them unchecked and only looks at
-// where it arrives: with 32-bit addresses an offset that wraps leads backwards to a place that may be sound.
+// Whether the offsets of a vector lead forwards and inside. FlatBuffers' verifier follows them unchecked and only looks
+// at where it arrives: with 32-bit addresses an offset that wraps leads backwards to a place that may be sound.
 template <typename T>
 bool OffsetsLeadInside(const uint8_t* bytes, size_t size, const fb::Vector<fb::Offset<T>>& vector) {
   for (uint32_t i = 0; i < vector.size(); ++i) {
@@ -141,10 +141,11 @@ bool FailStructure(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
       return diagnostic->Fail(DCLOTH_ERROR_FORMAT, offset, &path, "no such field", "a required field", kFix);
     }
     fb::Verifier verifier = MakeVerifier(bytes, size);
-    if (place != nullptr && !(child.verify(verifier, root, child.field) &&
-                              VectorsLeadInside(bytes, size, root, child.field))) {
+    if (place != nullptr &&
+        !(child.verify(verifier, root, child.field) && VectorsLeadInside(bytes, size, root, child.field))) {
       return diagnostic->Fail(DCLOTH_ERROR_FORMAT, OffsetInside(bytes, size, place, root), &path,
-                              "a broken offset or length, a required field missing or over 256 tables", "an intact FlatBuffer", kFix);
+                              "a broken offset or length, a required field missing or over 256 tables",
+                              "an intact FlatBuffer", kFix);
     }
   }
   return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a broken structure, or more than 256 tables",

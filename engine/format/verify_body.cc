@@ -69,9 +69,8 @@ bool VerifyTouch(const Body& body, const Path& parent, uint32_t garment_vertices
 // The orders that the search wants. Whether every vertex is there is not looked at: others make a poor search only.
 bool VerifyOrders(const Body& body, const Path& parent, uint32_t garment_vertices, Checker* check, BodyView* view) {
   const Path sites = {&parent, "sites"};
-  if (body.garment_order() != nullptr &&
-      !check->Indices({&parent, "garment_order"}, body.garment_order(), {garment_vertices}, garment_vertices,
-                      &view->garment_order)) {
+  if (body.garment_order() != nullptr && !check->Indices({&parent, "garment_order"}, body.garment_order(),
+                                                         {garment_vertices}, garment_vertices, &view->garment_order)) {
     return false;
   }
   if (body.sites() == nullptr) return true;
@@ -90,8 +89,7 @@ bool VerifyBody(const Body& body, Checker* check, ModelView* model) {
   view->clearance = body.clearance();
   view->reach = body.reach();
   if (!check->Count({&path, "influences"}, &body, view->influences, 1, kernels::kMaxInfluences) ||
-      !Within({&path, "clearance"}, body, view->clearance, kMinClearance, kMaxClearance,
-              "0.0001 to 0.1 m", check) ||
+      !Within({&path, "clearance"}, body, view->clearance, kMinClearance, kMaxClearance, "0.0001 to 0.1 m", check) ||
       !Within({&path, "reach"}, body, view->reach, view->clearance, kMaxReach, "body.clearance to 10 m", check)) {
     return false;
   }

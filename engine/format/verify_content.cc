@@ -72,7 +72,8 @@ bool VerifyFeatures(const Features& features, Checker* check, ModelView* model) 
   }
   view->root = static_cast<RootKind>(features.root_motion());
   const uint32_t root_features = RootFeatures(view->root);
-  if (!check->Joints({&path, "joints"}, features.joints(), root_features != 0 ? 0 : 1, model->joint_count)) return false;
+  if (!check->Joints({&path, "joints"}, features.joints(), root_features != 0 ? 0 : 1, model->joint_count))
+    return false;
   view->joints = features.joints()->data();
   view->joint_count = features.joints()->size();
   view->length = kFeaturesPerJoint * view->joint_count + root_features;
@@ -298,8 +299,7 @@ bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
          VerifyFeatures(*model.features(), check, view) && VerifyStaticStage(*model.static_stage(), check, view) &&
          (model.skeleton_stage() == nullptr || VerifySkeletonStage(*model.skeleton_stage(), check, view)) &&
          (model.mesh_stage() == nullptr || VerifyMeshStage(*model.mesh_stage(), check, view)) &&
-         VerifyDisplacement(model, check, view) &&
-         (model.body() == nullptr || VerifyBody(*model.body(), check, view));
+         VerifyDisplacement(model, check, view) && (model.body() == nullptr || VerifyBody(*model.body(), check, view));
 }
 
 }  // namespace dcloth::format

@@ -108,12 +108,12 @@ struct BodyView {
   uint32_t vertex_count;       // b
   uint32_t face_count;
   uint32_t influences;
-  const uint8_t* touch_classes;  // [n], class of each garment vertex; null where every one touches all of the body
-  const uint8_t* touched_by;     // [vertex_count], bit c: touched by class c; null with the one before
+  const uint8_t* touch_classes;   // [n], class of each garment vertex; null where every one touches all of the body
+  const uint8_t* touched_by;      // [vertex_count], bit c: touched by class c; null with the one before
   const uint16_t* garment_order;  // [n], indices; null before 1.5
   const uint16_t* sites;          // [groups, 16], indices of body vertices; null before 1.5 and without classes
-  float clearance;  // metres
-  float reach;      // metres
+  float clearance;                // metres
+  float reach;                    // metres
 };
 
 struct ModelView {
@@ -135,7 +135,7 @@ struct ModelView {
   uint32_t triangle_count;
   uint32_t format_major;
   uint32_t format_minor;
-  float tick_rate;  // Hz
+  float tick_rate;    // Hz
   uint64_t identity;  // told by the file's writer; 0 before 1.2
 };
 

@@ -4,12 +4,12 @@
 #include <cstring>
 #include <new>
 
-#include "engine/src/network/displacement.h"
-#include "engine/src/time/idle.h"
 #include "engine/src/base/arithmetic.h"
 #include "engine/src/draw/normals.h"
 #include "engine/src/draw/skinning.h"
+#include "engine/src/network/displacement.h"
 #include "engine/src/network/pose_stages.h"
+#include "engine/src/time/idle.h"
 
 namespace dcloth::engine {
 namespace {
@@ -42,7 +42,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   Cloth placed = {};
   placed.model = &model;
   placed.rig = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count),
-                    arena.Take<Affine>(model.joint_count), false};
+                arena.Take<Affine>(model.joint_count), false};
   placed.skin_joints = arena.Take<Affine>(model.joint_count);
   placed.pose_older = arena.Take<Affine>(model.joint_count);
   placed.pose_before = arena.Take<Affine>(model.joint_count);
@@ -79,8 +79,7 @@ void ResetCloth(Cloth* cloth) {
   std::memset(cloth->features, 0, model.features.length * sizeof(float));
   cloth->clock = FrameClock();
   cloth->work = {TickPart::kDone, 0, 0.0f};
-  if (model.skeleton_stage.units != 0)
-    std::memset(cloth->coefficients, 0, model.skeleton_stage.units * sizeof(float));
+  if (model.skeleton_stage.units != 0) std::memset(cloth->coefficients, 0, model.skeleton_stage.units * sizeof(float));
   ClearMeshState(model, cloth->mesh);
   std::memset(cloth->idle_pose, 0, model.joint_count * sizeof(Affine));
   for (float* increments : cloth->increments) {

@@ -7,13 +7,13 @@
 #include <cstdint>
 
 #include "engine/format/diagnostic.h"
-#include "engine/src/time/frame_clock.h"
-#include "engine/src/network/mesh_stage.h"
-#include "engine/src/body/penetration.h"
-#include "engine/src/pose/pose.h"
-#include "engine/src/network/pose_stages.h"
 #include "engine/src/base/stopwatch.h"
+#include "engine/src/body/penetration.h"
+#include "engine/src/network/mesh_stage.h"
+#include "engine/src/network/pose_stages.h"
 #include "engine/src/network/tick_plan.h"
+#include "engine/src/pose/pose.h"
+#include "engine/src/time/frame_clock.h"
 
 namespace dcloth::engine {
 
@@ -25,8 +25,8 @@ constexpr double kFastestWind = 100;  // m/s
 
 struct Cloth {
   const format::ModelView* model;
-  HostRig rig;  // outlives resets
-  float wind[3];        // the host's units a second along its axes; outlives resets
+  HostRig rig;    // outlives resets
+  float wind[3];  // the host's units a second along its axes; outlives resets
   RootMotion root;
   FrameClock clock;
   TickWork work;
@@ -42,17 +42,17 @@ struct Cloth {
   int16_t* quantized;   // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
-  BodyMemory body;      // scratch of a frame
-  float* mesh_before;   // Q [k_M] that the mesh stage made last; at half rate only
+  BodyMemory body;                  // scratch of a frame
+  float* mesh_before;               // Q [k_M] that the mesh stage made last; at half rate only
   float* coefficients;              // see network/displacement.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
   float* displacement[kTickSlots];  // delta of a tick; null without a basis
-  uint32_t newest;      // slot of the newest complete tick; older ones lie before it, around the corner
-  uint32_t tick_count;  // complete since the reset, up to kTickSlots
-  TickPlan plan;        // of the newest tick, in work or not; all stages after a reset
-  uint32_t idle_ticks;  // since idle_pose, up to kIdleTicks: then the cloth is frozen
-  float work_done;      // by the last update, 1 for a whole tick
-  double older_step;    // ticks from pose_older to pose_before; 0 where one motion does not hold both
+  uint32_t newest;                  // slot of the newest complete tick; older ones lie before it, around the corner
+  uint32_t tick_count;              // complete since the reset, up to kTickSlots
+  TickPlan plan;                    // of the newest tick, in work or not; all stages after a reset
+  uint32_t idle_ticks;              // since idle_pose, up to kIdleTicks: then the cloth is frozen
+  float work_done;                  // by the last update, 1 for a whole tick
+  double older_step;                // ticks from pose_older to pose_before; 0 where one motion does not hold both
 };
 
 // Slot of the complete tick `back` before the newest one, or of the oldest there is.

@@ -3,9 +3,9 @@
 #include <cstring>
 #include <utility>
 
+#include "engine/src/network/schedule.h"
 #include "engine/src/time/idle.h"
 #include "engine/src/time/pose_blend.h"
-#include "engine/src/network/schedule.h"
 
 namespace dcloth::engine {
 namespace {

@@ -2,8 +2,8 @@
 //
 // tanh: tanh_rational.h. Maximum absolute error (measured against double, asserted by the test): 3.0e-7 with fused
 // multiply-add, 4.2e-7 without. Odd, |tanh| <= 1, exactly +-1 from the clamp on. NaN gives NaN.
-// Logistic function: (1 + tanh(x / 2)) / 2; half of tanh's error plus one rounding, exactly 0 and 1 from twice the clamp
-// on. kFuse: multiply_add-inl.h.
+// Logistic function: (1 + tanh(x / 2)) / 2; half of tanh's error plus one rounding, exactly 0 and 1 from twice the
+// clamp on. kFuse: multiply_add-inl.h.
 #include "kernels/activation/tanh_rational.h"
 
 #if defined(DCLOTH_KERNELS_ACTIVATION_ACTIVATION_INL_H_) == defined(HWY_TARGET_TOGGLE)
@@ -21,7 +21,8 @@ namespace dcloth::kernels::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// tanh(x) = x / q: x becomes the numerator. Step by step for all of them, so that each finds the last one's result ready.
+// tanh(x) = x / q: x becomes the numerator. Step by step for all of them, so that each finds the last one's result
+// ready.
 template <bool kFuse, size_t kCount, class D, class V>
 HWY_INLINE void TanhQuotients(D d, float clamp, V (&x)[kCount], V (&q)[kCount]) {
   const V lowest = hn::Set(d, -clamp), highest = hn::Set(d, clamp);
@@ -36,7 +37,7 @@ HWY_INLINE void TanhQuotients(D d, float clamp, V (&x)[kCount], V (&q)[kCount]) 
     x[i] = hn::Min(highest, hn::Max(lowest, x[i]));
 #endif
   }
-  const auto step = [&](V (&sum)[kCount], float coefficient) {
+  const auto step = [&](V(&sum)[kCount], float coefficient) {
     for (size_t i = 0; i < kCount; ++i) sum[i] = MultiplyAdd<kFuse>(x2[i], sum[i], hn::Set(d, coefficient));
   };
   for (size_t i = 0; i < kCount; ++i) x2[i] = hn::Mul(x[i], x[i]);

@@ -1,8 +1,8 @@
-// tanh(x) ~ p(x) / q(x) for arithmetic whose inputs are already rounded to 8 bits, 5 instead of 10 multiply-adds. A quotient
-// kept as its two halves lets several activations share one division.
+// tanh(x) ~ p(x) / q(x) for arithmetic whose inputs are already rounded to 8 bits, 5 instead of 10 multiply-adds. A
+// quotient kept as its two halves lets several activations share one division.
 //
-// p = x (p0 + p1 x^2 + p2 x^4), q = 1 + q1 x^2 + q2 x^4 + q3 x^6: the smallest largest error on |x| <= 5.8, found by linear
-// programming. Beyond, x is clamped. |p / q| < 1, so that a state blended of such values stays within 1.
+// p = x (p0 + p1 x^2 + p2 x^4), q = 1 + q1 x^2 + q2 x^4 + q3 x^6: the smallest largest error on |x| <= 5.8, found by
+// linear programming. Beyond, x is clamped. |p / q| < 1, so that a state blended of such values stays within 1.
 #ifndef DCLOTH_KERNELS_ACTIVATION_COARSE_TANH_H_
 #define DCLOTH_KERNELS_ACTIVATION_COARSE_TANH_H_
 

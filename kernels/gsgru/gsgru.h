@@ -28,13 +28,14 @@ constexpr size_t GsgruStateFloats(size_t vertices, size_t features) {
 // Floats of scratch that a call needs; contents neither matter before nor after.
 constexpr size_t GsgruScratchFloats(size_t features) { return kGsgruBlock * (4 * features + 4); }
 
-// Weights are flat [in, out] f32 as in MeshLayer of dcloth.fbs. state, scratch, x, next_x and weights start on 64 bytes.
-// Every vertex has at least one neighbour (itself). Values are finite. next_x and s overlap nothing else. The vertices
-// of a job may be a part of the mesh, from a multiple of kGsgruBlock on: all but x and columns start with the part.
+// Weights are flat [in, out] f32 as in MeshLayer of dcloth.fbs. state, scratch, x, next_x and weights start on 64
+// bytes. Every vertex has at least one neighbour (itself). Values are finite. next_x and s overlap nothing else. The
+// vertices of a job may be a part of the mesh, from a multiple of kGsgruBlock on: all but x and columns start with the
+// part.
 struct GsgruJob {
-  const float* x;              // [all vertices of the mesh, GsgruInputStride(input_width)]
-  const uint32_t* row_starts;  // [vertices + 1]
-  const uint16_t* columns;     // [row_starts[vertices]], each a row of x
+  const float* x;                 // [all vertices of the mesh, GsgruInputStride(input_width)]
+  const uint32_t* row_starts;     // [vertices + 1]
+  const uint16_t* columns;        // [row_starts[vertices]], each a row of x
   const float* input_gates;       // [input_width, 3 F]: z, r, candidate
   const float* gate_bias;         // [3 F]
   const float* hidden_gates;      // [F, 2 F]: z, r
@@ -49,12 +50,12 @@ struct GsgruJob {
   float* s;                       // [vertices], written where embed is given (else it may be null)
   float* scratch;                 // [GsgruScratchFloats(F)]
   size_t vertices;
-  size_t input_width;             // 3 or F
-  size_t features;                // F: a multiple of 8, 8 to 64
+  size_t input_width;  // 3 or F
+  size_t features;     // F: a multiple of 8, 8 to 64
   float prelu_slope;
   float embed_bias;
-  const void* ahead = nullptr;    // memory read after the job: a layer waits for arithmetic, and each block asks for its
-  size_t block_ahead_bytes = 0;   // share of this into L2; any bytes, the values are not looked at. 0: none
+  const void* ahead = nullptr;   // memory read after the job: a layer waits for arithmetic, and each block asks for its
+  size_t block_ahead_bytes = 0;  // share of this into L2; any bytes, the values are not looked at. 0: none
 };
 
 }  // namespace dcloth::kernels

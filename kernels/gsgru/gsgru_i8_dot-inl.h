@@ -1,5 +1,5 @@
-// Exact sums of products of int8 weights and 16-bit inputs, by what each instruction set multiplies best. Weights are widened
-// to 16 bits once a call. Included once per instruction set.
+// Exact sums of products of int8 weights and 16-bit inputs, by what each instruction set multiplies best. Weights are
+// widened to 16 bits once a call. Included once per instruction set.
 //
 //   x86, WebAssembly   two rows at once: pmaddwd and its like, with AVX-512 one instruction that adds too (VNNI)
 //   Arm                one row: smlal
@@ -61,8 +61,8 @@ HWY_INLINE V AddRows([[maybe_unused]] DI di, V sum, VW w, VW x) {
 #endif
 }
 
-// acc[v][i] += the products of `rows` inputs (a multiple of kRows) of vertex v with vector i of the columns at `weights`.
-// A vertex's inputs lie `rows` apart, steps of kRows rows `columns`.
+// acc[v][i] += the products of `rows` inputs (a multiple of kRows) of vertex v with vector i of the columns at
+// `weights`. A vertex's inputs lie `rows` apart, steps of kRows rows `columns`.
 template <class DI, size_t kVertices, size_t kVectors>
 HWY_INLINE void AddProduct(DI di, const int16_t* HWY_RESTRICT x, size_t rows, const int16_t* HWY_RESTRICT weights,
                            size_t columns, hn::Vec<DI> (&acc)[kVertices][kVectors]) {
@@ -87,15 +87,14 @@ HWY_INLINE V AtLeast(V value, V lowest) {
 #endif
 }
 
-// Rounds to nearest even, saturates to 16 bits and stores one vector of inputs. Above 2^22 the bits of a float still rise;
-// below -2^22 their difference to the magic number's would wrap.
+// Rounds to nearest even, saturates to 16 bits and stores one vector of inputs. Above 2^22 the bits of a float still
+// rise; below -2^22 their difference to the magic number's would wrap.
 template <class D>
 HWY_INLINE void StoreInputs(D d, hn::Vec<D> value, int16_t* to) {
   const hn::RebindToSigned<D> di;
   const hn::Rebind<int16_t, D> d16;
   value = AtLeast(value, hn::Set(d, -32768.0f));
-  const auto rounded =
-      hn::Sub(hn::BitCast(di, hn::Add(value, hn::Set(d, kRoundMagic))), hn::Set(di, kRoundMagicBits));
+  const auto rounded = hn::Sub(hn::BitCast(di, hn::Add(value, hn::Set(d, kRoundMagic))), hn::Set(di, kRoundMagicBits));
   hn::StoreU(hn::DemoteTo(d16, rounded), d16, to);
 }
 

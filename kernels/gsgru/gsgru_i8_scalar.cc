@@ -9,7 +9,8 @@ namespace {
 
 constexpr size_t kMax = kGsgruMaxFeatures;
 
-// Saturated to 16 bits; NaN to the lowest. Numbers above 2^22 come out too large to matter, those below -2^22 would not.
+// Saturated to 16 bits; NaN to the lowest. Numbers above 2^22 come out too large to matter, those below -2^22 would
+// not.
 int32_t Rounded(float value) {
   constexpr int32_t kLowest = -32768, kHighest = 32767;
   const int32_t q = value > static_cast<float>(kLowest) ? RoundToInt(value) : kLowest;

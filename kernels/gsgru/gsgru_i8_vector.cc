@@ -1,5 +1,5 @@
-// The graph-recurrent layer with integer products, block by block of 16 vertices, row-major with lanes over features, as
-// gsgru_vector.cc; activations share divisions (coarse_tanh.h): one for r, one for z and the candidate together.
+// The graph-recurrent layer with integer products, block by block of 16 vertices, row-major with lanes over features,
+// as gsgru_vector.cc; activations share divisions (coarse_tanh.h): one for r, one for z and the candidate together.
 #include "kernels/simd.h"
 
 #include "kernels/gsgru/gsgru_i8.h"
@@ -98,8 +98,8 @@ HWY_NOINLINE void Prepare(const GsgruI8Job& job, const Matrix& matrix) {
                    matrix.weights);
 }
 
-// to = from + sums * scales for a tile of a block: vectors of a matrix's columns from `column` on, which are features from
-// `f` on of the tile `to`. from_stride is 0 where the same row, a bias, is for all.
+// to = from + sums * scales for a tile of a block: vectors of a matrix's columns from `column` on, which are features
+// from `f` on of the tile `to`. from_stride is 0 where the same row, a bias, is for all.
 struct Sink {
   const float* from;
   size_t from_stride;
@@ -126,8 +126,8 @@ HWY_INLINE void ProductTile(D d, const int16_t* x, size_t width, const Matrix& m
   }
 }
 
-// A block's inputs [16, F] times a matrix, F of its columns to a tile. As many sums as the registers hold: 16 of 32, 8 of
-// 16; two vectors of columns where F has them, so that an input serves both.
+// A block's inputs [16, F] times a matrix, F of its columns to a tile. As many sums as the registers hold: 16 of 32, 8
+// of 16; two vectors of columns where F has them, so that an input serves both.
 template <size_t kFeatures, class D>
 DCLOTH_ONE_COPY void Product(D d, const int16_t* x, size_t features, const Matrix& matrix, Sink sink) {
   const size_t width = kFeatures != 0 ? kFeatures : features;
@@ -171,7 +171,7 @@ struct Fraction {
   hn::Vec<D> p, q;
 };
 
-template <class D, class V = hn::Vec<D>>
+template <class D, class V = hn::Vec<D> >
 HWY_INLINE Fraction<D> CoarseTanh(D d, V x) {
   const auto term = [d](float c) { return hn::Set(d, c); };
   x = hn::Min(term(kCoarseTanhClamp), hn::Max(term(-kCoarseTanhClamp), x));
@@ -271,9 +271,12 @@ void GsgruI8(const GsgruI8Job& job) {
   const hn::ScalableTag<float> d;
   // Old CPUs are not worth the code, and browsers download it.
   switch (HWY_TARGET == HWY_SSE4 || HWY_TARGET == HWY_WASM ? 0 : job.layer.features) {
-    case 16: return RunLayer<16>(d, job);
-    case 32: return RunLayer<32>(d, job);
-    default: return RunLayer<0>(hn::CappedTag<float, 8>(), job);  // every width is a multiple of 8
+    case 16:
+      return RunLayer<16>(d, job);
+    case 32:
+      return RunLayer<32>(d, job);
+    default:
+      return RunLayer<0>(hn::CappedTag<float, 8>(), job);  // every width is a multiple of 8
   }
 }
 

@@ -39,8 +39,8 @@ HWY_INLINE void MeanColumns(D d, const GsgruJob& job, size_t stride, size_t vert
   for (size_t i = 0; i < kVectors; ++i) hn::Store(hn::Mul(sum[i], inverse), d, mean + f + i * hn::Lanes(d));
 }
 
-// Rows of a block of kGsgruBlock vertices from `first` on, kStride floats each, or the job's where that is 0; those beyond
-// `count` become zero.
+// Rows of a block of kGsgruBlock vertices from `first` on, kStride floats each, or the job's where that is 0; those
+// beyond `count` become zero.
 template <size_t kStride, class D>
 HWY_INLINE void AggregateRows(D d, const GsgruJob& job, size_t first, size_t count, float* HWY_RESTRICT mean) {
   const size_t lanes = hn::Lanes(d);
@@ -70,8 +70,8 @@ HWY_NOINLINE void AggregateBlock(D d, const GsgruJob& job, size_t first, size_t 
 
 // Asks for what a later block of vertices needs: its state, the rows that it writes, and each vertex's last neighbour,
 // which in an ordered mesh is the one not yet seen. Only where a layer's rows do not stay in L2: at F 32 and 7,964
-// vertices 3 MB pass, and a Zen 5 waits a tenth of its time for them; narrower layers lose 3 %. And for the block's share of
-// what comes after the layer.
+// vertices 3 MB pass, and a Zen 5 waits a tenth of its time for them; narrower layers lose 3 %. And for the block's
+// share of what comes after the layer.
 HWY_INLINE void PrefetchBlock(const GsgruJob& job, size_t first, size_t count) {
   if (job.block_ahead_bytes != 0) {
     const size_t block = (first - 1) / kGsgruBlock;

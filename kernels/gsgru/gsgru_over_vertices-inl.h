@@ -2,10 +2,11 @@
 // vertices is one vector, feature by feature. Included once per instruction set.
 //
 // A weight is the multiply-add's own broadcast operand, and the layer norm needs no horizontal sum; rows are transposed
-// on their way in and out. F 8, 7,952 vertices, a Xeon with AVX-512: 137 us a layer against 180 with AVX2's 8 lanes over
-// features. A width known to the compiler (a tenth of a layer) and activations that share divisions (another) brought it
-// there from 165. Rejected: the same for a first layer (8 KB for 13 us when cold), two and four blocks step by step
-// (no gain), widths that are multiples of 16 (F 32 855 us against 720 on a Zen 5; F 16 327 against 375 here, for 12 KB).
+// on their way in and out. F 8, 7,952 vertices, a Xeon with AVX-512: 137 us a layer against 180 with AVX2's 8 lanes
+// over features. A width known to the compiler (a tenth of a layer) and activations that share divisions (another)
+// brought it there from 165. Rejected: the same for a first layer (8 KB for 13 us when cold), two and four blocks step
+// by step (no gain), widths that are multiples of 16 (F 32 855 us against 720 on a Zen 5; F 16 327 against 375 here,
+// for 12 KB).
 #include <cstring>
 
 #include "kernels/gsgru/gsgru.h"

@@ -1,6 +1,7 @@
-// Of all kernels these two alone have other bits with four lanes than in their scalar references (reproducible_test): the
-// sums of the layer norm and of the embedding run in four strands. The reference steps the state, then the norm is made
-// anew from it. Rejected: Highway's emulation of 128-bit vectors for the whole table, a second copy of every kernel.
+// Of all kernels these two alone have other bits with four lanes than in their scalar references (reproducible_test):
+// the sums of the layer norm and of the embedding run in four strands. The reference steps the state, then the norm is
+// made anew from it. Rejected: Highway's emulation of 128-bit vectors for the whole table, a second copy of every
+// kernel.
 #include "kernels/gsgru/gsgru_strands.h"
 
 #include "kernels/gsgru/gsgru_plain.h"

@@ -61,8 +61,8 @@ HWY_INLINE void Gates(D d, const GsgruJob& job, const float* HWY_RESTRICT h, con
         for (size_t u = 0; u < kVertices; ++u) acc[u][i] = bias;
       }
       const size_t mean_stride = GsgruInputStride(job.input_width);
-      AddProduct<3>(d, tiles.mean + v * mean_stride, mean_stride, job.input_width, job.input_gates + f, 3 * width, width,
-                    acc);
+      AddProduct<3>(d, tiles.mean + v * mean_stride, mean_stride, job.input_width, job.input_gates + f, 3 * width,
+                    width, acc);
       AddProduct<2>(d, h + v * width, width, width, job.hidden_gates + f, 2 * width, width, acc);
       for (size_t u = 0; u < kVertices; ++u) {
         const size_t at = (v + u) * width + f;
@@ -162,12 +162,16 @@ HWY_NOINLINE void RunLayer(D d, const GsgruJob& caller_job) {
 void Gsgru(const GsgruJob& job) {
   const hn::ScalableTag<float> d;
   switch (HWY_TARGET == HWY_SSE4 ? 0 : job.features) {  // old CPUs are not worth 20 KB
-    case 16: return RunLayer<16>(d, job);
-    case 32: return RunLayer<32>(d, job);
+    case 16:
+      return RunLayer<16>(d, job);
+    case 32:
+      return RunLayer<32>(d, job);
 #if HWY_TARGET != HWY_AVX3
-    case 8: return RunLayer<8>(d, job);
+    case 8:
+      return RunLayer<8>(d, job);
 #endif
-    default: break;
+    default:
+      break;
   }
 #if HWY_TARGET == HWY_AVX3
   if (job.features == 8 && job.input_width == 8) return over_vertices::RunLayer<8>(job);

@@ -1,7 +1,8 @@
 // Packs matrices into the layouts that matvec.h reads. Offline: plain loops, caller's memory.
 //
-// The source element (j, c) lies at source[j * row_stride + c * column_stride], so that a PyTorch weight [out, in] packs
-// with row_stride 1 and column_stride `in`. Padding (columns up to a multiple of 32, an odd matrix's last row) is zero.
+// The source element (j, c) lies at source[j * row_stride + c * column_stride], so that a PyTorch weight [out, in]
+// packs with row_stride 1 and column_stride `in`. Padding (columns up to a multiple of 32, an odd matrix's last row) is
+// zero.
 #ifndef DCLOTH_KERNELS_MATVEC_MATVEC_PACK_H_
 #define DCLOTH_KERNELS_MATVEC_MATVEC_PACK_H_
 

@@ -30,10 +30,10 @@ constexpr size_t kRows = kVectors >= 8 ? 1 : 8 / kVectors;
 constexpr bool kAlwaysInOrder = kRows == 1 && !kFused;
 
 // Asks for lines 96 rows ahead, into L2: of float32 every second one, as the hardware fetches a line's neighbour (and
-// stops at a page's end); of halves and integers, half as far ahead in bytes, every one, without which an Intel Xeon takes
-// a fifth more with cold weights. Every line into L1 costs a Zen 4 a fifth of its time with warm weights, and an eighth
-// with cold ones. `row` is row `r` of an unrolled step. A prefetch may run past the end of the weights (it never faults), a pointer may not:
-// hence the integer.
+// stops at a page's end); of halves and integers, half as far ahead in bytes, every one, without which an Intel Xeon
+// takes a fifth more with cold weights. Every line into L1 costs a Zen 4 a fifth of its time with warm weights, and an
+// eighth with cold ones. `row` is row `r` of an unrolled step. A prefetch may run past the end of the weights (it never
+// faults), a pointer may not: hence the integer.
 template <size_t kRowBytes>
 HWY_INLINE void PrefetchAhead(const void* row, size_t r) {
   constexpr size_t kAheadBytes = 96 * kRowBytes, kEveryBytes = kRowBytes;

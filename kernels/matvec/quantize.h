@@ -1,4 +1,5 @@
-// The integer decisions of QuantizeI16, shared by the scalar and the vector source so that all of them agree to the bit.
+// The integer decisions of QuantizeI16, shared by the scalar and the vector source so that all of them agree to the
+// bit.
 #ifndef DCLOTH_KERNELS_MATVEC_QUANTIZE_H_
 #define DCLOTH_KERNELS_MATVEC_QUANTIZE_H_
 
@@ -35,8 +36,8 @@ inline int32_t RoundToInt(float v) {
 }
 
 // The smallest step with round(max / step) <= 32767 that is 1, 5/4, 6/4 or 7/4 times a power of two: at most a quarter
-// coarser than max / 32767, where powers of two alone are up to twice, and yet the same from tick to tick while max moves
-// little, so that coefficients which stand still stay rounded the same way. max is positive and finite.
+// coarser than max / 32767, where powers of two alone are up to twice, and yet the same from tick to tick while max
+// moves little, so that coefficients which stand still stay rounded the same way. max is positive and finite.
 inline float QuantizedStep(float max) {
   int exponent = static_cast<int>(BitsFromFloat(max) >> 23) - 127 - 14;  // max / 2^exponent is below 2^15
   if (exponent < kQuantizedMinExponent) exponent = kQuantizedMinExponent;
@@ -47,8 +48,9 @@ inline float QuantizedStep(float max) {
   return step;
 }
 
-// By which power of two the step must be coarser so that sum|q| <= kQuantizedSumLimit, given the sum at the fine step. From
-// |q'| <= (|q| + 1/2) / 2^k + 1/2 follows sum|q'| <= (sum|q| + rows/2) / 2^k + rows/2; k is the smallest that this proves.
+// By which power of two the step must be coarser so that sum|q| <= kQuantizedSumLimit, given the sum at the fine step.
+// From |q'| <= (|q| + 1/2) / 2^k + 1/2 follows sum|q'| <= (sum|q| + rows/2) / 2^k + rows/2; k is the smallest that this
+// proves.
 inline int QuantizedCoarser(int64_t sum, size_t rows) {
   if (sum <= kQuantizedSumLimit) return 0;
   const int64_t half_rows = static_cast<int64_t>(rows / 2 + 1);

@@ -37,8 +37,8 @@ HWY_INLINE float MaxMagnitude(D d, const QuantizeI16Job& job, size_t begin, size
   return hn::GetLane(hn::MaxOfLanes(d, v_max));
 }
 
-// Quantises and returns sum|q|. A lane's sum stays in int32: at most 2^15 * kMaxQuantizedRows / lanes would not, so it is
-// emptied every 2^15 vectors.
+// Quantises and returns sum|q|. A lane's sum stays in int32: at most 2^15 * kMaxQuantizedRows / lanes would not, so it
+// is emptied every 2^15 vectors.
 template <class D>
 HWY_INLINE int64_t Quantize(D d, const QuantizeI16Job& job, size_t begin, size_t end, float inverse) {
   const hn::RebindToSigned<D> di;

@@ -18,7 +18,7 @@ namespace dcloth::kernels::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr size_t kMaxLanes = 16;
-constexpr float kMore = 1.00001f;   // for the rounding of a difference of squares
+constexpr float kMore = 1.00001f;  // for the rounding of a difference of squares
 
 const hn::CappedTag<float, kMaxLanes> d;
 using V = hn::Vec<decltype(d)>;
@@ -54,8 +54,7 @@ HWY_INLINE V Span(V low, V high, V from, V to) { return hn::Max(hn::Sub(high, fr
 // Of any point of `box` from any site of the groups from `at` on: at least, at most. Squared.
 HWY_INLINE V Least(const Boxes& boxes, size_t at, const Box& box) {
   V gap[3];
-  for (size_t c = 0; c < 3; ++c)
-    gap[c] = Gap(boxes.At(kLow + c, at), boxes.At(kHigh + c, at), box.low[c], box.high[c]);
+  for (size_t c = 0; c < 3; ++c) gap[c] = Gap(boxes.At(kLow + c, at), boxes.At(kHigh + c, at), box.low[c], box.high[c]);
   return SquaredLength(gap[0], gap[1], gap[2]);
 }
 HWY_INLINE V Most(const Boxes& boxes, size_t at, const Box& box) {

@@ -1,8 +1,9 @@
 // The scatter half of the normals, for the scalar reference and for vectors without masked loads.
 //
-// Not across triangles: their three positions and three sums are 12-byte pieces at random places. A triangle's own vectors
-// pay where masked loads of 12 bytes are there (normals_vector.cc). Rejected: sums of 16 bytes in memory of their own, as an
-// instance would grow by 127 KB for what those vectors gain too; offsets in place of pointers (60 us against 59).
+// Not across triangles: their three positions and three sums are 12-byte pieces at random places. A triangle's own
+// vectors pay where masked loads of 12 bytes are there (normals_vector.cc). Rejected: sums of 16 bytes in memory of
+// their own, as an instance would grow by 127 KB for what those vectors gain too; offsets in place of pointers (60 us
+// against 59).
 #ifndef DCLOTH_KERNELS_NORMALS_NORMALS_ACCUMULATE_H_
 #define DCLOTH_KERNELS_NORMALS_NORMALS_ACCUMULATE_H_
 
@@ -52,7 +53,8 @@ inline void AccumulateAt(const NormalsJob& job) {
 // Sums of the cross products of each vertex's triangles, in the triangles' order.
 inline void AccumulateNormals(const NormalsJob& job) {
   constexpr size_t kTight = 3 * sizeof(float);
-  if (job.position_stride_bytes == kTight && job.normal_stride_bytes == kTight) return AccumulateAt<kTight, kTight>(job);
+  if (job.position_stride_bytes == kTight && job.normal_stride_bytes == kTight)
+    return AccumulateAt<kTight, kTight>(job);
   AccumulateAt<0, 0>(job);
 }
 

@@ -60,9 +60,9 @@ HWY_INLINE V Yzx(V v) {
   return V{_mm_permute_ps(v.raw, _MM_SHUFFLE(3, 0, 2, 1))};
 }
 
-// The scatter of normals_accumulate.h for tight arrays, its operations two and three at a time: 47 us against 59 for the
-// skirt. A sum is added to in eight bytes and four: loads of twelve would wait for the stores of the triangle before. So
-// would those of positions where normals follow on them: a buffer that holds both took 117 us against 71.
+// The scatter of normals_accumulate.h for tight arrays, its operations two and three at a time: 47 us against 59 for
+// the skirt. A sum is added to in eight bytes and four: loads of twelve would wait for the stores of the triangle
+// before. So would those of positions where normals follow on them: a buffer that holds both took 117 us against 71.
 HWY_INLINE void AccumulateTight(const NormalsJob& job) {
   const hn::CappedTag<float, 4> d;
   const hn::CappedTag<float, 2> d2;

@@ -1,5 +1,6 @@
-// Linear blend skinning with 128-bit vectors on every instruction set: a matrix row is one vector. Blending rows first and
-// multiplying once costs 3 multiply-adds an influence; lanes over vertices would need 12 gathers an influence instead.
+// Linear blend skinning with 128-bit vectors on every instruction set: a matrix row is one vector. Blending rows first
+// and multiplying once costs 3 multiply-adds an influence; lanes over vertices would need 12 gathers an influence
+// instead.
 #include "kernels/simd.h"
 
 #include "kernels/skinning/skinning.h"
@@ -76,8 +77,8 @@ HWY_NOINLINE void SkinRun(const SkinningJob& job, size_t first, size_t end) {
   for (size_t i = first; i < end; ++i) SkinVertex<kInfluences, Loader>(job, i, blend);
 }
 
-// Six arrays are more than prefetchers follow from page to page: of the skirt's size and with emptied caches 40 us instead
-// of 51, warm 35 instead of 33 (AVX-512, a Xeon). 32, 128 and 256 vertices ahead are no different.
+// Six arrays are more than prefetchers follow from page to page: of the skirt's size and with emptied caches 40 us
+// instead of 51, warm 35 instead of 33 (AVX-512, a Xeon). 32, 128 and 256 vertices ahead are no different.
 constexpr size_t kAhead = 64, kRun = 16;
 
 HWY_INLINE void PrefetchRun(const void* array, size_t stride_bytes, size_t first) {
@@ -118,15 +119,24 @@ HWY_INLINE void SkinWith(const SkinningJob& job) {
 
 void Skinning(const SkinningJob& job) {
   switch (job.influences) {
-    case 1: return SkinWith<1>(job);
-    case 2: return SkinWith<2>(job);
-    case 3: return SkinWith<3>(job);
-    case 4: return SkinWith<4>(job);
-    case 5: return SkinWith<5>(job);
-    case 6: return SkinWith<6>(job);
-    case 7: return SkinWith<7>(job);
-    case 8: return SkinWith<8>(job);
-    default: return;
+    case 1:
+      return SkinWith<1>(job);
+    case 2:
+      return SkinWith<2>(job);
+    case 3:
+      return SkinWith<3>(job);
+    case 4:
+      return SkinWith<4>(job);
+    case 5:
+      return SkinWith<5>(job);
+    case 6:
+      return SkinWith<6>(job);
+    case 7:
+      return SkinWith<7>(job);
+    case 8:
+      return SkinWith<8>(job);
+    default:
+      return;
   }
 }
 

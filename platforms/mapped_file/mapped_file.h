@@ -1,6 +1,6 @@
 // A whole file as read-only memory: the bytes of a .dcloth file as dcloth_model_open takes them, without a copy. Pages
-// are read when they are first touched and shared by every process that maps the file. POSIX (Linux, macOS, iOS, Android)
-// and Windows; a host that has its own file system or archive needs none of this.
+// are read when they are first touched and shared by every process that maps the file. POSIX (Linux, macOS, iOS,
+// Android) and Windows; a host that has its own file system or archive needs none of this.
 //
 // The file must stay as it is while mapped. Windows refuses to shorten it; elsewhere whoever shortens it makes the next
 // touch of a lost page fatal (SIGBUS). So replace a model by renaming a new file over it, as `dcloth convert` does; the

@@ -1,5 +1,3 @@
-#include "platforms/mapped_file/mapped_file.h"
-
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -7,6 +5,8 @@
 
 #include <cerrno>
 #include <cstdint>
+
+#include "platforms/mapped_file/mapped_file.h"
 
 namespace dcloth::platforms {
 namespace {

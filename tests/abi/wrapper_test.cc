@@ -58,7 +58,8 @@ int Run(const char* path) {
   const bool bound = info.joint_count == 1 || cloth.BindJoints(&first, 1, &error) == dcloth::Status::kJoints;
   const bool placed = cloth.SetSpace(left_handed) == dcloth::Status::kOk &&
                       cloth.SetBindPose(pose) == dcloth::Status::kOk && !model.ReadsWind() &&
-                      cloth.SetWind({1, 2, 3}) == dcloth::Status::kOk && cloth.SetWind({0, 101, 0}) == dcloth::Status::kArgument &&
+                      cloth.SetWind({1, 2, 3}) == dcloth::Status::kOk &&
+                      cloth.SetWind({0, 101, 0}) == dcloth::Status::kArgument &&
                       cloth.Update(pose, dcloth::MakeFrame(0.01f, stages), &output) == dcloth::Status::kOk &&
                       cloth.Describe().tick_share == 1.0f;
   const size_t state_size = cloth.StateSize();

@@ -34,8 +34,7 @@ TEST(Allocation, TheTrapSeesEveryWay) {
   EXPECT_EQ(seen([] {}), 0u);
   EXPECT_GT(seen([] { delete Used(new int); }), 0u);
   EXPECT_GT(seen([] { delete[] Used(new char[100]); }), 0u);
-  EXPECT_GT(seen([&] { ::operator delete(Used(static_cast<char*>(::operator new(100, kLine))), kLine); }),
-            0u);
+  EXPECT_GT(seen([&] { ::operator delete(Used(static_cast<char*>(::operator new(100, kLine))), kLine); }), 0u);
   EXPECT_GT(seen([] { std::free(Used(static_cast<char*>(std::malloc(100)))); }), 0u);
   EXPECT_GT(seen([] { std::free(Used(static_cast<char*>(std::calloc(100, 1)))); }), 0u);
   EXPECT_GT(seen([] { std::free(Used(static_cast<char*>(std::realloc(nullptr, 100)))); }), 0u);

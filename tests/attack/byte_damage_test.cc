@@ -20,8 +20,7 @@ Places Split(const AlignedBytes& whole) {
   const auto* weights = format::GetModel(whole.data())->weights();
   const size_t begin = static_cast<size_t>(weights->data() - whole.data()), end = begin + weights->size();
   Places places;
-  for (size_t i = 0; i < whole.size(); ++i)
-    (i >= begin && i < end ? places.weights : places.tables).push_back(i);
+  for (size_t i = 0; i < whole.size(); ++i) (i >= begin && i < end ? places.weights : places.tables).push_back(i);
   return places;
 }
 
@@ -47,8 +46,7 @@ class ByteDamageTest : public ::testing::TestWithParam<Variant> {
   // The three values that break most, and each bit alone.
   void TryAll(size_t place, Tally* tally) {
     for (const uint8_t value : {0x00, 0xFF, 0x80}) Try(place, value, tally);
-    for (int bit = 0; bit < 8; ++bit)
-      Try(place, bytes_.data()[place] ^ static_cast<uint8_t>(1u << bit), tally);
+    for (int bit = 0; bit < 8; ++bit) Try(place, bytes_.data()[place] ^ static_cast<uint8_t>(1u << bit), tally);
   }
 
   AlignedBytes bytes_ = BuildModel(GetParam().spec).Bytes();  // of exactly the file's size

@@ -14,8 +14,7 @@ std::vector<Corruption> IndicesAndWeights() {
   return {
       {"face_index_one_past", kSemantics, "garment.faces[5]: ", "found 60; allowed: indices below 60",
        [](M* m) { *Data<uint16_t>(m, *m->garment->faces, 5) = 60; }},
-      {"face_index_last_all_bits", kSemantics,
-       "garment.faces[299]: ", "found 65535; allowed: indices below 60",
+      {"face_index_last_all_bits", kSemantics, "garment.faces[299]: ", "found 65535; allowed: indices below 60",
        [](M* m) { *Data<uint16_t>(m, *m->garment->faces, 299) = 65535; }},
       {"bone_all_bits", kSemantics, "static_stage.bones[0]: found 65535", kJoint,
        [](M* m) { m->static_stage->bones[0] = 65535; }},
@@ -31,8 +30,7 @@ std::vector<Corruption> IndicesAndWeights() {
        [](M* m) { m->static_stage->influences = 9; }},
       {"influences_other_than_stored", kSemantics, "static_stage.influence_bones.shape: ",
        "found [60, 4]; allowed: [60, 5]", [](M* m) { m->static_stage->influences = 5; }},
-      {"influence_bone_one_past", kSemantics,
-       "static_stage.influence_bones[11]: ", "found 5; allowed: indices below 5",
+      {"influence_bone_one_past", kSemantics, "static_stage.influence_bones[11]: ", "found 5; allowed: indices below 5",
        [](M* m) { *Data<uint8_t>(m, *m->static_stage->influence_bones, 11) = 5; }},
       {"influence_bone_all_bits", kSemantics,
        "static_stage.influence_bones[239]: ", "found 255; allowed: indices below 5",
@@ -73,8 +71,7 @@ std::vector<Corruption> IndicesAndWeights() {
 std::vector<Corruption> GraphRows() {
   static constexpr char kRising[] = "found a start not above the one before; allowed: rising starts";
   return {
-      {"rows_begin_late", kSemantics,
-       "mesh_stage.row_starts[0]: ", "found a first row that starts late; allowed: 0",
+      {"rows_begin_late", kSemantics, "mesh_stage.row_starts[0]: ", "found a first row that starts late; allowed: 0",
        [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts) = 1; }},
       {"row_empty", kSemantics, "mesh_stage.row_starts[10]: ", kRising,
        [](M* m) {
@@ -83,8 +80,7 @@ std::vector<Corruption> GraphRows() {
        }},
       {"rows_fall", kSemantics, "mesh_stage.row_starts[9]: ", kRising,
        [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 9) = 2; }},
-      {"row_end_all_bits", kSemantics,
-       "mesh_stage.row_starts[60]: ", "found 4294967295; allowed: 60 to 16777216",
+      {"row_end_all_bits", kSemantics, "mesh_stage.row_starts[60]: ", "found 4294967295; allowed: 60 to 16777216",
        [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 60) = ~0u; }},
       {"row_start_huge", kSemantics, "mesh_stage.row_starts[31]: ", kRising,
        [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 30) = 0x80000000u; }},
@@ -115,29 +111,25 @@ std::vector<Corruption> Layers() {
        [](M* m) { m->mesh_stage->layers.clear(); }},
       {"layers_nine", kSemantics, "mesh_stage.layers.length: ", "found 9; allowed: 1 to 8",
        [](M* m) {
-         while (m->mesh_stage->layers.size() < 9)
-           m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1]));
+         while (m->mesh_stage->layers.size() < 9) m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1]));
        }},
-      {"layer_copied", kSemantics,
-       "mesh_stage.layers[3].input_gates.offset: ", "found an overlap with the tensor at",
+      {"layer_copied", kSemantics, "mesh_stage.layers[3].input_gates.offset: ", "found an overlap with the tensor at",
        [](M* m) { m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1])); }},
-      {"layers_swapped", kSemantics,
-       "mesh_stage.layers[0].input_gates.shape: ", "found [16, 48]; allowed: [3, 48]",
+      {"layers_swapped", kSemantics, "mesh_stage.layers[0].input_gates.shape: ", "found [16, 48]; allowed: [3, 48]",
        [](M* m) { std::swap(m->mesh_stage->layers[0], m->mesh_stage->layers[1]); }},
-      {"layer_without_output", kSemantics, "mesh_stage.layers[1].output: ",
-       "found no weights; allowed: f32 weights, or i8 ones of the whole layer",
+      {"layer_without_output", kSemantics,
+       "mesh_stage.layers[1].output: ", "found no weights; allowed: f32 weights, or i8 ones of the whole layer",
        [](M* m) { m->mesh_stage->layers[1]->output.reset(); }},
-      {"layer_scales_beside_floats", kSemantics, "mesh_stage.layers[1].column_scales: ",
-       "found scales beside float weights; allowed: none",
+      {"layer_scales_beside_floats", kSemantics,
+       "mesh_stage.layers[1].column_scales: ", "found scales beside float weights; allowed: none",
        [](M* m) { m->mesh_stage->layers[1]->column_scales = Copy(*m->mesh_stage->layers[1]->norm_gain); }},
-      {"layer_output_narrow", kSemantics, "mesh_stage.layers[1].output.shape: ",
-       "found [16, 15]; allowed: [16, 16]", [](M* m) { m->mesh_stage->layers[1]->output->shape[1] = 15; }},
+      {"layer_output_narrow", kSemantics, "mesh_stage.layers[1].output.shape: ", "found [16, 15]; allowed: [16, 16]",
+       [](M* m) { m->mesh_stage->layers[1]->output->shape[1] = 15; }},
       {"layer_gates_nan", kSemantics, "mesh_stage.layers[2].hidden_gates[1]: ", "found NaN",
        [](M* m) { *Data<float>(m, *m->mesh_stage->layers[2]->hidden_gates, 1) = kNaN; }},
       {"layer_norm_infinite", kSemantics, "mesh_stage.layers[0].norm_gain[15]: ", "found infinity",
        [](M* m) { *Data<float>(m, *m->mesh_stage->layers[0]->norm_gain, 15) = kInfinity; }},
-      {"slope_infinite", kSemantics,
-       "mesh_stage.layers[0].prelu_slope: ", "found infinity; allowed: a finite number",
+      {"slope_infinite", kSemantics, "mesh_stage.layers[0].prelu_slope: ", "found infinity; allowed: a finite number",
        [](M* m) { m->mesh_stage->layers[0]->prelu_slope = kInfinity; }},
       {"embed_bias_nan", kSemantics, "mesh_stage.embed_bias: ", "found NaN; allowed: a finite number",
        [](M* m) { m->mesh_stage->embed_bias = kNaN; }},
@@ -148,8 +140,7 @@ std::vector<Corruption> Layers() {
 
 std::vector<Corruption> StagesThatDoNotFit() {
   return {
-      {"mesh_stage_alone", kSemantics,
-       "mesh_stage: ", "found a mesh stage alone; allowed: only after a skeleton stage",
+      {"mesh_stage_alone", kSemantics, "mesh_stage: ", "found a mesh stage alone; allowed: only after a skeleton stage",
        [](M* m) { m->skeleton_stage.reset(); }},
       {"skeleton_stage_missing", kSemantics, "displacement.skeleton_rows: ", "found 20; allowed: 0",
        [](M* m) {
@@ -162,15 +153,14 @@ std::vector<Corruption> StagesThatDoNotFit() {
        [](M* m) { m->displacement.reset(); }},
       {"basis_missing", kSemantics, "displacement.basis: ", "found no basis; allowed: one",
        [](M* m) { m->displacement->basis.reset(); }},
-      {"basis_with_bias", kSemantics,
-       "displacement.basis.bias: ", "found a bias; allowed: a basis without bias",
+      {"basis_with_bias", kSemantics, "displacement.basis.bias: ", "found a bias; allowed: a basis without bias",
        [](M* m) { m->displacement->basis->bias = Copy(*m->features->mean); }},
       {"basis_rows_not_even", kSemantics, "displacement.skeleton_rows: ", "found 19; allowed: 20",
        [](M* m) { m->displacement->skeleton_rows = 19; }},
       {"basis_mesh_rows_all_bits", kSemantics, "displacement.mesh_rows: ", "found 4294967295; allowed: 14",
        [](M* m) { m->displacement->mesh_rows = ~0u; }},
-      {"basis_columns", kSemantics, "displacement.basis.weights.shape: ",
-       "found [34, 181]; allowed: [34, 180]", [](M* m) { m->displacement->basis->weights->shape[1] = 181; }},
+      {"basis_columns", kSemantics, "displacement.basis.weights.shape: ", "found [34, 181]; allowed: [34, 180]",
+       [](M* m) { m->displacement->basis->weights->shape[1] = 181; }},
       {"basis_without_stages", kSemantics, "displacement.basis: ", "found a basis; allowed: none without",
        [](M* m) {
          m->displacement = std::make_unique<format::DisplacementT>();
@@ -180,38 +170,44 @@ std::vector<Corruption> StagesThatDoNotFit() {
        nullptr, format::DType_F32, DCLOTH_STAGES_STATIC},
       {"gru_empty", kSemantics, "skeleton_stage.hidden.weights.shape[0]: ", "found 0; allowed: 1 to 4096",
        [](M* m) { m->skeleton_stage->hidden->weights->shape[0] = 0; }},
-      {"gru_units_huge", kSemantics, "skeleton_stage.hidden.weights.shape[0]: ",
-       "found 4097; allowed: 1 to 4096", [](M* m) { m->skeleton_stage->hidden->weights->shape[0] = 4097; }},
-      {"gru_two_gates", kSemantics, "skeleton_stage.hidden.weights.shape: ",
-       "found [19, 38]; allowed: [19, 57]", [](M* m) { m->skeleton_stage->hidden->weights->shape[1] = 38; }},
-      {"gru_two_gates_without_a_basis", kSemantics, "skeleton_stage.hidden.weights.shape: ",
-       "found [19, 38]; allowed: [19, 57]",
+      {"gru_units_huge", kSemantics, "skeleton_stage.hidden.weights.shape[0]: ", "found 4097; allowed: 1 to 4096",
+       [](M* m) { m->skeleton_stage->hidden->weights->shape[0] = 4097; }},
+      {"gru_two_gates", kSemantics, "skeleton_stage.hidden.weights.shape: ", "found [19, 38]; allowed: [19, 57]",
+       [](M* m) { m->skeleton_stage->hidden->weights->shape[1] = 38; }},
+      {"gru_two_gates_without_a_basis", kSemantics,
+       "skeleton_stage.hidden.weights.shape: ", "found [19, 38]; allowed: [19, 57]",
        [](M* m) {
          m->skeleton_stage->hidden->weights->shape[1] = 38;
          m->displacement.reset();
          m->mesh_stage.reset();
        }},
-      {"gru_of_another_pose", kSemantics, "skeleton_stage.input.weights.shape: ",
-       "found [45, 57]; allowed: [49, 57]", [](M* m) { m->skeleton_stage->input->weights->shape[0] = 45; }},
+      {"gru_of_another_pose", kSemantics, "skeleton_stage.input.weights.shape: ", "found [45, 57]; allowed: [49, 57]",
+       [](M* m) { m->skeleton_stage->input->weights->shape[0] = 45; }},
       {"vertex_network_of_another_mesh", kSemantics, "mesh_stage.hidden.weights.shape: ",
        "found [61, 37]; allowed: [60, 37]", [](M* m) { m->mesh_stage->hidden->weights->shape[0] = 61; }},
-      {"coefficients_of_another_width", kSemantics,
-       "mesh_stage.coefficients.weights.shape: ", "found [38, 13]; allowed: [37, 13]",
-       [](M* m) { m->mesh_stage->coefficients->weights->shape[0] = 38; }},
-      {"coefficients_many", kSemantics, "mesh_stage.coefficients.weights.shape[1]: ",
-       "found 4097; allowed: 1 to 4096", [](M* m) { m->mesh_stage->coefficients->weights->shape[1] = 4097; }},
+      {"coefficients_of_another_width", kSemantics, "mesh_stage.coefficients.weights.shape: ",
+       "found [38, 13]; allowed: [37, 13]", [](M* m) { m->mesh_stage->coefficients->weights->shape[0] = 38; }},
+      {"coefficients_many", kSemantics, "mesh_stage.coefficients.weights.shape[1]: ", "found 4097; allowed: 1 to 4096",
+       [](M* m) { m->mesh_stage->coefficients->weights->shape[1] = 4097; }},
   };
 }
 
 std::vector<Corruption> IntegerLayers() {
   using L = format::MeshLayerT;
   const auto spoil = [](const char* name, const char* field, const char* reason, size_t layer, void (*change)(M*, L*)) {
-    return Corruption{name,  kSemantics, field, reason, [=](M* m) { change(m, m->mesh_stage->layers[layer].get()); },
-                      nullptr, format::DType_I8, DCLOTH_STAGES_MESH, true};
+    return Corruption{name,
+                      kSemantics,
+                      field,
+                      reason,
+                      [=](M* m) { change(m, m->mesh_stage->layers[layer].get()); },
+                      nullptr,
+                      format::DType_I8,
+                      DCLOTH_STAGES_MESH,
+                      true};
   };
   return {
-      spoil("integers_beside_floats", "mesh_stage.layers[1].output: ",
-            "found float weights beside the layer's i8 ones; allowed: one of both", 1,
+      spoil("integers_beside_floats",
+            "mesh_stage.layers[1].output: ", "found float weights beside the layer's i8 ones; allowed: one of both", 1,
             [](M*, L* layer) { layer->output = Copy(*layer->weights); }),
       spoil("integers_of_first_layer_without_its_floats", "mesh_stage.layers[0].input_gates: ", "found no weights", 0,
             [](M*, L* layer) { layer->input_gates.reset(); }),
@@ -231,8 +227,8 @@ std::vector<Corruption> IntegerLayers() {
             [](M*, L* layer) { layer->input_inverse_steps.reset(); }),
       spoil("integer_step_infinite", "mesh_stage.layers[2].input_inverse_steps[3]: ", "found infinity", 2,
             [](M* m, L* layer) { *Data<float>(m, *layer->input_inverse_steps, 3) = kInfinity; }),
-      spoil("integer_steps_of_first_layer", "mesh_stage.layers[0].input_inverse_steps: ",
-            "found steps of a first layer; allowed: none", 0,
+      spoil("integer_steps_of_first_layer",
+            "mesh_stage.layers[0].input_inverse_steps: ", "found steps of a first layer; allowed: none", 0,
             [](M*, L* layer) { layer->input_inverse_steps = Copy(*layer->norm_gain); }),
       spoil("integers_overlap", "mesh_stage.layers[2].weights.offset: ", "found an overlap with the tensor at", 2,
             [](M* m, L* layer) { layer->weights->offset = m->mesh_stage->layers[1]->weights->offset; }),

@@ -16,9 +16,7 @@ const Model& ModelIn(AlignedBytes* file) { return *format::GetModel(file->data()
 
 // A table as FlatBuffers stores it, whatever its type.
 const fb::Table& TableOf(const void* typed) { return *static_cast<const fb::Table*>(typed); }
-uint8_t* Field(const void* typed, fb::voffset_t field) {
-  return Writable(TableOf(typed).GetAddressOf(field));
-}
+uint8_t* Field(const void* typed, fb::voffset_t field) { return Writable(TableOf(typed).GetAddressOf(field)); }
 
 // Makes the offset stored at `field` lead to `target`, which lies behind it; before it, the offset wraps.
 void Redirect(uint8_t* field, const void* target) {
@@ -59,10 +57,8 @@ std::vector<Corruption> BrokenOffsets() {
       {"root_offset_odd", kFormat, "", kRoot, nullptr, [](Bytes* f) { f->data()[0] |= 1; }},
       {"root_vtable_past_the_end", kFormat, "", kRoot, nullptr,
        [](Bytes* f) { Poke32(Writable(&ModelIn(f)), 0x80000001u); }},
-      {"root_vtable_length_odd", kFormat, "", kRoot, nullptr,
-       [](Bytes* f) { Poke16(VTable(&ModelIn(f)), 31); }},
-      {"root_vtable_length_huge", kFormat, "", kRoot, nullptr,
-       [](Bytes* f) { Poke16(VTable(&ModelIn(f)), 0xFFFE); }},
+      {"root_vtable_length_odd", kFormat, "", kRoot, nullptr, [](Bytes* f) { Poke16(VTable(&ModelIn(f)), 31); }},
+      {"root_vtable_length_huge", kFormat, "", kRoot, nullptr, [](Bytes* f) { Poke16(VTable(&ModelIn(f)), 0xFFFE); }},
       {"garment_past_the_end", kFormat, "garment: ", kBroken, nullptr,
        [](Bytes* f) { Poke32(Field(&ModelIn(f), Model::VT_GARMENT), 0x7FFFFFF0u); }},
       {"garment_offset_zero", kFormat, "garment: ", kBroken, nullptr,
@@ -125,12 +121,10 @@ std::vector<Corruption> MissingFields() {
       {"no_inverse_bind", kFormat, "character: ", kBroken, [](M* m) { m->character->inverse_bind.reset(); }},
       {"no_gru_input", kFormat, "skeleton_stage: ", kBroken, [](M* m) { m->skeleton_stage->input.reset(); }},
       {"no_body_points", kFormat, "mesh_stage: ", kBroken, [](M* m) { m->mesh_stage->body_points.reset(); }},
-      {"no_basis_weights", kFormat, "displacement: ", kBroken,
-       [](M* m) { m->displacement->basis->weights.reset(); }},
+      {"no_basis_weights", kFormat, "displacement: ", kBroken, [](M* m) { m->displacement->basis->weights.reset(); }},
       {"tables_beyond_count", kFormat, "mesh_stage: ", kBroken,
        [](M* m) {
-         while (m->mesh_stage->layers.size() < 30)
-           m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1]));
+         while (m->mesh_stage->layers.size() < 30) m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1]));
        }},
   };
 }
@@ -139,8 +133,8 @@ std::vector<Corruption> MissingFields() {
 // stage stored as another one has shapes of its own.
 std::vector<Corruption> SharedTables() {
   return {
-      {"layer_twice", kSemantics,
-       "mesh_stage.layers[2].input_gates.offset: ", "found an overlap with the tensor at", nullptr,
+      {"layer_twice", kSemantics, "mesh_stage.layers[2].input_gates.offset: ", "found an overlap with the tensor at",
+       nullptr,
        [](Bytes* f) {
          const auto* layers = ModelIn(f).mesh_stage()->layers();
          Redirect(Writable(layers->Data()) + 8, layers->Get(1));
@@ -150,8 +144,8 @@ std::vector<Corruption> SharedTables() {
          const format::Features* features = ModelIn(f).features();
          Redirect(Field(features, format::Features::VT_HIGH), features->low());
        }},
-      {"gru_product_twice", kSemantics,
-       "skeleton_stage.input.weights.shape: ", "found [49, 57]; allowed: [49, 147]", nullptr,
+      {"gru_product_twice", kSemantics, "skeleton_stage.input.weights.shape: ", "found [49, 57]; allowed: [49, 147]",
+       nullptr,
        [](Bytes* f) {
          const format::SkeletonStage* stage = ModelIn(f).skeleton_stage();
          Redirect(Field(stage, format::SkeletonStage::VT_HIDDEN), stage->input());
@@ -163,8 +157,8 @@ std::vector<Corruption> SharedTables() {
          const format::Character* character = ModelIn(f).character();
          Redirect(Field(character, format::Character::VT_INVERSE_BIND), character->joint_names());
        }},
-      {"joint_name_twice_by_offset", kSemantics, "character.joint_names[3]: ",
-       "found the name of an earlier joint; allowed: names that differ", nullptr,
+      {"joint_name_twice_by_offset", kSemantics,
+       "character.joint_names[3]: ", "found the name of an earlier joint; allowed: names that differ", nullptr,
        [](Bytes* f) {
          const auto* names = ModelIn(f).character()->joint_names();
          Redirect(Writable(names->Data()) + 12, names->Get(1));

@@ -11,12 +11,12 @@ std::vector<Corruption> TypesAndShapes() {
   return {
       {"dtype_next_after_the_last", kSemantics, "static_stage.hidden.weights.dtype: found an unknown dtype",
        kLinearTypes, [](M* m) { m->static_stage->hidden->weights->dtype = static_cast<format::DType>(6); }},
-      {"dtype_all_bits", kSemantics, "static_stage.hidden.weights.dtype: found an unknown dtype",
-       kLinearTypes, [](M* m) { m->static_stage->hidden->weights->dtype = static_cast<format::DType>(255); }},
-      {"dtype_of_indices_for_weights", kSemantics, "displacement.basis.weights.dtype: found u32",
-       kLinearTypes, [](M* m) { m->displacement->basis->weights->dtype = format::DType_U32; }},
-      {"dtype_narrower_than_stored", kSemantics, "garment.template_positions.dtype: ",
-       "found f16; allowed: f32", [](M* m) { m->garment->template_positions->dtype = format::DType_F16; }},
+      {"dtype_all_bits", kSemantics, "static_stage.hidden.weights.dtype: found an unknown dtype", kLinearTypes,
+       [](M* m) { m->static_stage->hidden->weights->dtype = static_cast<format::DType>(255); }},
+      {"dtype_of_indices_for_weights", kSemantics, "displacement.basis.weights.dtype: found u32", kLinearTypes,
+       [](M* m) { m->displacement->basis->weights->dtype = format::DType_U32; }},
+      {"dtype_narrower_than_stored", kSemantics, "garment.template_positions.dtype: ", "found f16; allowed: f32",
+       [](M* m) { m->garment->template_positions->dtype = format::DType_F16; }},
       {"dtype_of_faces", kSemantics, "garment.faces.dtype: ", "found u32; allowed: u16",
        [](M* m) { m->garment->faces->dtype = format::DType_U32; }},
       {"dtype_of_bones_unknown", kSemantics,
@@ -26,36 +26,31 @@ std::vector<Corruption> TypesAndShapes() {
        [](M* m) { m->mesh_stage->row_starts->dtype = format::DType_F32; }},
       {"shape_without_dimensions", kSemantics, "garment.faces.shape: ", "found 0 dimensions; allowed: 1 or 2",
        [](M* m) { m->garment->faces->shape.clear(); }},
-      {"shape_of_one_for_two", kSemantics, "garment.template_positions.shape: ",
-       "found [180]; allowed: [60, 3]", [](M* m) { m->garment->template_positions->shape = {180}; }},
-      {"shape_of_three_for_two", kSemantics,
-       "garment.template_positions.shape: ", "found [60, 3, 1]; allowed: [60, 3]",
+      {"shape_of_one_for_two", kSemantics, "garment.template_positions.shape: ", "found [180]; allowed: [60, 3]",
+       [](M* m) { m->garment->template_positions->shape = {180}; }},
+      {"shape_of_three_for_two", kSemantics, "garment.template_positions.shape: ", "found [60, 3, 1]; allowed: [60, 3]",
        [](M* m) {
          m->garment->template_positions->shape = {60, 3, 1};
        }},
       {"shape_of_many", kSemantics, "features.mean.shape: ", "found [1, 1, 1, ...]; allowed: [49]",
        [](M* m) { m->features->mean->shape.assign(1000, 1); }},
-      {"shape_transposed", kSemantics,
-       "garment.template_positions.shape: ", "found [3, 60]; allowed: [60, 3]",
+      {"shape_transposed", kSemantics, "garment.template_positions.shape: ", "found [3, 60]; allowed: [60, 3]",
        [](M* m) {
          m->garment->template_positions->shape = {3, 60};
        }},
       // 2^16 x 2^16 and 2^31 x 2 elements are none at all in 32-bit arithmetic.
-      {"shape_product_wraps", kSemantics,
-       "static_stage.hidden.weights.shape[1]: ", "found 65536; allowed: 1 to 16384",
+      {"shape_product_wraps", kSemantics, "static_stage.hidden.weights.shape[1]: ", "found 65536; allowed: 1 to 16384",
        [](M* m) {
          m->static_stage->hidden->weights->shape = {65536, 65536};
        }},
-      {"shape_width_huge", kSemantics,
-       "static_stage.hidden.weights.shape[1]: ", "found 2147483648; allowed: 1 to 16384",
-       [](M* m) { m->static_stage->hidden->weights->shape[1] = 1u << 31; }},
+      {"shape_width_huge", kSemantics, "static_stage.hidden.weights.shape[1]: ",
+       "found 2147483648; allowed: 1 to 16384", [](M* m) { m->static_stage->hidden->weights->shape[1] = 1u << 31; }},
       {"shape_width_zero", kSemantics, "mesh_stage.hidden.weights.shape[1]: ", "found 0; allowed: 1 to 16384",
        [](M* m) { m->mesh_stage->hidden->weights->shape[1] = 0; }},
-      {"shape_rows_one_more", kSemantics, "static_stage.hidden.weights.shape: ",
-       "found [50, 21]; allowed: [49, 21]", [](M* m) { m->static_stage->hidden->weights->shape[0] += 1; }},
-      {"shape_columns_one_less", kSemantics,
-       "static_stage.increments.weights.shape: ", "found [21, 14]; allowed: [21, 15]",
-       [](M* m) { m->static_stage->increments->weights->shape[1] = 14; }},
+      {"shape_rows_one_more", kSemantics, "static_stage.hidden.weights.shape: ", "found [50, 21]; allowed: [49, 21]",
+       [](M* m) { m->static_stage->hidden->weights->shape[0] += 1; }},
+      {"shape_columns_one_less", kSemantics, "static_stage.increments.weights.shape: ",
+       "found [21, 14]; allowed: [21, 15]", [](M* m) { m->static_stage->increments->weights->shape[1] = 14; }},
       {"shape_faces_none", kSemantics, "garment.faces.shape[0]: ", "found 0; allowed: 1 to 1048576",
        [](M* m) { m->garment->faces->shape[0] = 0; }},
       {"shape_faces_many", kSemantics, "garment.faces.shape[0]: ", "found 4294967295; allowed: 1 to 1048576",
@@ -68,8 +63,8 @@ std::vector<Corruption> TypesAndShapes() {
        [](M* m) { *Data<float>(m, *m->static_stage->hidden->bias, 2) = kNaN; }},
       {"bias_padding_infinite", kSemantics, "static_stage.hidden.bias[31]: ", "found infinity",
        [](M* m) { *Data<float>(m, *m->static_stage->hidden->bias, 31) = kInfinity; }},
-      {"weights_i8_called_f16", kSemantics, "skeleton_stage.input.row_scales: ",
-       "found scales beside float weights; allowed: scales with i8 weights only",
+      {"weights_i8_called_f16", kSemantics,
+       "skeleton_stage.input.row_scales: ", "found scales beside float weights; allowed: scales with i8 weights only",
        [](M* m) {
          format::LinearT& input = *m->skeleton_stage->input;
          input.weights->dtype = format::DType_F16;
@@ -91,17 +86,15 @@ std::vector<Corruption> Ranges() {
       {"offset_all_bits", kSemantics, "features.mean.offset: ", kMultiples,
        [](M* m) { m->features->mean->offset = ~uint64_t{0}; }},
       // Offset + size wraps around to a small number.
-      {"offset_end_wraps", kSemantics, "features.mean.offset: found bytes 18446744073709551552 to",
-       "inside the", [](M* m) { m->features->mean->offset = ~uint64_t{63}; }},
+      {"offset_end_wraps", kSemantics, "features.mean.offset: found bytes 18446744073709551552 to", "inside the",
+       [](M* m) { m->features->mean->offset = ~uint64_t{63}; }},
       {"ranges_equal", kSemantics, "features.high.offset: ", "found an overlap with the tensor at",
        [](M* m) { m->features->high->offset = m->features->low->offset; }},
-      {"ranges_overlap_by_a_line", kSemantics, "garment.faces.offset: ",
-       "found an overlap with the tensor at 0;", [](M* m) { m->garment->faces->offset = 640; }},
-      {"range_inside_another", kSemantics,
-       "mesh_stage.columns.offset: ", "found an overlap with the tensor at",
+      {"ranges_overlap_by_a_line", kSemantics, "garment.faces.offset: ", "found an overlap with the tensor at 0;",
+       [](M* m) { m->garment->faces->offset = 640; }},
+      {"range_inside_another", kSemantics, "mesh_stage.columns.offset: ", "found an overlap with the tensor at",
        [](M* m) { m->mesh_stage->columns->offset = m->static_stage->influence_weights->offset + 64; }},
-      {"indices_inside_weights", kSemantics,
-       "mesh_stage.row_starts.offset: ", "found an overlap with the tensor at",
+      {"indices_inside_weights", kSemantics, "mesh_stage.row_starts.offset: ", "found an overlap with the tensor at",
        [](M* m) { m->mesh_stage->row_starts->offset = m->static_stage->hidden->weights->offset; }},
       {"weights_vector_cut", kSemantics, "displacement.basis.", "inside the",
        [](M* m) { m->weights.resize(m->weights.size() - 64); }},
@@ -110,8 +103,7 @@ std::vector<Corruption> Ranges() {
   };
 }
 
-Corruption Scale(const char* name, const char* field, const char* reason, bool of_rows, size_t element,
-                 float value) {
+Corruption Scale(const char* name, const char* field, const char* reason, bool of_rows, size_t element, float value) {
   return {name, kSemantics, field, reason, [=](M* m) {
             format::LinearT& linear = of_rows ? *m->skeleton_stage->input : *m->skeleton_stage->hidden;
             *Data<float>(m, of_rows ? *linear.row_scales : *linear.column_scales, element) = value;
@@ -119,37 +111,29 @@ Corruption Scale(const char* name, const char* field, const char* reason, bool o
 }
 
 std::vector<Corruption> Scales() {
-  static constexpr char kNotPositive[] =
-      "found a scale that is not positive; allowed: normal numbers above 0";
+  static constexpr char kNotPositive[] = "found a scale that is not positive; allowed: normal numbers above 0";
   return {
       Scale("row_scale_zero", "skeleton_stage.input.row_scales[1]: ", kNotPositive, true, 1, 0.0f),
       Scale("row_scale_negative", "skeleton_stage.input.row_scales[0]: ", kNotPositive, true, 0, -1.0f),
       Scale("row_scale_subnormal", "skeleton_stage.input.row_scales[48]: ", kNotPositive, true, 48, 1e-40f),
-      Scale("row_scale_nan", "skeleton_stage.input.row_scales[2]: ", "found NaN; allowed: finite", true, 2,
-            kNaN),
-      Scale("row_scale_infinite", "skeleton_stage.input.row_scales[3]: ", "found infinity", true, 3,
-            kInfinity),
+      Scale("row_scale_nan", "skeleton_stage.input.row_scales[2]: ", "found NaN; allowed: finite", true, 2, kNaN),
+      Scale("row_scale_infinite", "skeleton_stage.input.row_scales[3]: ", "found infinity", true, 3, kInfinity),
       Scale("column_scale_zero", "skeleton_stage.hidden.column_scales[56]: ", kNotPositive, false, 56, 0.0f),
-      Scale("column_scale_minus_zero", "skeleton_stage.hidden.column_scales[5]: ", kNotPositive, false, 5,
-            -0.0f),
-      Scale("column_scale_negative", "skeleton_stage.hidden.column_scales[0]: ", kNotPositive, false, 0,
-            -1.0f),
+      Scale("column_scale_minus_zero", "skeleton_stage.hidden.column_scales[5]: ", kNotPositive, false, 5, -0.0f),
+      Scale("column_scale_negative", "skeleton_stage.hidden.column_scales[0]: ", kNotPositive, false, 0, -1.0f),
       Scale("column_scale_nan", "skeleton_stage.hidden.column_scales[9]: ", "found NaN", false, 9, kNaN),
-      Scale("column_scale_infinite", "skeleton_stage.hidden.column_scales[8]: ", "found infinity", false, 8,
-            kInfinity),
-      Scale("column_scale_zero_in_padding", "skeleton_stage.hidden.column_scales[63]: ", kNotPositive, false,
-            63, 0.0f),
+      Scale("column_scale_infinite", "skeleton_stage.hidden.column_scales[8]: ", "found infinity", false, 8, kInfinity),
+      Scale("column_scale_zero_in_padding", "skeleton_stage.hidden.column_scales[63]: ", kNotPositive, false, 63, 0.0f),
       {"no_row_scales", kSemantics,
        "skeleton_stage.input.row_scales: ", "found no scales; allowed: scales, as the weights are i8",
        [](M* m) { m->skeleton_stage->input->row_scales.reset(); }},
-      {"no_column_scales", kSemantics, "displacement.basis.column_scales: ",
-       "found no scales; allowed: scales", [](M* m) { m->displacement->basis->column_scales.reset(); }},
+      {"no_column_scales", kSemantics, "displacement.basis.column_scales: ", "found no scales; allowed: scales",
+       [](M* m) { m->displacement->basis->column_scales.reset(); }},
       {"column_scales_without_padding", kSemantics, "skeleton_stage.hidden.column_scales.shape: ",
        "found [57]; allowed: [64]", [](M* m) { m->skeleton_stage->hidden->column_scales->shape = {57}; }},
-      {"scales_beside_floats", kSemantics, "static_stage.hidden.row_scales: ",
-       "found scales beside float weights; allowed: scales with i8 weights only",
-       [](M* m) { m->static_stage->hidden->row_scales = Copy(*m->features->mean); }, nullptr,
-       format::DType_F32},
+      {"scales_beside_floats", kSemantics,
+       "static_stage.hidden.row_scales: ", "found scales beside float weights; allowed: scales with i8 weights only",
+       [](M* m) { m->static_stage->hidden->row_scales = Copy(*m->features->mean); }, nullptr, format::DType_F32},
   };
 }
 

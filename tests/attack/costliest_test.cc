@@ -1,5 +1,6 @@
-// How long one call can keep the host's thread, whatever a file that passes the checks asks for: files that are at every
-// limit at once, each dear in its own way. Products are small in all of them, as their time is that of reading the file.
+// How long one call can keep the host's thread, whatever a file that passes the checks asks for: files that are at
+// every limit at once, each dear in its own way. Products are small in all of them, as their time is that of reading
+// the file.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,7 +21,8 @@ namespace {
 
 using M = format::ModelT;
 
-// Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2; before subnormals were flushed 1.4e-6.
+// Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2; before subnormals were
+// flushed 1.4e-6.
 constexpr double kMostSecondsPerByte = 2e-7;
 // Of a tick's time, what keeping the dearest garment outside of the dearest body may take. Measured: a twentieth to a
 // quarter; before the search had a budget twice the tick's.
@@ -57,8 +59,8 @@ void MakeLayersSubnormal(M* m, std::mt19937*) {
 }
 
 // Faces at random all through the garment, so that every vertex is under some and each push leads under others. A few
-// vertices have all of the faces, as many each as a file may give them; the others lie far away. Which faces are said to
-// be around a vertex has nothing to do with its own.
+// vertices have all of the faces, as many each as a file may give them; the others lie far away. Which faces are said
+// to be around a vertex has nothing to do with its own.
 void AddTangledBody(M* m, std::mt19937* random) {
   constexpr uint32_t kVertices = 8192, kFaces = 16384, kRing = 32, kBusy = (3 * kFaces - kVertices) / (kRing - 1);
   TensorWriter writer(format::DType_F32, 1, &m->weights);
@@ -151,8 +153,7 @@ TEST_P(CostliestTest, NoCallTakesLongerThanItsFileExplains) {
   std::unique_ptr<OwnedCloth> cloth;
   Seconds("create", [&] { cloth = std::make_unique<OwnedCloth>(*opened); });
   const std::vector<float> matrices = PoseAt(model_.numbers, 0);
-  const double tick =
-      Seconds("tick", [&] { ASSERT_EQ(cloth->Tick(matrices, DCLOTH_STAGES_MESH), DCLOTH_OK); });
+  const double tick = Seconds("tick", [&] { ASSERT_EQ(cloth->Tick(matrices, DCLOTH_STAGES_MESH), DCLOTH_OK); });
   const dcloth_pose hitched = OwnedCloth::Pose(matrices);
   const dcloth_frame hitch = {sizeof(dcloth_frame), DCLOTH_STAGES_MESH, 10, 0, nullptr};
   const double update = Seconds("an update of two ticks", [&] {
@@ -171,16 +172,13 @@ TEST_P(CostliestTest, NoCallTakesLongerThanItsFileExplains) {
   EXPECT_TRUE(AllFinite(positions));
   EXPECT_NE(positions, cloth->positions()) << "nothing was under the body";
   std::vector<uint8_t> state(dcloth_cloth_state_size(cloth->get()));
-  Seconds("save", [&] {
-    ASSERT_EQ(dcloth_cloth_save(cloth->get(), state.data(), state.size(), nullptr), DCLOTH_OK);
-  });
-  Seconds("restore", [&] {
-    ASSERT_EQ(dcloth_cloth_restore(cloth->get(), state.data(), state.size(), 0, nullptr), DCLOTH_OK);
-  });
+  Seconds("save", [&] { ASSERT_EQ(dcloth_cloth_save(cloth->get(), state.data(), state.size(), nullptr), DCLOTH_OK); });
+  Seconds("restore",
+          [&] { ASSERT_EQ(dcloth_cloth_restore(cloth->get(), state.data(), state.size(), 0, nullptr), DCLOTH_OK); });
 }
 
-// A garment in the middle of a ball: every site of the body is as near to each vertex as the others. Small files are worse than
-// large ones here, as nothing else in them takes time.
+// A garment in the middle of a ball: every site of the body is as near to each vertex as the others. Small files are
+// worse than large ones here, as nothing else in them takes time.
 TEST(CostliestBodyTest, AGarmentInsideABallTakesNoLongerThanItsFileExplains) {
   constexpr uint32_t kRings = 64, kAround = 128;
   ModelSpec spec;
@@ -248,7 +246,8 @@ TEST(CostliestBodyTest, AGarmentInsideABallTakesNoLongerThanItsFileExplains) {
     const std::clock_t begin = std::clock();
     ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
     const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-    std::cout << isa << ": " << 1e3 * seconds << " ms, " << 1e9 * seconds / static_cast<double>(bytes.size()) << " ns a byte\n";
+    std::cout << isa << ": " << 1e3 * seconds << " ms, " << 1e9 * seconds / static_cast<double>(bytes.size())
+              << " ns a byte\n";
     EXPECT_LE(seconds, kMostSecondsPerByte * static_cast<double>(bytes.size())) << isa;
     EXPECT_TRUE(AllFinite(drawn));
   }

@@ -52,10 +52,8 @@ constexpr HostEnvironment kEnvironments[] = {
 uint32_t Read() { return _mm_getcsr(); }
 void Write(uint32_t word) { _mm_setcsr(word); }
 #else
-constexpr HostEnvironment kEnvironments[] = {{"default", FE_TONEAREST},
-                                             {"downwards", FE_DOWNWARD},
-                                             {"upwards", FE_UPWARD},
-                                             {"towards_zero", FE_TOWARDZERO}};
+constexpr HostEnvironment kEnvironments[] = {
+    {"default", FE_TONEAREST}, {"downwards", FE_DOWNWARD}, {"upwards", FE_UPWARD}, {"towards_zero", FE_TOWARDZERO}};
 uint32_t Read() { return static_cast<uint32_t>(fegetround()); }
 void Write(uint32_t word) { fesetround(static_cast<int>(word)); }
 #endif
@@ -83,9 +81,7 @@ struct Rollout {
   std::vector<float> positions, normals;
 };
 
-bool operator==(const Rollout& a, const Rollout& b) {
-  return a.positions == b.positions && a.normals == b.normals;
-}
+bool operator==(const Rollout& a, const Rollout& b) { return a.positions == b.positions && a.normals == b.normals; }
 
 class EnvironmentTest : public ::testing::TestWithParam<format::DType> {
  protected:
@@ -128,8 +124,7 @@ TEST_P(EnvironmentTest, NeitherChangesResultsNorIsChanged) {
     ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
     const Rollout expected = Play(kEnvironments[0]);
     for (const float x : expected.positions) ASSERT_TRUE(std::isfinite(x));
-    for (const HostEnvironment& host : kEnvironments)
-      EXPECT_TRUE(Play(host) == expected) << isa << ", " << host.name;
+    for (const HostEnvironment& host : kEnvironments) EXPECT_TRUE(Play(host) == expected) << isa << ", " << host.name;
   }
   dcloth_isa_select(nullptr);
 }
@@ -158,8 +153,8 @@ INSTANTIATE_TEST_SUITE_P(EveryPrecision, EnvironmentTest,
                          ::testing::Values(format::DType_F32, format::DType_F16, format::DType_I8),
                          [](const auto& test) { return format::EnumNameDType(test.param); });
 
-// Subnormals, which can take a hundred times as long, count for nothing in ticks and frames but in the reproducible mode;
-// told from within by a timer's clock.
+// Subnormals, which can take a hundred times as long, count for nothing in ticks and frames but in the reproducible
+// mode; told from within by a timer's clock.
 TEST_P(EnvironmentTest, TicksAndFramesFlushSubnormals) {
   struct Clock {
     size_t calls = 0, flushed = 0;
@@ -198,8 +193,8 @@ TEST_P(EnvironmentTest, TicksAndFramesFlushSubnormals) {
 // The verdict on a file is the same too, and NaN in it does not trap.
 TEST(Environment, NeitherChangesVerdicts) {
   const auto poke = [](float value) {
-    return Corrupted({"", kSemantics, "", "",
-                      [value](format::ModelT* m) { *Data<float>(m, *m->features->mean) = value; }});
+    return Corrupted(
+        {"", kSemantics, "", "", [value](format::ModelT* m) { *Data<float>(m, *m->features->mean) = value; }});
   };
   std::vector<AlignedBytes> files = {poke(0.5f), poke(kNaN), poke(kInfinity), poke(1e-40f)};
   files.push_back(poke(std::numeric_limits<float>::signaling_NaN()));
@@ -242,10 +237,8 @@ TEST(Environment, BadArgumentsDoNotTrap) {
   OwnedCloth cloth(opened);
   const std::vector<float> pose = PoseAt(model.numbers, 0);
   for (const HostEnvironment& host : kEnvironments) {
-    for (const float blend :
-         {kNaN, kInfinity, -kInfinity, std::numeric_limits<float>::signaling_NaN(), -1e-45f}) {
-      EXPECT_EQ(In(host, [&] { return cloth.Skin(pose, blend); }), DCLOTH_ERROR_ARGUMENT)
-          << host.name << blend;
+    for (const float blend : {kNaN, kInfinity, -kInfinity, std::numeric_limits<float>::signaling_NaN(), -1e-45f}) {
+      EXPECT_EQ(In(host, [&] { return cloth.Skin(pose, blend); }), DCLOTH_ERROR_ARGUMENT) << host.name << blend;
     }
     EXPECT_EQ(In(host, [&] { return cloth.Skin(pose, 1e-45f); }), DCLOTH_OK) << host.name;
   }
@@ -260,7 +253,8 @@ TEST(Environment, StatesAreJudgedAlike) {
     ASSERT_EQ(cloth.Update(PoseAt(model.numbers, frame / 60.0), 1 / 60.0f, DCLOTH_STAGES_MESH), DCLOTH_OK);
   const StateBytes sound = Save(&cloth);
   StateBytes poisoned = sound;
-  for (size_t i = sizeof(engine::StateHead); i < poisoned.size(); ++i) poisoned[i] = 0xFF;  // NaN in every number after the head
+  for (size_t i = sizeof(engine::StateHead); i < poisoned.size(); ++i)
+    poisoned[i] = 0xFF;  // NaN in every number after the head
   Seal(&poisoned);
   for (const HostEnvironment& host : kEnvironments) {
     StateBytes saved(sound.size());

@@ -39,8 +39,8 @@ Verdict Open(const TestModel& model) {
 struct Subject {
   M* model = nullptr;
   format::TensorT* tensor = nullptr;
-  bool linear_weights = false;  // any numbers will do
-  size_t bytes = 0;             // as stored, a multiple of 64
+  bool linear_weights = false;         // any numbers will do
+  size_t bytes = 0;                    // as stored, a multiple of 64
   format::TensorT* weights = nullptr;  // those of a linear layer, another tensor
 
   // A copy behind all other tensors.
@@ -122,8 +122,8 @@ TEST_P(EveryTensorTest, HasItsTypeAlone) {
   });
 }
 
-// Sizes that decide others' may change, but then these no longer fit. On the number of faces nothing depends, and on the
-// mesh stage's coefficients a basis that is padded to even rows.
+// Sizes that decide others' may change, but then these no longer fit. On the number of faces nothing depends, and on
+// the mesh stage's coefficients a basis that is padded to even rows.
 TEST_P(EveryTensorTest, HasItsShapeAlone) {
   ForEach([](const TestModel& model, Subject subject) {
     format::TensorT* tensor = subject.tensor;
@@ -145,7 +145,8 @@ TEST_P(EveryTensorTest, HasItsShapeAlone) {
   });
 }
 
-// The first element and the last are looked at, and the error points at them. Not linear layers' weights: any bits will do.
+// The first element and the last are looked at, and the error points at them. Not linear layers' weights: any bits will
+// do.
 TEST_P(EveryTensorTest, HoldsNoWildElement) {
   ForEach([](const TestModel& model, Subject subject) {
     format::TensorT* tensor = subject.tensor;
@@ -160,7 +161,8 @@ TEST_P(EveryTensorTest, HoldsNoWildElement) {
       EXPECT_EQ(verdict.error.status, DCLOTH_ERROR_SEMANTICS) << element;
       const AlignedBytes file = model.Bytes();
       const format::Model* root = format::GetModel(file.data());
-      const uint64_t at = static_cast<uint64_t>(root->weights()->Data() - file.data()) + tensor->offset + element * width;
+      const uint64_t at =
+          static_cast<uint64_t>(root->weights()->Data() - file.data()) + tensor->offset + element * width;
       EXPECT_EQ(verdict.error.offset_bytes, at) << verdict.error.text;
       subject.model->weights = sound;
     }

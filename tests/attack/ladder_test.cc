@@ -16,8 +16,7 @@ namespace {
 
 std::vector<Corruption> All() {
   std::vector<Corruption> all;
-  for (const auto& rung :
-       {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions()})
+  for (const auto& rung : {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions()})
     all.insert(all.end(), rung.begin(), rung.end());
   return all;
 }
@@ -75,8 +74,7 @@ INSTANTIATE_TEST_SUITE_P(Named, LadderTest, ::testing::ValuesIn(All()),
 
 TEST(Ladder, HasManyRungsAndEachNameOnce) {
   std::set<std::string> names;
-  for (const Corruption& corruption : All())
-    EXPECT_TRUE(names.insert(corruption.name).second) << corruption.name;
+  for (const Corruption& corruption : All()) EXPECT_TRUE(names.insert(corruption.name).second) << corruption.name;
   EXPECT_GE(names.size(), 120u);
   std::cout << "named corruptions: " << names.size() << "\n";
 }
@@ -90,8 +88,7 @@ TEST(Ladder, BytesOffTheirBoundaryAreRefused) {
     dcloth_error error = {};
     error.struct_size = sizeof(error);
     ASSERT_EQ(Open(room.data() + shift, whole.size(), &error), DCLOTH_ERROR_ALIGNMENT) << shift;
-    ASSERT_NE(std::string(error.text)
-                  .find("found model bytes off a 64-byte boundary; allowed: addresses divisible"),
+    ASSERT_NE(std::string(error.text).find("found model bytes off a 64-byte boundary; allowed: addresses divisible"),
               std::string::npos)
         << error.text;
   }
@@ -140,8 +137,7 @@ TEST(Ladder, ImpossibleSizesAreRefused) {
     error.struct_size = sizeof(error);
     ASSERT_EQ(Open(line.data(), size, &error), DCLOTH_ERROR_FORMAT) << size;
     ASSERT_EQ(std::string(error.text)
-                  .find("found " + std::to_string(size) +
-                        " bytes; allowed: a multiple of 64, from 64 to 2147483646"),
+                  .find("found " + std::to_string(size) + " bytes; allowed: a multiple of 64, from 64 to 2147483646"),
               0u)
         << error.text;
   }

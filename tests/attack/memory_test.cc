@@ -31,26 +31,24 @@ TEST_P(MemoryTest, LentWordByWord) {
   const auto expect_refused = [](dcloth_status status, const void* result, const Lent& storage, size_t lent) {
     ASSERT_EQ(status, DCLOTH_ERROR_MEMORY) << lent;
     ASSERT_EQ(result, nullptr) << lent;
-    ASSERT_TRUE(
-        std::all_of(storage.data(), storage.data() + storage.size(), [](uint8_t b) { return b == 0xCD; }));
+    ASSERT_TRUE(std::all_of(storage.data(), storage.data() + storage.size(), [](uint8_t b) { return b == 0xCD; }));
   };
   const size_t view_size = dcloth_model_storage_size();
   Lent view(view_size, Place::kAligned64);
   dcloth_model* model = nullptr;
   for (size_t lent = 0; lent < view_size; lent += kWord) {
-    expect_refused(dcloth_model_open(bytes_.data(), bytes_.size(), view.data(), lent, &model, nullptr), model,
-                   view, lent);
+    expect_refused(dcloth_model_open(bytes_.data(), bytes_.size(), view.data(), lent, &model, nullptr), model, view,
+                   lent);
   }
   dcloth_error error = EmptyError();
-  expect_refused(dcloth_model_open(bytes_.data(), bytes_.size(), view.data(), view_size - 1, &model, &error),
-                 model, view, view_size - 1);
+  expect_refused(dcloth_model_open(bytes_.data(), bytes_.size(), view.data(), view_size - 1, &model, &error), model,
+                 view, view_size - 1);
   EXPECT_EQ(std::string(error.text)
                 .find("found " + std::to_string(view_size - 1) + " bytes of storage; allowed: at least " +
                       std::to_string(view_size)),
             0u)
       << error.text;
-  ASSERT_EQ(dcloth_model_open(bytes_.data(), bytes_.size(), view.data(), view_size, &model, nullptr),
-            DCLOTH_OK);
+  ASSERT_EQ(dcloth_model_open(bytes_.data(), bytes_.size(), view.data(), view_size, &model, nullptr), DCLOTH_OK);
 
   const size_t size = dcloth_cloth_storage_size(model);
   Lent storage(size, Place::kAligned64);
@@ -58,8 +56,7 @@ TEST_P(MemoryTest, LentWordByWord) {
   for (size_t lent = 0; lent < size; lent += kWord) {
     expect_refused(dcloth_cloth_create(model, storage.data(), lent, &cloth, nullptr), cloth, storage, lent);
   }
-  expect_refused(dcloth_cloth_create(model, storage.data(), size - 1, &cloth, &error), cloth, storage,
-                 size - 1);
+  expect_refused(dcloth_cloth_create(model, storage.data(), size - 1, &cloth, &error), cloth, storage, size - 1);
   EXPECT_NE(std::string(error.text).find("allowed: at least " + std::to_string(size)), std::string::npos);
   ASSERT_EQ(dcloth_cloth_create(model, storage.data(), size, &cloth, nullptr), DCLOTH_OK);
   EXPECT_TRUE(view.SlackUntouched() && storage.SlackUntouched());
@@ -75,8 +72,7 @@ TEST_P(MemoryTest, EveryHostBufferBetweenGuardPages) {
   size_t frames = 0;
   for (const std::string& isa : UsableIsas()) {
     ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
-    for (const Lender& lender :
-         {Lender{Place::kAligned64, Place::kEnd}, Lender{Place::kStart, Place::kStart}}) {
+    for (const Lender& lender : {Lender{Place::kAligned64, Place::kEnd}, Lender{Place::kStart, Place::kStart}}) {
       Lent bytes(bytes_.size(), lender.aligned);
       std::copy_n(bytes_.data(), bytes_.size(), bytes.data());
       bytes.MakeReadOnly();
@@ -166,11 +162,10 @@ TEST_P(MemoryTest, AddressesOffTheirBoundaryAreRefused) {
     dcloth_model* model = nullptr;
     dcloth_cloth* cloth = nullptr;
     dcloth_error error = EmptyError();
-    ASSERT_EQ(dcloth_model_open(bytes_.data(), bytes_.size(), room.data() + shift,
-                                dcloth_model_storage_size(), &model, &error),
+    ASSERT_EQ(dcloth_model_open(bytes_.data(), bytes_.size(), room.data() + shift, dcloth_model_storage_size(), &model,
+                                &error),
               DCLOTH_ERROR_ALIGNMENT);
-    ASSERT_EQ(std::string(error.text)
-                  .find("found storage off a 64-byte boundary; allowed: addresses divisible by 64"),
+    ASSERT_EQ(std::string(error.text).find("found storage off a 64-byte boundary; allowed: addresses divisible by 64"),
               0u)
         << error.text;
     ASSERT_EQ(dcloth_cloth_create(opened.get(), room.data() + shift, room.size() - 64, &cloth, nullptr),
@@ -197,11 +192,9 @@ TEST_P(MemoryTest, AddressesOffTheirBoundaryAreRefused) {
     output.normals = shifted(shift);
     EXPECT_EQ(dcloth_cloth_skin(disturbed.get(), &pose, 1, &output, nullptr), DCLOTH_ERROR_ARGUMENT);
     output.normals = nullptr;
-    for (const uint32_t stride :
-         {12u + static_cast<uint32_t>(shift), 12u - static_cast<uint32_t>(shift), 8u, 0u}) {
+    for (const uint32_t stride : {12u + static_cast<uint32_t>(shift), 12u - static_cast<uint32_t>(shift), 8u, 0u}) {
       output.position_stride_bytes = stride;
-      EXPECT_EQ(dcloth_cloth_skin(disturbed.get(), &pose, 1, &output, nullptr), DCLOTH_ERROR_ARGUMENT)
-          << stride;
+      EXPECT_EQ(dcloth_cloth_skin(disturbed.get(), &pose, 1, &output, nullptr), DCLOTH_ERROR_ARGUMENT) << stride;
     }
     pose.joint_matrices = shifted(shift);
     EXPECT_EQ(dcloth_cloth_tick(disturbed.get(), &pose, stages, nullptr), DCLOTH_ERROR_ARGUMENT);

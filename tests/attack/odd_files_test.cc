@@ -45,8 +45,7 @@ void LayOutBackwards(M* m) {
 void FillLinearWeights(M* m, uint8_t byte) {
   const TensorWalk walk(m);
   for (const format::LinearT* linear : walk.linears()) {
-    std::memset(m->weights.data() + linear->weights->offset, byte,
-                walk.StoredBytes(*linear, m->weights.size()));
+    std::memset(m->weights.data() + linear->weights->offset, byte, walk.StoredBytes(*linear, m->weights.size()));
   }
 }
 
@@ -205,8 +204,8 @@ std::vector<OddFile> OddFiles() {
       {"root_motion_and_no_joint", [](ModelSpec* s) { s->skeleton = s->mesh = false; },
        [](M* m) {
          m->features->joints.clear();
-         for (auto* tensor : {m->features->mean.get(), m->features->inverse_deviation.get(),
-                              m->features->low.get(), m->features->high.get()})
+         for (auto* tensor : {m->features->mean.get(), m->features->inverse_deviation.get(), m->features->low.get(),
+                              m->features->high.get()})
            tensor->shape = {4};
          m->static_stage->hidden->weights->shape[0] = 4;
          m->static_stage->hidden->row_scales->shape[0] = 4;

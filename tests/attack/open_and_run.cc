@@ -18,8 +18,8 @@ bool IsPoison(const AlignedBytes& bytes) {
   return true;
 }
 
-std::string BrokenByRefusal(const Outcome& outcome, const dcloth_error& error, size_t size,
-                            const dcloth_model* model, const AlignedBytes& storage) {
+std::string BrokenByRefusal(const Outcome& outcome, const dcloth_error& error, size_t size, const dcloth_model* model,
+                            const AlignedBytes& storage) {
   switch (outcome.status) {
     case DCLOTH_ERROR_ARGUMENT:
     case DCLOTH_ERROR_ALIGNMENT:
@@ -32,8 +32,7 @@ std::string BrokenByRefusal(const Outcome& outcome, const dcloth_error& error, s
   }
   if (error.status != outcome.status) return "error.status is not the status returned";
   if (std::memchr(error.text, 0, sizeof(error.text)) == nullptr) return "an error text without an end";
-  if (outcome.text.find("found ") == std::string::npos ||
-      outcome.text.find("; allowed: ") == std::string::npos) {
+  if (outcome.text.find("found ") == std::string::npos || outcome.text.find("; allowed: ") == std::string::npos) {
     return "a text that names nothing found or allowed: " + outcome.text;
   }
   if (error.offset_bytes != UINT64_MAX && error.offset_bytes >= size) return "an offset outside of the bytes";
@@ -78,8 +77,7 @@ std::string BrokenByRun(const dcloth_model* model, size_t storage_limit, bool* f
   output.normals = normals.data();
   output.position_stride_bytes = output.normal_stride_bytes = 12;
   output.flags = DCLOTH_OUTPUT_OUTSIDE_BODY;
-  if (dcloth_cloth_skin(cloth, &pose, 0.5f, &output, nullptr) != DCLOTH_OK)
-    return "a sound frame was refused";
+  if (dcloth_cloth_skin(cloth, &pose, 0.5f, &output, nullptr) != DCLOTH_OK) return "a sound frame was refused";
   *finite = AllFinite(positions) && AllFinite(normals);
   // Refused where the model's own joints have no inverse.
   const dcloth_status taken = dcloth_cloth_set_bind_pose(cloth, &pose, nullptr);

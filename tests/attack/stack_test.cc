@@ -87,12 +87,10 @@ TEST(Stack, EveryCallStaysShallow) {
       check("tick, " + name, [&] { EXPECT_EQ(cloth.Tick(pose, DCLOTH_STAGES_MESH), DCLOTH_OK); });
       check("skin, " + name, [&] { EXPECT_EQ(cloth.Skin(pose, 0.5f), DCLOTH_OK); });
       std::vector<uint8_t> state(dcloth_cloth_state_size(cloth.get()));
-      check("save, " + name, [&] {
-        EXPECT_EQ(dcloth_cloth_save(cloth.get(), state.data(), state.size(), nullptr), DCLOTH_OK);
-      });
-      check("restore, " + name, [&] {
-        EXPECT_EQ(dcloth_cloth_restore(cloth.get(), state.data(), state.size(), 0, nullptr), DCLOTH_OK);
-      });
+      check("save, " + name,
+            [&] { EXPECT_EQ(dcloth_cloth_save(cloth.get(), state.data(), state.size(), nullptr), DCLOTH_OK); });
+      check("restore, " + name,
+            [&] { EXPECT_EQ(dcloth_cloth_restore(cloth.get(), state.data(), state.size(), 0, nullptr), DCLOTH_OK); });
       dcloth_error refusal = EmptyError();
       std::fill(state.end() - 4, state.end(), uint8_t{0xFF});
       check("restore, refused, " + name, [&] {
@@ -113,9 +111,8 @@ TEST(Stack, EveryCallStaysShallow) {
     });
     check("reset", [&] { EXPECT_EQ(dcloth_cloth_reset(placed), DCLOTH_OK); });
     // The fault at the end of the longest chain of checks, its text written on the way.
-    const AlignedBytes spoilt = Corrupted({"", kSemantics, "", "", [](format::ModelT* m) {
-                                             m->displacement->basis->weights->offset = ~uint64_t{63};
-                                           }});
+    const AlignedBytes spoilt = Corrupted(
+        {"", kSemantics, "", "", [](format::ModelT* m) { m->displacement->basis->weights->offset = ~uint64_t{63}; }});
     check("open, refused", [&] { EXPECT_EQ(open(spoilt), kSemantics); });
   }
   std::cout << "deepest: " << deepest << " bytes\n";

@@ -1,7 +1,5 @@
 // Saved states as a hostile save game holds them: cut off, flipped, of another model, or made on purpose with a right
 // checksum. Refused with a reason and without a trace, or harmless.
-#include "tests/unit/engine/state_fixture.h"
-
 #include <cmath>
 #include <functional>
 #include <iostream>
@@ -9,6 +7,7 @@
 #include <random>
 
 #include "tests/attack/variants.h"
+#include "tests/unit/engine/state_fixture.h"
 #include "tests/unit/kernels/guarded_buffer.h"
 
 namespace dcloth::testing {
@@ -318,7 +317,8 @@ TEST_P(StateAttackTest, BytesBetweenGuardPages) {
   }
 }
 
-// A file whose last bytes are the features' upper limits: the weight vector, which the builder writes from behind, first.
+// A file whose last bytes are the features' upper limits: the weight vector, which the builder writes from behind,
+// first.
 AlignedBytes EndingInLimits(TestModel* model) {
   format::ModelT& tables = *model->tables;
   const size_t bytes = sizeof(float) * model->numbers.d, from = tables.features->high->offset;
@@ -327,11 +327,11 @@ AlignedBytes EndingInLimits(TestModel* model) {
   flatbuffers::FlatBufferBuilder builder;
   builder.ForceVectorAlignment(tables.weights.size(), 1, 64);
   const auto weights = builder.CreateVector(tables.weights);
-  const auto model_table = format::CreateModel(
-      builder, tables.format_major, tables.format_minor, 0, 0, tables.tick_rate,
-      CreateGarment(builder, tables.garment.get()), CreateCharacter(builder, tables.character.get()),
-      CreateFeatures(builder, tables.features.get()), CreateStaticStage(builder, tables.static_stage.get()),
-      0, 0, 0, weights);
+  const auto model_table = format::CreateModel(builder, tables.format_major, tables.format_minor, 0, 0,
+                                               tables.tick_rate, CreateGarment(builder, tables.garment.get()),
+                                               CreateCharacter(builder, tables.character.get()),
+                                               CreateFeatures(builder, tables.features.get()),
+                                               CreateStaticStage(builder, tables.static_stage.get()), 0, 0, 0, weights);
   builder.Finish(model_table, format::ModelIdentifier());
   return AlignedBytes(builder.GetBufferPointer(), builder.GetSize());
 }
@@ -356,7 +356,8 @@ TEST(StateAttack, NoLimitIsReadPastTheFile) {
   const StateBytes state = Save(&saved);
   AlignedBytes view(dcloth_model_storage_size());
   dcloth_model* at_the_edge = nullptr;
-  ASSERT_EQ(dcloth_model_open(guarded.data(), guarded.size(), view.data(), view.size(), &at_the_edge, nullptr), DCLOTH_OK);
+  ASSERT_EQ(dcloth_model_open(guarded.data(), guarded.size(), view.data(), view.size(), &at_the_edge, nullptr),
+            DCLOTH_OK);
   AlignedBytes storage(dcloth_cloth_storage_size(at_the_edge));
   dcloth_cloth* cloth = nullptr;
   ASSERT_EQ(dcloth_cloth_create(at_the_edge, storage.data(), storage.size(), &cloth, nullptr), DCLOTH_OK);

@@ -41,9 +41,8 @@ class TensorWalk {
     if (m->mesh_stage) AddMesh(m->mesh_stage.get());
     if (m->displacement) AddLinear(m->displacement->basis, m->displacement->head);
     if (m->body) {
-      Add(m->body->positions, m->body->joints, m->body->weights, m->body->faces, m->body->row_starts,
-          m->body->columns, m->body->touch_classes, m->body->touched_by,
-          m->body->garment_order, m->body->sites);
+      Add(m->body->positions, m->body->joints, m->body->weights, m->body->faces, m->body->row_starts, m->body->columns,
+          m->body->touch_classes, m->body->touched_by, m->body->garment_order, m->body->sites);
     }
   }
 
@@ -75,8 +74,8 @@ class TensorWalk {
     }
   }
   void AddMesh(format::MeshStageT* mesh) {
-    Add(mesh->body_points, mesh->body_joints, mesh->body_weights, mesh->input_mean,
-        mesh->input_inverse_deviation, mesh->row_starts, mesh->columns, mesh->embed);
+    Add(mesh->body_points, mesh->body_joints, mesh->body_weights, mesh->input_mean, mesh->input_inverse_deviation,
+        mesh->row_starts, mesh->columns, mesh->embed);
     for (const auto& layer : mesh->layers) {
       Add(layer->input_gates, layer->gate_bias, layer->hidden_gates, layer->hidden_candidate, layer->output,
           layer->output_bias, layer->norm_gain, layer->norm_offset, layer->weights, layer->column_scales,

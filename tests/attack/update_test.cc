@@ -24,8 +24,7 @@ bool Bounded(OwnedCloth* cloth, const Numbers& numbers) {
   const auto* inside = reinterpret_cast<const engine::Cloth*>(cloth->get());
   const auto bounded = [](float h) { return std::abs(h) <= 1 + 0x1p-20f; };
   const ModelSpec& spec = numbers.spec;
-  if (spec.skeleton && !std::all_of(inside->coefficients, inside->coefficients + spec.units, bounded))
-    return false;
+  if (spec.skeleton && !std::all_of(inside->coefficients, inside->coefficients + spec.units, bounded)) return false;
   if (!spec.skeleton || !spec.mesh) return true;
   const size_t count = spec.layers * kernels::GsgruStateFloats(numbers.n, spec.feature_width);
   return std::all_of(inside->mesh.state, inside->mesh.state + count, bounded);
@@ -126,8 +125,8 @@ TEST_P(UpdateAttackTest, EveryVertexBufferBetweenGuardPages) {
       const auto bytes = [&](int attribute, uint32_t numbers) {
         return numbers * ((formats >> attribute & 1) ? 2u : 4u);
       };
-      GuardedBuffer<uint8_t> positions(size_t{n} * bytes(0, 3), place),
-          normals(size_t{n} * bytes(1, 3), place), tangents(size_t{n} * bytes(2, 4), place);
+      GuardedBuffer<uint8_t> positions(size_t{n} * bytes(0, 3), place), normals(size_t{n} * bytes(1, 3), place),
+          tangents(size_t{n} * bytes(2, 4), place);
       GuardedBuffer<float> coordinates(2 * size_t{n}, place), bounds(6, place);
       for (uint32_t i = 0; i < 2 * n; ++i) coordinates[i] = static_cast<float>(i % 7) / 7;
       GuardedBuffer<dcloth_output> output(1, place);
@@ -154,13 +153,10 @@ TEST_P(UpdateAttackTest, EveryVertexBufferBetweenGuardPages) {
       pose[0] = {sizeof(dcloth_pose), opened_.info().joint_count, matrices.data(), 0, 0};
       GuardedBuffer<dcloth_frame> frame(1, place);
       frame[0] = {sizeof(dcloth_frame), stages(), 1 / 60.0f, 0, nullptr};
-      ASSERT_EQ(dcloth_cloth_update(cloth.get(), pose.data(), frame.data(), output.data(), nullptr),
-                DCLOTH_OK)
+      ASSERT_EQ(dcloth_cloth_update(cloth.get(), pose.data(), frame.data(), output.data(), nullptr), DCLOTH_OK)
           << formats;
-      for (const auto* buffer : {&positions, &normals, &tangents})
-        ASSERT_TRUE(buffer->SlackUntouched()) << formats;
-      ASSERT_TRUE(scratch.SlackUntouched() && bounds.SlackUntouched() && coordinates.SlackUntouched())
-          << formats;
+      for (const auto* buffer : {&positions, &normals, &tangents}) ASSERT_TRUE(buffer->SlackUntouched()) << formats;
+      ASSERT_TRUE(scratch.SlackUntouched() && bounds.SlackUntouched() && coordinates.SlackUntouched()) << formats;
       ASSERT_TRUE(matrices.SlackUntouched() && pose.SlackUntouched() && frame.SlackUntouched()) << formats;
       for (size_t i = 0; i < bounds.size(); ++i) ASSERT_TRUE(std::isfinite(bounds[i])) << formats;
       if (scratch.size() == 0) continue;
@@ -199,10 +195,8 @@ TEST_P(UpdateAttackTest, TangentsAreDefinedWhateverTheInput) {
       for (uint32_t i = 0; i < n; ++i) {
         const float* t = &tangents[4 * i];
         // Square root, division and products round: a few units in the last place.
-        const double square =
-            double{t[0]} * double{t[0]} + double{t[1]} * double{t[1]} + double{t[2]} * double{t[2]};
-        ASSERT_NEAR(square, 1, 40 * 0x1p-24)
-            << "coordinates " << size << ", pose " << scale << ", vertex " << i;
+        const double square = double{t[0]} * double{t[0]} + double{t[1]} * double{t[1]} + double{t[2]} * double{t[2]};
+        ASSERT_NEAR(square, 1, 40 * 0x1p-24) << "coordinates " << size << ", pose " << scale << ", vertex " << i;
         ASSERT_EQ(std::abs(t[3]), 1.0f) << i;
       }
     }

@@ -18,7 +18,8 @@ struct Variant {
 inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
 // Every precision with every set of stages, and two that differ in features, influences and layers, one with integer
-// layers, one with a reduced basis, one with a body, one with parts of it and one that reads the air: 16 models of 3 to 20 KB.
+// layers, one with a reduced basis, one with a body, one with parts of it and one that reads the air: 16 models of 3 to
+// 20 KB.
 inline std::vector<Variant> Variants() {
   ModelSpec small;
   small.rings = 3;

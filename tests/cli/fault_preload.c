@@ -1,8 +1,9 @@
 /* Preloaded into the command line: makes the Nth of its file calls fail, or kills the process there.
  *
- * Counted are opens that create, writes, fsyncs and renames, of files only, and forks. FAULT_AT is N, from 1; FAULT_KIND is
- * "before" (killed in place of the call), "half" (killed after half of a write, or in place of another call), "after"
- * (killed right after the call) or a number, the errno that the call fails with. SIGKILL, as kill -9 sends it. */
+ * Counted are opens that create, writes, fsyncs and renames, of files only, and forks. FAULT_AT is N, from 1;
+ * FAULT_KIND is "before" (killed in place of the call), "half" (killed after half of a write, or in place of another
+ * call), "after" (killed right after the call) or a number, the errno that the call fails with. SIGKILL, as kill -9
+ * sends it. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -64,7 +65,7 @@ int open64(const char* path, int flags, ...) {
 }
 
 ssize_t write(int file, const void* bytes, size_t size) {
-  ssize_t (*const real)(int, const void*, size_t) = (ssize_t (*)(int, const void*, size_t))dlsym(RTLD_NEXT, "write");
+  ssize_t (*const real)(int, const void*, size_t) = (ssize_t(*)(int, const void*, size_t))dlsym(RTLD_NEXT, "write");
   const char* kind = file > 2 ? kind_here() : NULL;
   if (is(kind, "half") && real(file, bytes, size / 2) >= 0) raise(SIGKILL);
   if (before(kind) != 0) return -1;

@@ -12,8 +12,7 @@ Verdict FuzzBundle(const uint8_t* bytes, size_t size) {
   if (size != 0) std::memcpy(file.data(), bytes, size);
   converter::AlignedBytes model;
   try {
-    const converter::Bundle bundle =
-        converter::BundleFrom(converter::SafeFile::Parse(std::move(file), "bundle"));
+    const converter::Bundle bundle = converter::BundleFrom(converter::SafeFile::Parse(std::move(file), "bundle"));
     converter::ConvertOptions options;
     options.precision = converter::Precision::kInt8;
     model = converter::Convert(bundle, options).bytes;

@@ -37,8 +37,7 @@ void Mutate(const Bytes& other, std::mt19937* random, Bytes* bytes) {
         bytes->erase(place, place + static_cast<std::ptrdiff_t>(length));
         break;
       case 3:
-        std::copy_n(place, length,
-                    bytes->begin() + static_cast<std::ptrdiff_t>(below(bytes->size() - length + 1)));
+        std::copy_n(place, length, bytes->begin() + static_cast<std::ptrdiff_t>(below(bytes->size() - length + 1)));
         break;
       case 4: {
         constexpr uint8_t kEdges[] = {0x00, 0xFF, 0x7F, 0x80, 0x01, '9', '"', '}'};

@@ -19,8 +19,8 @@ class ByteStream {
   // Mostly small sixteenths, then what lies at an edge, then any bits.
   float Number() {
     constexpr float kInfinity = std::numeric_limits<float>::infinity();
-    constexpr float kEdges[] = {1e9f,  -1e9f, 1e30f,     3e38f, 1e-30f, 1e-42f,
-                                100.f, 86400.f, kInfinity, std::numeric_limits<float>::quiet_NaN()};
+    constexpr float kEdges[] = {1e9f,   -1e9f, 1e30f,   3e38f,     1e-30f,
+                                1e-42f, 100.f, 86400.f, kInfinity, std::numeric_limits<float>::quiet_NaN()};
     const uint8_t tag = Byte();
     if (tag < 240) return static_cast<float>(tag < 120 ? tag : 119 - tag) / 16;
     if (tag < 250) return kEdges[tag - 240];

@@ -29,7 +29,7 @@ class SceneWriter {
   // Three nodes, one above the other: n0 at 0, n1 at 1 m, n2 at 2 m.
   SceneWriter& Chain() {
     Bytes({3});
-    Bytes({0, 0, 0});                         // name, no transform, no mesh
+    Bytes({0, 0, 0});                        // name, no transform, no mesh
     Bytes({1, 0}).Move(0, 1, 0).Bytes({0});  // name, parent
     return Bytes({2, 255}).Move(0, 1, 0).Bytes({0});
   }
@@ -74,13 +74,25 @@ std::vector<Seed> SceneSeeds() {
   std::vector<Seed> seeds;
   const std::initializer_list<unsigned> nothing_asked = {0, 0, 0, 0, 0};
   seeds.push_back(Of(kGltf).Bytes(nothing_asked).Chain().Bytes({kNone}).Skin().Clip().Done("gltf"));
-  seeds.push_back(Of(kFbx).Bytes(nothing_asked).Chain().Bytes({1 + 4 + 8 + 16 + 32, kHundred, 0, 0, 1, 0, 2, 0})
-                      .Skin().Clip().Done("fbx"));
-  seeds.push_back(Of(kFbx).Bytes(nothing_asked).ChainWithHelper().Bytes({1, kHundred}).Skin().Clip().Done("fbx_helper"));
+  seeds.push_back(Of(kFbx)
+                      .Bytes(nothing_asked)
+                      .Chain()
+                      .Bytes({1 + 4 + 8 + 16 + 32, kHundred, 0, 0, 1, 0, 2, 0})
+                      .Skin()
+                      .Clip()
+                      .Done("fbx"));
+  seeds.push_back(
+      Of(kFbx).Bytes(nothing_asked).ChainWithHelper().Bytes({1, kHundred}).Skin().Clip().Done("fbx_helper"));
   seeds.push_back(Of(kBvh).Bytes(nothing_asked).Chain().Bytes({kNone, kNone}).Clip().Done("bvh"));
   seeds.push_back(Of(kGltf).Bytes({0, 0, 2, 20, 1, 21, 2, 0, 0}).Chain().Bytes({kNone}).Skin().Clip().Done("map"));
-  seeds.push_back(Of(kBvh).Bytes({3, 2, 1, 20, 2, 2, 1, 20, 1}).Move(0, 1, 0).Move(0, 2, 0).Chain()
-                      .Bytes({kNone, kNone}).Clip().Done("joints_and_bind"));
+  seeds.push_back(Of(kBvh)
+                      .Bytes({3, 2, 1, 20, 2, 2, 1, 20, 1})
+                      .Move(0, 1, 0)
+                      .Move(0, 2, 0)
+                      .Chain()
+                      .Bytes({kNone, kNone})
+                      .Clip()
+                      .Done("joints_and_bind"));
   seeds.push_back(Of(kFbx).Bytes(nothing_asked).Done("no_nodes", false));
   return seeds;
 }

@@ -27,7 +27,8 @@ Verdict FuzzSequence(const uint8_t* bytes, size_t size);
 // A saved state in a cloth of one of the small models: restored, run beside a twin, saved, reset.
 Verdict FuzzState(const uint8_t* bytes, size_t size);
 
-// What assimp could hand over, see scene_bytes.h: read, sampled as a sequence, gathered as a body. In builds with assimp.
+// What assimp could hand over, see scene_bytes.h: read, sampled as a sequence, gathered as a body. In builds with
+// assimp.
 Verdict FuzzScene(const uint8_t* bytes, size_t size);
 
 struct FuzzTarget {

@@ -1,5 +1,5 @@
-// Writes what the fuzzers start from: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle and so on with seeds made
-// by code and what earlier fuzzing left.
+// Writes what the fuzzers start from: `fuzz_write_seeds FOLDER` fills FOLDER/model, FOLDER/bundle and so on with seeds
+// made by code and what earlier fuzzing left.
 #include <cstdio>
 #include <exception>
 #include <filesystem>

@@ -1,6 +1,8 @@
 // The bundled garments at each level: error against the simulated truth and against the full network, cost of a tick,
 // the freeze of an idle character, and fifty characters in a budget with costs measured here. Times depend on what else
 // the machine does and are printed only; errors and plans are bound.
+#include "tests/stability/garment.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,7 +15,6 @@
 #include <vector>
 
 #include "dcloth/dcloth.hpp"
-#include "tests/stability/garment.h"
 #include "tests/stability/player.h"
 
 namespace dcloth::stability {

@@ -9,8 +9,8 @@
 // call failed or, with --strict, the 99th percentile rose by more than a tenth from the first part to the last. Other
 // work on the machine raises it, too: it is taken as a multiple of that of controls, instances made anew for each part
 // that live the same life every time, here and there among the others. --fault breaks that promise, from the middle on;
-// "slow" and "busy" put times of their own in place of the measured ones: characters a sixth slower, or the whole machine,
-// which breaks none.
+// "slow" and "busy" put times of their own in place of the measured ones: characters a sixth slower, or the whole
+// machine, which breaks none.
 #include <malloc.h>
 #include <time.h>
 #include <unistd.h>
@@ -35,9 +35,9 @@ using dcloth::testing::PlayedModel;
 
 constexpr int kParts = 20;
 constexpr int kOwnMapping = 128 << 10;  // bytes from which a block has a mapping of its own
-constexpr size_t kHeapCaches = 4096;  // bytes that an allocator may hold for itself, over the whole run
-constexpr float kLargestReach = 10;   // metres from one end of a garment to the other
-constexpr size_t kControlEvery = 11;  // instances; odd, so that each of two threads has its share
+constexpr size_t kHeapCaches = 4096;    // bytes that an allocator may hold for itself, over the whole run
+constexpr float kLargestReach = 10;     // metres from one end of a garment to the other
+constexpr size_t kControlEvery = 11;    // instances; odd, so that each of two threads has its share
 
 struct Options {
   std::string model, poses, fault;

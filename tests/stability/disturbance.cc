@@ -26,8 +26,8 @@ double FarthestFeature(const Garment& garment, const Pose& pose) {
   for (const uint32_t joint : bundle.feature_joints) {
     const auto found = std::find(names.begin(), names.end(), bundle.joint_names[joint]);
     const auto j = static_cast<size_t>(found - names.begin());
-    const Eigen::Matrix3d linear = heading.transpose() * pose[j].topLeftCorner<3, 3>() *
-                                   garment.rig.bind[j].topLeftCorner<3, 3>().inverse();
+    const Eigen::Matrix3d linear =
+        heading.transpose() * pose[j].topLeftCorner<3, 3>() * garment.rig.bind[j].topLeftCorner<3, 3>().inverse();
     for (int i = 0; i < 9; ++i, ++at) {
       const double low = static_cast<double>(bundle.feature_low[at]),
                    high = static_cast<double>(bundle.feature_high[at]);
@@ -35,8 +35,7 @@ double FarthestFeature(const Garment& garment, const Pose& pose) {
                        static_cast<double>(bundle.feature_deviation[at]);
       // A feature that never moved in training has no range to leave.
       constexpr double kLeastRange = 1e-3;
-      if (high - low > kLeastRange)
-        farthest = std::max(farthest, std::abs(2 * x - low - high) / (high - low));
+      if (high - low > kLeastRange) farthest = std::max(farthest, std::abs(2 * x - low - high) / (high - low));
     }
   }
   return farthest;
@@ -98,15 +97,14 @@ Outcome Disturb(const Garment& garment, Precision precision, const Host& host) {
       if (frame < from) continue;
       const std::span<const float> truth(&clip.truth[frame * floats], floats);
       left_mm += distance / static_cast<double>(until - from);
-      excess_mm += std::abs(MeanDistanceMm(positions, truth) - MeanDistanceMm(calm, truth)) /
-                   static_cast<double>(until - from);
+      excess_mm +=
+          std::abs(MeanDistanceMm(positions, truth) - MeanDistanceMm(calm, truth)) / static_cast<double>(until - from);
     }
     outcome.left_mm = std::max(outcome.left_mm, left_mm);
     outcome.excess_mm = std::max(outcome.excess_mm, excess_mm);
   }
   outcome.worst_reach_m = player.worst_reach_m();
-  outcome.tick_ms.assign(player.tick_ms().begin() + static_cast<std::ptrdiff_t>(calm_ticks),
-                         player.tick_ms().end());
+  outcome.tick_ms.assign(player.tick_ms().begin() + static_cast<std::ptrdiff_t>(calm_ticks), player.tick_ms().end());
   return outcome;
 }
 

@@ -18,13 +18,12 @@ class DisturbanceTest : public StabilityCase {
   void Judge(const char* name, const Host& host) { Check(name, Disturb(garment(), precision(), host)); }
 
   void Check(const char* name, const Outcome& outcome) {
-    const auto record = [&](const Figure& figure) {
-      Record(garment(), precision(), name, outcome.tick_ms, figure);
-    };
+    const auto record = [&](const Figure& figure) { Record(garment(), precision(), name, outcome.tick_ms, figure); };
     record({"farthest vertex / garment size", outcome.worst_reach_m / garment().size_m, "", Allowed::kAtMost,
             kLargestReach});
     record({"largest deviation, mean over vertices", outcome.largest_mm, "mm"});
-    record({"deviation left after 1 s", outcome.left_mm, "mm", Allowed::kAtMost, kLeftAfterASecond * outcome.largest_mm});
+    record(
+        {"deviation left after 1 s", outcome.left_mm, "mm", Allowed::kAtMost, kLeftAfterASecond * outcome.largest_mm});
     record({"change of E_d left after 1 s", outcome.excess_mm, "mm"});
   }
 };
@@ -39,15 +38,14 @@ TEST_P(DisturbanceTest, TeleportWithReset) {
   Player fresh(garment(), precision());
   double largest_mm = 0;
   bool first = true;
-  const Outcome outcome =
-      Disturb(garment(), precision(), [&](Player* player, const Motion& motion, size_t frame) {
-        if (frame == kDisturbedFrom) player->Reset(), first = true;
-        if (first) fresh.Reset(), first = false;
-        const Pose there = Moved(motion[frame], {40, 0, 30});
-        const std::vector<float> expected = fresh.Step(there);
-        largest_mm = std::max(largest_mm, LargestDistanceMm(player->Step(there), expected));
-        if (frame + 1 == kDisturbedUntil) player->Reset();
-      });
+  const Outcome outcome = Disturb(garment(), precision(), [&](Player* player, const Motion& motion, size_t frame) {
+    if (frame == kDisturbedFrom) player->Reset(), first = true;
+    if (first) fresh.Reset(), first = false;
+    const Pose there = Moved(motion[frame], {40, 0, 30});
+    const std::vector<float> expected = fresh.Step(there);
+    largest_mm = std::max(largest_mm, LargestDistanceMm(player->Step(there), expected));
+    if (frame + 1 == kDisturbedUntil) player->Reset();
+  });
   Check("teleport and reset, and back", outcome);
   Record(garment(), precision(), "teleport and reset, and back", outcome.tick_ms,
          {"largest difference to a new garment", largest_mm, "mm", Allowed::kAtMost, 0});
@@ -61,15 +59,13 @@ TEST_P(DisturbanceTest, HalfTurn) {
 
 TEST_P(DisturbanceTest, JointsFarBeyondTraining) {
   const Reach reach = FactorBeyondTraining(garment());
-  const Outcome outcome =
-      Disturb(garment(), precision(), [&](Player* player, const Motion& motion, size_t frame) {
-        player->Step(Exaggerated(motion[frame], garment().rig, reach.factor));
-      });
+  const Outcome outcome = Disturb(garment(), precision(), [&](Player* player, const Motion& motion, size_t frame) {
+    player->Step(Exaggerated(motion[frame], garment().rig, reach.factor));
+  });
   const char* const kCase = "joints beyond training range";
   Check(kCase, outcome);
   Record(garment(), precision(), kCase, outcome.tick_ms, {"joint angles times", reach.factor, ""});
-  Record(garment(), precision(), kCase, outcome.tick_ms,
-         {"farthest feature / its trained range", reach.ratio, ""});
+  Record(garment(), precision(), kCase, outcome.tick_ms, {"farthest feature / its trained range", reach.ratio, ""});
   // No garment's training turns hips or thighs that far.
   Record(garment(), precision(), kCase, outcome.tick_ms,
          {"largest turn of a joint", reach.turn * 180 / std::numbers::pi, "degrees", Allowed::kAtLeast, 120});
@@ -78,15 +74,13 @@ TEST_P(DisturbanceTest, JointsFarBeyondTraining) {
 TEST_P(DisturbanceTest, ScaleAndShear) {
   Eigen::Matrix3d linear;
   linear << 1.4, 0.3, 0, 0, 0.7, 0, -0.3, 0, 1.2;
-  Judge("scale 0.7 to 1.4 and shear 0.3", [&](Player* player, const Motion& motion, size_t frame) {
-    player->Step(Deformed(motion[frame], linear));
-  });
+  Judge("scale 0.7 to 1.4 and shear 0.3",
+        [&](Player* player, const Motion& motion, size_t frame) { player->Step(Deformed(motion[frame], linear)); });
 }
 
 TEST_P(DisturbanceTest, ZeroMatrices) {
-  Judge("all matrices zero", [](Player* player, const Motion& motion, size_t) {
-    player->Step(Pose(motion[0].size(), Matrix::Zero()));
-  });
+  Judge("all matrices zero",
+        [](Player* player, const Motion& motion, size_t) { player->Step(Pose(motion[0].size(), Matrix::Zero())); });
 }
 
 TEST_P(DisturbanceTest, SubnormalMatrices) {

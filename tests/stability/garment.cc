@@ -67,8 +67,7 @@ std::unique_ptr<Garment> Read(const std::string& name) {
     if (index == bundle.hips) garment->rig.hips = j;
   }
   const Eigen::RowVector3f hips = bundle.bind[bundle.hips].topRightCorner<3, 1>().transpose();
-  garment->size_m =
-      static_cast<double>((bundle.template_positions.rowwise() - hips).rowwise().norm().maxCoeff());
+  garment->size_m = static_cast<double>((bundle.template_positions.rowwise() - hips).rowwise().norm().maxCoeff());
 
   std::vector<fs::path> paths;
   if (fs::is_directory(folder / "sequences")) {
@@ -77,11 +76,9 @@ std::unique_ptr<Garment> Read(const std::string& name) {
     }
   }
   std::sort(paths.begin(), paths.end());
-  for (const fs::path& path : paths)
-    garment->clips.push_back(ReadClip(path, joints, garment->vertex_count()));
+  for (const fs::path& path : paths) garment->clips.push_back(ReadClip(path, joints, garment->vertex_count()));
   if (garment->clips.empty()) {
-    throw converter::Error(
-        {folder / "sequences", "", "no sequence", "one or more *.safetensors with truth", ""});
+    throw converter::Error({folder / "sequences", "", "no sequence", "one or more *.safetensors with truth", ""});
   }
   std::vector<const Motion*> motions;
   for (const Clip& clip : garment->clips) motions.push_back(&clip.motion);

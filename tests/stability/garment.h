@@ -1,8 +1,8 @@
 // The garments under models/ in every precision, with the motion that lies beside them.
 //
 // Models are converted when they are first asked for, or read from the folder that DCLOTH_GARMENT_MODELS names: as
-// GARMENT.PRECISION.dcloth, what `dcloth convert --precision PRECISION` makes of the bundle. Under an emulator, that saves
-// most of the time of a short test.
+// GARMENT.PRECISION.dcloth, what `dcloth convert --precision PRECISION` makes of the bundle. Under an emulator, that
+// saves most of the time of a short test.
 #ifndef DCLOTH_TESTS_STABILITY_GARMENT_H_
 #define DCLOTH_TESTS_STABILITY_GARMENT_H_
 

@@ -41,8 +41,7 @@ Medley::Medley(const Garment& garment, uint64_t seed) : rig_(garment.rig), rando
         const Matrix local = inverse * joint;
         const Eigen::Matrix3d linear = local.topLeftCorner<3, 3>();
         if (!(linear.transpose() * linear).isIdentity(1e-3)) {
-          throw std::invalid_argument(clip.name +
-                                      ": a joint with scale or shear; a medley needs rigid joints");
+          throw std::invalid_argument(clip.name + ": a joint with scale or shear; a medley needs rigid joints");
         }
         frame.joints.push_back({Eigen::Quaterniond(linear), local.topRightCorner<3, 1>()});
       }

@@ -32,7 +32,8 @@ Pose Moved(const Pose& pose, const Eigen::Vector3d& offset);
 // keep heading and place, and lean `factor` times as far. Bones keep their length.
 Pose Exaggerated(const Pose& pose, const Rig& rig, double factor);
 
-// The largest rotation of a joint against its parent, away from the bind pose, in radians; the hips' lean is one of them.
+// The largest rotation of a joint against its parent, away from the bind pose, in radians; the hips' lean is one of
+// them.
 double LargestTurn(const Pose& pose, const Rig& rig);
 
 // `linear` is multiplied to every joint's linear part in the joint's own frame: scale, shear. Origins stay.

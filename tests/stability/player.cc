@@ -60,8 +60,7 @@ void Player::Tick(const Pose& pose) {
   const dcloth_pose loaded = Load(pose);
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(dcloth_cloth_tick(cloth_, &loaded, model_.info().stages, nullptr), DCLOTH_OK);
-  tick_ms_.push_back(
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+  tick_ms_.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
 }
 
 const std::vector<float>& Player::Skin(const Pose& pose) {

@@ -35,11 +35,10 @@ std::string Text(const Json& number) {
 
 }  // namespace
 
-void Record(const Garment& garment, Precision precision, const std::string& test,
-            std::span<const double> tick_ms, const Figure& figure) {
-  const bool met =
-      figure.allowed == Allowed::kAnything ||
-      (figure.allowed == Allowed::kAtMost ? figure.value <= figure.bound : figure.value >= figure.bound);
+void Record(const Garment& garment, Precision precision, const std::string& test, std::span<const double> tick_ms,
+            const Figure& figure) {
+  const bool met = figure.allowed == Allowed::kAnything ||
+                   (figure.allowed == Allowed::kAtMost ? figure.value <= figure.bound : figure.value >= figure.bound);
   Json row = {{"garment", garment.name},
               {"case", test},
               {"precision", converter::PrecisionName(precision)},
@@ -58,28 +57,26 @@ void Record(const Garment& garment, Precision precision, const std::string& test
   const std::vector<double> times(tick_ms.begin(), tick_ms.end());
   if (!times.empty()) row["tick_ms"] = {{"p50", Quantile(times, 0.5)}, {"p99", Quantile(times, 0.99)}};
   Rows().push_back(row);
-  EXPECT_TRUE(met) << garment.name << " " << converter::PrecisionName(precision) << ", " << test << ": "
-                   << figure.name << " " << figure.value << " " << figure.unit << ", allowed "
+  EXPECT_TRUE(met) << garment.name << " " << converter::PrecisionName(precision) << ", " << test << ": " << figure.name
+                   << " " << figure.value << " " << figure.unit << ", allowed "
                    << (figure.allowed == Allowed::kAtMost ? "at most " : "at least ") << figure.bound;
 }
 
 bool WriteRecords() {
-  std::printf("\n%-8s %-5s %-34s %-42s %12s %-8s %-17s %s\n", "garment", "", "case", "figure", "", "unit",
-              "bound", "tick p50 / p99 ms");
+  std::printf("\n%-8s %-5s %-34s %-42s %12s %-8s %-17s %s\n", "garment", "", "case", "figure", "", "unit", "bound",
+              "tick p50 / p99 ms");
   Json garments = Json::object();
   for (const Json& row : Rows()) {
     const std::string bound =
         row["bound"].is_null() ? "" : row["allowed"].get<std::string>() + " " + Text(row["bound"]);
-    std::printf("%-8s %-5s %-34s %-42s %12s %-8s %-17s %s / %s%s\n",
-                row["garment"].get<std::string>().c_str(), row["precision"].get<std::string>().c_str(),
-                row["case"].get<std::string>().c_str(), row["figure"].get<std::string>().c_str(),
-                Text(row["value"]).c_str(), row["unit"].get<std::string>().c_str(), bound.c_str(),
-                Text(row["tick_ms"]["p50"]).c_str(), Text(row["tick_ms"]["p99"]).c_str(),
-                row["met"].get<bool>() ? "" : "  MISSED");
+    std::printf("%-8s %-5s %-34s %-42s %12s %-8s %-17s %s / %s%s\n", row["garment"].get<std::string>().c_str(),
+                row["precision"].get<std::string>().c_str(), row["case"].get<std::string>().c_str(),
+                row["figure"].get<std::string>().c_str(), Text(row["value"]).c_str(),
+                row["unit"].get<std::string>().c_str(), bound.c_str(), Text(row["tick_ms"]["p50"]).c_str(),
+                Text(row["tick_ms"]["p99"]).c_str(), row["met"].get<bool>() ? "" : "  MISSED");
     const std::string name = row["garment"];
     const Garment& garment = LoadGarment(name);
-    garments[name] = {
-        {"vertices", garment.vertex_count()}, {"size_m", garment.size_m}, {"clips", Json::array()}};
+    garments[name] = {{"vertices", garment.vertex_count()}, {"size_m", garment.size_m}, {"clips", Json::array()}};
     for (const Clip& clip : garment.clips) {
       garments[name]["clips"].push_back({{"name", clip.name}, {"frames", clip.motion.size()}});
     }

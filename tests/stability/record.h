@@ -22,8 +22,8 @@ struct Figure {
 
 // Keeps a row and fails the running test where the figure misses its bound (NaN always does). `tick_ms` are
 // the times of the case's own ticks, warm caches: a figure never stands without its price.
-void Record(const Garment& garment, Precision precision, const std::string& test,
-            std::span<const double> tick_ms, const Figure& figure);
+void Record(const Garment& garment, Precision precision, const std::string& test, std::span<const double> tick_ms,
+            const Figure& figure);
 
 // Prints the table and writes the JSON to the file that the environment variable DCLOTH_STABILITY_JSON names,
 // where it is set. Called once, after the last test; false where the file cannot be written.

@@ -40,8 +40,7 @@ TEST_P(RestTest, HeldPose) {
   for (const Clip& clip : garment().clips) {
     for (const size_t stop : {clip.motion.size() / 3, clip.motion.size() - 1}) {
       player.Reset();
-      for (size_t frame = stop - std::min(stop, 2 * second); frame <= stop; ++frame)
-        player.Tick(clip.motion[frame]);
+      for (size_t frame = stop - std::min(stop, 2 * second); frame <= stop; ++frame) player.Tick(clip.motion[frame]);
       const Hold hold = HoldPose(&player, clip.motion[stop], 5 * second, 3 * second);
       worst.jitter_mm = std::max(worst.jitter_mm, hold.jitter_mm);
       worst.settled = std::max(worst.settled, hold.settled);
@@ -97,8 +96,10 @@ TEST_P(RestTest, SubnormalStates) {
   record({"largest difference to zero states", worst_mm, "mm", Allowed::kAtMost, 1e3 * 0x1p-21});
   record({"farthest vertex / garment size", small.worst_reach_m() / garment().size_m, "", Allowed::kAtMost,
           kLargestReach});
-  // Ticks took 12 to 18 times as long before they flushed such numbers; medians of twenty in turns differ by a few percent.
-  record({"tick time / that from zero states", Quantile(first_ms, 0.5) / Quantile(plain_ms, 0.5), "", Allowed::kAtMost, 3});
+  // Ticks took 12 to 18 times as long before they flushed such numbers; medians of twenty in turns differ by a few
+  // percent.
+  record({"tick time / that from zero states", Quantile(first_ms, 0.5) / Quantile(plain_ms, 0.5), "", Allowed::kAtMost,
+          3});
 }
 
 DCLOTH_STABILITY_SUITE(RestTest);

@@ -1,5 +1,5 @@
-// Motion without end, without a reset. Two thousand ticks with every change; twenty thousand, eleven minutes of play, where
-// DCLOTH_STABILITY_TICKS says so (scripts/test_long.sh): only there are samples far enough apart to judge slopes.
+// Motion without end, without a reset. Two thousand ticks with every change; twenty thousand, eleven minutes of play,
+// where DCLOTH_STABILITY_TICKS says so (scripts/test_long.sh): only there are samples far enough apart to judge slopes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,8 +38,7 @@ class RolloutTest : public StabilityCase {};
 std::vector<float> AgainstHips(const std::vector<float>& positions, const Pose& pose, size_t hips) {
   std::vector<float> relative = positions;
   for (size_t i = 0; i < relative.size(); ++i) {
-    relative[i] =
-        static_cast<float>(static_cast<double>(relative[i]) - pose[hips](static_cast<int>(i % 3), 3));
+    relative[i] = static_cast<float>(static_cast<double>(relative[i]) - pose[hips](static_cast<int>(i % 3), 3));
   }
   return relative;
 }
@@ -95,9 +94,7 @@ TEST_P(RolloutTest, EndlessMotion) {
   const Allowed slopes = ticks == kLongTicks ? Allowed::kAtLeast : Allowed::kAnything;
   const std::string name = ticks == kLongTicks ? "20,000-tick rollout" : "2,000-tick rollout";
   const Rollout rollout = RollOut(garment(), precision());
-  const auto record = [&](const Figure& figure) {
-    Record(garment(), precision(), name, rollout.tick_ms, figure);
-  };
+  const auto record = [&](const Figure& figure) { Record(garment(), precision(), name, rollout.tick_ms, figure); };
   record({"largest |h|", rollout.largest_state, "", Allowed::kAtMost, kLargestState});
   record({"farthest vertex / garment size", rollout.worst_reach_m / garment().size_m, "", Allowed::kAtMost,
           kLargestReach});
@@ -107,15 +104,13 @@ TEST_P(RolloutTest, EndlessMotion) {
   record({"distance to hips: drift over the run", reach.value * run, "mm"});
   record({"distance to hips: its standard error", reach.standard_error * run, "mm"});
   record({"distance to hips: t of the slope", reach.t, ""});
-  record({"distance to hips: p of no slope", TwoSidedP(reach.t, reach.degrees), "", slopes,
-          kSignificance});
+  record({"distance to hips: p of no slope", TwoSidedP(reach.t, reach.degrees), "", slopes, kSignificance});
 
   // The same motion, once remembered from the start and once for three seconds: the motion itself cancels.
   const Slope fresh = FitSlope(rollout.fresh_mm);
   record({"old against fresh garment: mean", Mean(rollout.fresh_mm), "mm", Allowed::kAtMost, kJitterMm});
   record({"old against fresh garment: t of the slope", fresh.t, ""});
-  record({"old against fresh garment: p of no slope", TwoSidedP(fresh.t, fresh.degrees), "", slopes,
-          kSignificance});
+  record({"old against fresh garment: p of no slope", TwoSidedP(fresh.t, fresh.degrees), "", slopes, kSignificance});
 
   // fp32 runs first; its samples stay for the others. Only their garment is kept.
   static std::map<std::string, std::vector<std::vector<float>>> reference;
@@ -136,8 +131,7 @@ TEST_P(RolloutTest, EndlessMotion) {
   record({"to fp32: mean of the first half", Mean(std::span(error_mm).first(half)), "mm"});
   record({"to fp32: mean of the second half", Mean(std::span(error_mm).last(half)), "mm"});
   record({"to fp32: t of the growth", growth.t, ""});
-  record(
-      {"to fp32: p of no growth", OneSidedP(growth.t, growth.degrees), "", slopes, kSignificance});
+  record({"to fp32: p of no growth", OneSidedP(growth.t, growth.degrees), "", slopes, kSignificance});
 }
 
 DCLOTH_STABILITY_SUITE(RolloutTest);

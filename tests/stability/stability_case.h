@@ -32,16 +32,14 @@ class StabilityCase : public testing::TestWithParam<CaseParameter> {
   const Garment& garment() const { return LoadGarment(std::get<0>(GetParam())); }
   Precision precision() const { return std::get<1>(GetParam()); }
   size_t ticks_per_second() const {
-    return static_cast<size_t>(0.5 +
-                               1 / static_cast<double>(garment().model(precision()).info().tick_seconds));
+    return static_cast<size_t>(0.5 + 1 / static_cast<double>(garment().model(precision()).info().tick_seconds));
   }
 };
 
 // An empty models/ is a failure: GoogleTest refuses a suite without instances.
-#define DCLOTH_STABILITY_SUITE(suite)                                                                     \
-  INSTANTIATE_TEST_SUITE_P(                                                                               \
-      Models, suite, testing::Combine(testing::ValuesIn(GarmentNames()), testing::ValuesIn(kPrecisions)), \
-      CaseName)
+#define DCLOTH_STABILITY_SUITE(suite) \
+  INSTANTIATE_TEST_SUITE_P(           \
+      Models, suite, testing::Combine(testing::ValuesIn(GarmentNames()), testing::ValuesIn(kPrecisions)), CaseName)
 
 }  // namespace dcloth::stability
 

@@ -30,8 +30,7 @@ class StartStateTest : public StabilityCase {
     }
     // The rate: the slope of the logarithm over the first second; below 1e-4 mm rounding takes over.
     std::vector<double> logarithms;
-    for (size_t i = 0; i < second && distance_mm[i] > 1e-4; ++i)
-      logarithms.push_back(std::log(distance_mm[i]));
+    for (size_t i = 0; i < second && distance_mm[i] > 1e-4; ++i) logarithms.push_back(std::log(distance_mm[i]));
     const double rate = logarithms.size() > 2 ? -FitSlope(logarithms).value : std::log(10.0);
     const std::span<const double> times(other->tick_ms().data() + before, ticks);
     const auto record = [&](const Figure& figure) { Record(garment(), precision(), name, times, figure); };

@@ -74,8 +74,12 @@ std::vector<std::string> ReadNames(File* script) {
 }
 
 bool Prepare(dcloth_cloth* cloth, const std::vector<std::string>& names, bool unity) {
-  const dcloth_space space = {sizeof(space), uint32_t{unity ? DCLOTH_AXIS_MINUS_X : DCLOTH_AXIS_X}, DCLOTH_AXIS_Y,
-                              DCLOTH_AXIS_Z, 1,  DCLOTH_JOINT_FRAMES_CONVERTED};
+  const dcloth_space space = {sizeof(space),
+                              uint32_t{unity ? DCLOTH_AXIS_MINUS_X : DCLOTH_AXIS_X},
+                              DCLOTH_AXIS_Y,
+                              DCLOTH_AXIS_Z,
+                              1,
+                              DCLOTH_JOINT_FRAMES_CONVERTED};
   std::vector<const char*> pointers;
   for (const std::string& name : names) pointers.push_back(name.c_str());
   return dcloth_cloth_set_space(cloth, &space, nullptr) == DCLOTH_OK &&

@@ -248,13 +248,13 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   if (scene == nullptr) {
     const std::string reason = importer.GetErrorString();
     const bool memory = reason.find("bad_alloc") != std::string::npos;
-    throw converter::Error(
-        {.path = path,
-         .tensor = {},
-         .found = memory ? "a file for which assimp asks for more than " + std::to_string(limit.allowance() >> 20) + " MiB"
-                         : "a file that assimp refuses: " + reason,
-         .expected = "a sound " + format + " file",
-         .mend = "export it again"});
+    throw converter::Error({.path = path,
+                            .tensor = {},
+                            .found = memory ? "a file for which assimp asks for more than " +
+                                                  std::to_string(limit.allowance() >> 20) + " MiB"
+                                            : "a file that assimp refuses: " + reason,
+                            .expected = "a sound " + format + " file",
+                            .mend = "export it again"});
   }
   return AssimpReader(*scene, format, path).Read(meshes);
 }

@@ -33,7 +33,8 @@ void CheckGlbLengths(const std::filesystem::path& path, std::span<const std::byt
   if (size < kHeaderBytes + kChunkHeaderBytes || std::memcmp(bytes.data(), "glTF", 4) != 0) return;
   const uint64_t whole = WordAt(bytes, 8);
   AtMost(path, "a binary glTF", whole, size);
-  // Version 1 has its one length where later ones have the first chunk's. Writers may leave a chunk's padding uncounted.
+  // Version 1 has its one length where later ones have the first chunk's. Writers may leave a chunk's padding
+  // uncounted.
   uint64_t at = kHeaderBytes;
   do {
     const uint64_t length = WordAt(bytes, at);

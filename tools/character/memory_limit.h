@@ -6,8 +6,8 @@
 
 namespace dcloth::tools {
 
-// Until it is lifted, on Linux, this process has the address space it had and an allowance that grows with the bytes that
-// the reader is given; beyond it allocations fail. Never above the limit that held before. Elsewhere nothing.
+// Until it is lifted, on Linux, this process has the address space it had and an allowance that grows with the bytes
+// that the reader is given; beyond it allocations fail. Never above the limit that held before. Elsewhere nothing.
 class MemoryLimit {
  public:
   MemoryLimit();

@@ -13,8 +13,8 @@ namespace dcloth::tools {
 // position part. Without a target's bind B is R with axes of length 1. Posed as at rest, a joint gets its bind's frame.
 class Retarget {
  public:
-  // `bind` [joints], world, metres; or empty. Throws converter::Error where the two skeletons, placed on one another, are
-  // more than 0.3 m apart: another unit, another up axis or another pose.
+  // `bind` [joints], world, metres; or empty. Throws converter::Error where the two skeletons, placed on one another,
+  // are more than 0.3 m apart: another unit, another up axis or another pose.
   Retarget(const CharacterFile& file, const Skeleton& skeleton, std::span<const Eigen::Matrix4d> bind);
 
   Eigen::Matrix4d Joint(size_t joint, const Eigen::Matrix4d& world) const;

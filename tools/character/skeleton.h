@@ -18,8 +18,8 @@ struct Skeleton {
   std::vector<Eigen::Matrix4d> rest;  // RestMatrices in `space`, [joints]
 };
 
-// `wanted`: joints by name; empty: every joint of the file. Throws converter::Error where one is missing, where the file
-// has none, and as SpaceOf does.
+// `wanted`: joints by name; empty: every joint of the file. Throws converter::Error where one is missing, where the
+// file has none, and as SpaceOf does.
 Skeleton SkeletonOf(const CharacterFile& file, const JointMap& map, std::span<const std::string> wanted,
                     const SpaceOptions& options);
 

@@ -12,10 +12,10 @@
 namespace dcloth::tools {
 
 struct SkinnedBody {
-  std::vector<float> bind;                 // [joints, 4, 4], world, metres; axes of length 1
-  std::vector<int32_t> parents;            // [joints], the next joint above; -1 where there is none
-  std::vector<float> positions, weights;   // [b, 3], metres; [b, joints], rows of sum 1
-  std::vector<int32_t> faces;              // [c, 3]
+  std::vector<float> bind;                // [joints, 4, 4], world, metres; axes of length 1
+  std::vector<int32_t> parents;           // [joints], the next joint above; -1 where there is none
+  std::vector<float> positions, weights;  // [b, 3], metres; [b, joints], rows of sum 1
+  std::vector<int32_t> faces;             // [c, 3]
 };
 
 // Of the meshes named, of all where none is. Throws converter::Error where one is missing, a vertex has no weight or

@@ -17,7 +17,7 @@
 namespace dcloth::tools {
 namespace {
 
-constexpr double kDefaultRate = 30;  // what training simulates at
+constexpr double kDefaultRate = 30;   // what training simulates at
 constexpr double kWorthAWord = 0.02;  // metres between two skeletons at rest
 
 struct Options {

@@ -8,17 +8,15 @@
 #include "engine/format/limits.h"
 #include "engine/format/verify.h"
 #include "engine/format/view.h"
-#include "engine/src/pose/host_rig.h"
+#include "engine/src/base/arithmetic.h"
 #include "engine/src/base/host_struct.h"
-#include "engine/src/cloth.h"
-#include "engine/src/base/arithmetic.h"
-#include "engine/src/time/idle.h"
-#include "engine/src/base/arithmetic.h"
-#include "engine/src/pose/host_rig.h"
 #include "engine/src/base/lent_memory.h"
+#include "engine/src/cloth.h"
 #include "engine/src/draw/output.h"
-#include "engine/src/state/state.h"
 #include "engine/src/network/schedule.h"
+#include "engine/src/pose/host_rig.h"
+#include "engine/src/state/state.h"
+#include "engine/src/time/idle.h"
 #include "engine/src/update.h"
 
 namespace {
@@ -29,8 +27,8 @@ using dcloth::engine::Cloth;
 using dcloth::engine::FloatEnvironment;
 using dcloth::format::Diagnostic;
 using dcloth::format::kNoOffset;
-using dcloth::format::Path;
 using dcloth::format::ModelView;
+using dcloth::format::Path;
 
 constexpr size_t kModelStorage = (sizeof(ModelView) + DCLOTH_ALIGNMENT - 1) / DCLOTH_ALIGNMENT * DCLOTH_ALIGNMENT;
 
@@ -332,7 +330,8 @@ dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, 
     return diagnostic.status();
   }
   const FloatEnvironment arithmetic(ActiveSubnormals());
-  const bool taken = dcloth::engine::UpdateCloth(ClothOf(cloth), posed, timed, output != nullptr ? &drawn : nullptr, timer);
+  const bool taken =
+      dcloth::engine::UpdateCloth(ClothOf(cloth), posed, timed, output != nullptr ? &drawn : nullptr, timer);
   if (!taken) dcloth::engine::ExplainPose(model, ClothOf(cloth)->rig, posed, &diagnostic);
   return diagnostic.status();
 }

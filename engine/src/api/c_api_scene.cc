@@ -109,8 +109,7 @@ dcloth_status dcloth_scene_plan(dcloth_scene* scene, const dcloth_scene_frame* f
   Limit(&limited.budget_microseconds);
   Limit(&limited.spent_microseconds);
   dcloth::engine::PlanScene(SceneOf(scene), limited);
-  if (planned_microseconds != nullptr)
-    *planned_microseconds = static_cast<float>(SceneOf(scene)->planned_microseconds);
+  if (planned_microseconds != nullptr) *planned_microseconds = static_cast<float>(SceneOf(scene)->planned_microseconds);
   return DCLOTH_OK;
 }
 

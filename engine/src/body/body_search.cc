@@ -54,9 +54,7 @@ bool Counts(const PosedBody& posed, const uint16_t* face) {
   return (touched[face[0]] & touched[face[1]] & touched[face[2]] & posed.touch_bit) != 0;
 }
 
-bool Has(const uint16_t* face, uint32_t vertex) {
-  return face[0] == vertex || face[1] == vertex || face[2] == vertex;
-}
+bool Has(const uint16_t* face, uint32_t vertex) { return face[0] == vertex || face[1] == vertex || face[2] == vertex; }
 
 // Whether one face alone counts at the edge.
 bool IsRim(const PosedBody& posed, uint32_t vertex, uint32_t other) {
@@ -130,8 +128,13 @@ class Walk {
     const bool touching = squared_ <= kTouching * extent_;
     const Vec direction = touching ? normal_ : (side / distance) * away_;
     const Vec point = closest_;
-    result = {{point.x, point.y, point.z}, {direction.x, direction.y, direction.z}, side * distance, face_, faces_seen_,
-              corners_, true};
+    result = {{point.x, point.y, point.z},
+              {direction.x, direction.y, direction.z},
+              side * distance,
+              face_,
+              faces_seen_,
+              corners_,
+              true};
     return result;
   }
 

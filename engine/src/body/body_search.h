@@ -32,8 +32,8 @@ struct ClosestPoint {
 // that vertex too. On an edge or corner that faces share, the one seen most squarely decides which side is outside.
 ClosestPoint SearchBody(const PosedBody& posed, uint32_t first, uint32_t second, const double point[3]);
 
-// The nearest of all faces around the sites of `job`: those of a walk from `start`, then around each vertex that may be a
-// corner of a nearer one. Some microseconds, for the few points whose neighbourhood a vertex near them does not tell.
+// The nearest of all faces around the sites of `job`: those of a walk from `start`, then around each vertex that may be
+// a corner of a nearer one. Some microseconds, for the few points whose neighbourhood a vertex near them does not tell.
 ClosestPoint SearchWholeBody(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists,
                              uint32_t start, const double point[3]);
 

@@ -57,7 +57,8 @@ float Best(const float* row, Better better) {
     return row[0];
   } else {
     float best[kCount / 2];
-    for (size_t k = 0; k < kCount / 2; ++k) best[k] = better(row[k], row[k + kCount / 2]) ? row[k] : row[k + kCount / 2];
+    for (size_t k = 0; k < kCount / 2; ++k)
+      best[k] = better(row[k], row[k + kCount / 2]) ? row[k] : row[k + kCount / 2];
     return Best<kCount / 2>(best, better);
   }
 }

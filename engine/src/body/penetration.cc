@@ -37,7 +37,8 @@ void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& mode
 constexpr int kMaxPushes = 4;
 constexpr double kShare[kMaxPushes] = {1, 1, 0.5, 0.25};  // of the clearance: a fold may be narrower than it
 constexpr double kPushed = 0.99;  // of the clearance: rounded to floats, a vertex that was pushed stays put
-// Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing of.
+// Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing
+// of.
 constexpr double kFarPush = 2;
 
 double SquaredDistance(const double* a, const float* b) {
@@ -108,8 +109,8 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   }
 }
 
-void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i, double clearance,
-             SearchBudget* budget, float* position) {
+void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
+             double clearance, SearchBudget* budget, float* position) {
   const auto nearest = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.nearest[i]));
   const auto suspect = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.suspect[i]));
   const double far = kFarPush * clearance;

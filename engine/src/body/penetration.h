@@ -35,19 +35,21 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
                  const SkinPose& skin, const BodyMemory& memory, const Surface& surface);
 
-// What the searches of a frame may take together, so that no pose and no model makes a frame endless: 16 ns a face. A vertex
-// that comes after stays where it is. The bundled garments look at 20 faces a vertex at most where they lie on the floor
-// or turn over, at 1.7 in most clips; joints shuffled or torn apart would have them look at 126, joints without size at 219.
+// What the searches of a frame may take together, so that no pose and no model makes a frame endless: 16 ns a face. A
+// vertex that comes after stays where it is. The bundled garments look at 20 faces a vertex at most where they lie on
+// the floor or turn over, at 1.7 in most clips; joints shuffled or torn apart would have them look at 126, joints
+// without size at 219.
 struct SearchBudget {
   uint32_t faces;
   uint32_t whole_searches;  // pushes beyond them go by walks
   uint32_t looks = 0;       // for suspects; patches beyond them have none (NearestJob::looks)
 };
 
-// Of a garment of so many vertices. A body can be made of which every group of sites is as near to every vertex, a ball: looks
-// of 65,535 vertices then take 0.11 s (AVX2, scalar; SSE4 0.26), without a bound 0.50 to 1.95. The bundled garments take 10 a
-// vertex at most as they move, 56 as the scalar source counts, 55 and 256 with joints torn apart or of no size. A model can be made in which every push is far and every face in question; the bundled
-// garments need 1,454 whole searches at most, and 421 on their held-out clips.
+// Of a garment of so many vertices. A body can be made of which every group of sites is as near to every vertex, a
+// ball: looks of 65,535 vertices then take 0.11 s (AVX2, scalar; SSE4 0.26), without a bound 0.50 to 1.95. The bundled
+// garments take 10 a vertex at most as they move, 56 as the scalar source counts, 55 and 256 with joints torn apart or
+// of no size. A model can be made in which every push is far and every face in question; the bundled garments need
+// 1,454 whole searches at most, and 421 on their held-out clips.
 inline SearchBudget SearchBudgetOf(uint32_t vertices) {
   constexpr uint32_t kFacesPerVertex = 32, kLeastFaces = 65536, kWholeSearches = 2048;
   constexpr uint32_t kLooksPerVertex = 256, kLeastLooks = 1 << 18;
@@ -55,11 +57,11 @@ inline SearchBudget SearchBudgetOf(uint32_t vertices) {
   return {faces > kLeastFaces ? faces : kLeastFaces, kWholeSearches, looks > kLeastLooks ? looks : kLeastLooks};
 }
 
-// Point `i` of the job, which has a suspect, out of what its class touches and `clearance` away from it; less in a fold that
-// is too narrow, and not at all where the closest point lies on the rim of what counts. `position` is the point's; `budget`
-// is what is left in the frame.
-void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i, double clearance,
-             SearchBudget* budget, float* position);
+// Point `i` of the job, which has a suspect, out of what its class touches and `clearance` away from it; less in a fold
+// that is too narrow, and not at all where the closest point lies on the rim of what counts. `position` is the point's;
+// `budget` is what is left in the frame.
+void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
+             double clearance, SearchBudget* budget, float* position);
 
 }  // namespace dcloth::engine
 

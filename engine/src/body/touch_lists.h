@@ -12,13 +12,13 @@
 namespace dcloth::engine {
 
 struct TouchLists {
-  const uint16_t* order;    // [n] the garment's vertices by class, within a class neighbours together
-  const uint16_t* sites;    // [groups, kernels::kNearestGroup] body vertices, those of a group neighbours that the same
-                            // classes touch, filled up with its last; null without classes, as the next three
-  uint16_t* groups;         // by class that touches them
-  uint32_t* order_starts;   // [kMaxTouchClasses + 1] into `order`
-  uint32_t* group_starts;   // [kMaxTouchClasses + 1] into `groups`
-  uint16_t* made_order;     // `order` and `sites` where the file, before format 1.5, has none; else null
+  const uint16_t* order;   // [n] the garment's vertices by class, within a class neighbours together
+  const uint16_t* sites;   // [groups, kernels::kNearestGroup] body vertices, those of a group neighbours that the same
+                           // classes touch, filled up with its last; null without classes, as the next three
+  uint16_t* groups;        // by class that touches them
+  uint32_t* order_starts;  // [kMaxTouchClasses + 1] into `order`
+  uint32_t* group_starts;  // [kMaxTouchClasses + 1] into `groups`
+  uint16_t* made_order;    // `order` and `sites` where the file, before format 1.5, has none; else null
   uint16_t* made_sites;
 };
 
@@ -34,7 +34,8 @@ struct TouchClass {
 // The model has a body.
 TouchLists PlaceTouchLists(const format::ModelView& model, Arena* arena);
 
-// Once, before the first ClassAt. Cost: a millisecond for 8,000 vertices where the file has no order, else microseconds.
+// Once, before the first ClassAt. Cost: a millisecond for 8,000 vertices where the file has no order, else
+// microseconds.
 void FillTouchLists(const format::ModelView& model, const TouchLists& lists);
 
 // Groups of sites, those of all classes together and of the class that touches most.

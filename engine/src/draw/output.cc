@@ -42,13 +42,14 @@ float* At(float* values, size_t stride_bytes, size_t vertex) {
 // From scratch to the host's buffer.
 void Store(const kernels::KernelTable& kernels, const Attribute& attribute, const float* scratch, size_t vertices) {
   if (attribute.format == DCLOTH_FORMAT_FLOAT16) {
-    kernels.store_half({scratch, static_cast<uint16_t*>(attribute.data), attribute.stride_bytes, attribute.elements,
-                        vertices});
+    kernels.store_half(
+        {scratch, static_cast<uint16_t*>(attribute.data), attribute.stride_bytes, attribute.elements, vertices});
     return;
   }
   auto* to = static_cast<uint8_t*>(attribute.data);
   const size_t bytes = attribute.elements * sizeof(float);
-  for (size_t i = 0; i < vertices; ++i) std::memcpy(to + i * attribute.stride_bytes, scratch + i * attribute.elements, bytes);
+  for (size_t i = 0; i < vertices; ++i)
+    std::memcpy(to + i * attribute.stride_bytes, scratch + i * attribute.elements, bytes);
 }
 
 }  // namespace
@@ -66,7 +67,8 @@ bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Dia
   }
   constexpr char kAttribute[] = "a pointer, a stride or a format that does not fit";
   constexpr char kAttributes[] =
-      "DCLOTH_FORMAT_*; an address and a stride that are multiples of the number's bytes; a stride of an attribute or more";
+      "DCLOTH_FORMAT_*; an address and a stride that are multiples of the number's bytes; a stride of an attribute or "
+      "more";
   if ((output.flags & ~uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY}) != 0)
     return refuse("flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
   if (output.positions == nullptr) return refuse("positions", "a null pointer", "memory for the positions");
@@ -84,8 +86,8 @@ bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Dia
   if (output.bounds != nullptr && !IsAligned(output.bounds, sizeof(float)))
     return refuse("bounds", "a misaligned pointer", "six floats on a multiple of 4");
   const size_t scratch = ScratchBytes(output);
-  if (scratch == 0 || (output.scratch != nullptr && IsAligned(output.scratch, sizeof(float)) &&
-                       output.scratch_size >= scratch)) {
+  if (scratch == 0 ||
+      (output.scratch != nullptr && IsAligned(output.scratch, sizeof(float)) && output.scratch_size >= scratch)) {
     return true;
   }
   return refuse("scratch", "too few bytes, or a null or misaligned pointer",

@@ -63,8 +63,7 @@ LinearProduct DisplacementProduct(const format::ModelView& model, uint32_t stage
                                   int16_t* quantized, float* displacement) {
   const format::DisplacementView& view = model.displacement;
   const size_t rows = view.skeleton_rows + (stages == DCLOTH_STAGES_MESH ? view.mesh_rows : 0);
-  return {&view.basis, BasisCoefficients(model, coefficients), rows, Activation::kNone, quantized,
-          displacement};
+  return {&view.basis, BasisCoefficients(model, coefficients), rows, Activation::kNone, quantized, displacement};
 }
 
 }  // namespace dcloth::engine

@@ -1,6 +1,7 @@
 // The displacement of a tick: from the stages' P and Q to coefficients c, and c . basis (NETWORK.md, "Reduced basis").
 //
-// One block of coefficients per instance: [P, pad | Q, pad | c, pad]. Without a head c is [P, pad | Q] itself and takes no room.
+// One block of coefficients per instance: [P, pad | Q, pad | c, pad]. Without a head c is [P, pad | Q] itself and takes
+// no room.
 #ifndef DCLOTH_ENGINE_SRC_NETWORK_DISPLACEMENT_H_
 #define DCLOTH_ENGINE_SRC_NETWORK_DISPLACEMENT_H_
 
@@ -36,7 +37,8 @@ void MixCoefficients(const kernels::KernelTable& kernels, const format::ModelVie
 size_t DisplacementFloats(const format::ModelView& model);
 
 // delta = c . basis, one pass over the part of the basis that the running stages use. `stages` is one of
-// DCLOTH_STAGES_* but STATIC, whose displacement is zero; `coefficients` is the block, mixed; nothing of it beyond the level's rows is read.
+// DCLOTH_STAGES_* but STATIC, whose displacement is zero; `coefficients` is the block, mixed; nothing of it beyond the
+// level's rows is read.
 LinearProduct DisplacementProduct(const format::ModelView& model, uint32_t stages, const float* coefficients,
                                   int16_t* quantized, float* displacement);
 

@@ -26,9 +26,10 @@ Portion VerticesOf(const ModelView& model, size_t begin_block, size_t block_coun
   return {begin, (end < n ? end : n) - begin};
 }
 
-// What a block of the last layer asks for of the weights after it. 1 KB is half a megabyte for the skirt, on a core with
-// 2 MB of L2: its product takes 34 us instead of 58 with emptied caches, 20 instead of 29 without, the layers no more.
-// Half as much gains half; all of it, or from the first layer on, costs the layers what it gains (kernels/README.md).
+// What a block of the last layer asks for of the weights after it. 1 KB is half a megabyte for the skirt, on a core
+// with 2 MB of L2: its product takes 34 us instead of 58 with emptied caches, 20 instead of 29 without, the layers no
+// more. Half as much gains half; all of it, or from the first layer on, costs the layers what it gains
+// (kernels/README.md).
 constexpr size_t kBlockAheadBytes = 1024;
 
 size_t LastLayerShare(const MeshStageView& stage, size_t blocks) {
@@ -98,8 +99,7 @@ void ClearMeshState(const ModelView& model, const MeshMemory& memory) {
 
 // X: body points in the heading frame, standardised. Both are folded into the joint matrices,
 // diag(1/deviation) (H^-1 G_j B_j^-1 - mean), which is exact because a point's weights sum to 1.
-void PrepareBodyPoints(const ModelView& model, const SkinPose& skin, const Heading& heading,
-                       const MeshMemory& memory) {
+void PrepareBodyPoints(const ModelView& model, const SkinPose& skin, const Heading& heading, const MeshMemory& memory) {
   const MeshStageView& stage = model.mesh_stage;
   for (size_t j = 0; j < model.joint_count; ++j) {
     Affine matrix = ToHeading(heading, skin.joints[j]);

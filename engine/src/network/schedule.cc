@@ -53,7 +53,8 @@ uint64_t LayerBlockCost(const ModelView& model) {
   const uint64_t inputs = 3 + (layers - 1) * width;
   const uint64_t multiply_adds = 3 * width * inputs / layers + 4 * width * width;
   const bool integers = model.mesh_stage.layers[layers - 1].integers != nullptr;
-  return kernels::kGsgruBlock * (kPerLayerVertex + (integers ? kPerIntegerMultiplyAdd : kPerMultiplyAdd) * multiply_adds);
+  return kernels::kGsgruBlock *
+         (kPerLayerVertex + (integers ? kPerIntegerMultiplyAdd : kPerMultiplyAdd) * multiply_adds);
 }
 
 void ClearSkeletonState(Cloth* cloth) {
@@ -236,8 +237,7 @@ constexpr Part kBasis = {
       const format::DisplacementView& displacement = model.displacement;
       if (displacement.skeleton_rows == 0) return PartSize{};
       if (!RunsSkeleton(plan)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
-      return ProductSize(displacement.basis,
-                         displacement.skeleton_rows + (HasMesh(plan) ? displacement.mesh_rows : 0));
+      return ProductSize(displacement.basis, displacement.skeleton_rows + (HasMesh(plan) ? displacement.mesh_rows : 0));
     },
     [](Cloth* cloth, size_t begin, size_t count) {
       if (RunsSkeleton(cloth->plan)) {
@@ -272,8 +272,8 @@ void RunItems(Cloth* cloth, TickPart part, size_t begin, size_t count) {
 }
 
 // Parts that one portion weaves together: the GRU's product waits for memory and the layers for arithmetic, and neither
-// needs the other. The layers but the last, which has its own to ask for, ask for the panels that come next; so little at
-// a time that any L2 holds it.
+// needs the other. The layers but the last, which has its own to ask for, ask for the panels that come next; so little
+// at a time that any L2 holds it.
 constexpr TickPart kFirstWoven = TickPart::kSkeletonHidden, kLastWoven = TickPart::kMeshLayers;
 constexpr size_t kThreadBytes = size_t{64} << 10;
 
@@ -290,7 +290,8 @@ void RunWoven(Cloth* cloth, Stopwatch* watch) {
   Lap(TickPart::kBodyPoints, watch);
   const LinearProduct product = kSkeletonHidden.product(*cloth);
   const float input_scale = QuantizeInput(kernels, product);
-  const size_t panels = kernels::PanelCount(product.linear->columns), bytes = PanelBytes(*product.linear, product.row_count);
+  const size_t panels = kernels::PanelCount(product.linear->columns),
+               bytes = PanelBytes(*product.linear, product.row_count);
   const size_t thread = bytes < kThreadBytes ? kThreadBytes / bytes : 1;
   size_t blocks_done = 0;
   for (size_t first = 0; first < panels; first += thread) {

@@ -1,9 +1,9 @@
 // One tick of the network as work that can be put down after any portion and taken up in a later frame.
 //
-// A tick runs the parts of engine/format/tick_parts.h in their order; a part (a matrix product, a pass over the mesh) is a
-// number of items (panels of 32 columns, blocks of 16 vertices). However a tick is cut, its result is the same to the bit:
-// items never share a sum. The .cc file has a row for each part: its items and their cost, how to run some of them, and
-// what a saved state keeps of it. A new part is a line in that list and a row here.
+// A tick runs the parts of engine/format/tick_parts.h in their order; a part (a matrix product, a pass over the mesh)
+// is a number of items (panels of 32 columns, blocks of 16 vertices). However a tick is cut, its result is the same to
+// the bit: items never share a sum. The .cc file has a row for each part: its items and their cost, how to run some of
+// them, and what a saved state keeps of it. A new part is a line in that list and a row here.
 #ifndef DCLOTH_ENGINE_SRC_NETWORK_SCHEDULE_H_
 #define DCLOTH_ENGINE_SRC_NETWORK_SCHEDULE_H_
 

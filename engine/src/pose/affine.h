@@ -3,8 +3,6 @@
 #ifndef DCLOTH_ENGINE_SRC_POSE_AFFINE_H_
 #define DCLOTH_ENGINE_SRC_POSE_AFFINE_H_
 
-
-
 namespace dcloth::engine {
 
 struct Affine {

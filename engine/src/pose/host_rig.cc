@@ -73,8 +73,7 @@ bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostR
     format::Text(found, sizeof(found)).Add("no inverse for joint '").Add(format::JointName(model, j)).Add("'");
     return refuse(found);
   }
-  for (size_t j = 0; j < model.joint_count; ++j)
-    Invert(JointMatrix(bind, rig->joint_map[j]), &rig->inverse_bind[j]);
+  for (size_t j = 0; j < model.joint_count; ++j) Invert(JointMatrix(bind, rig->joint_map[j]), &rig->inverse_bind[j]);
   rig->has_bind_pose = true;
   return true;
 }

@@ -1,7 +1,8 @@
-// The host's rig and the model's: which joint is which, by name, and joints that have axes of their own, by the bind pose.
+// The host's rig and the model's: which joint is which, by name, and joints that have axes of their own, by the bind
+// pose.
 //
-// The world's motion from bind pose to pose, D_j = G_j P_j^-1, is the same whatever axes a joint was given; in the model's
-// space and times the joint's matrix of training, B_j, it is the G_j that the network knows.
+// The world's motion from bind pose to pose, D_j = G_j P_j^-1, is the same whatever axes a joint was given; in the
+// model's space and times the joint's matrix of training, B_j, it is the G_j that the network knows.
 #ifndef DCLOTH_ENGINE_SRC_POSE_HOST_RIG_H_
 #define DCLOTH_ENGINE_SRC_POSE_HOST_RIG_H_
 

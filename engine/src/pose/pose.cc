@@ -42,9 +42,9 @@ Affine Translation(const double (&vector)[3]) {
   return translation;
 }
 
-// Backward differences over the time since the last tick; none after a reset, the last ones after a jump. Between ticks of
-// different lengths a velocity is that of the middle. `acceleration` of the hips is in the heading frame, m/s^2: zero
-// until two velocities are known, and in the tick of a jump.
+// Backward differences over the time since the last tick; none after a reset, the last ones after a jump. Between ticks
+// of different lengths a velocity is that of the middle. `acceleration` of the hips is in the heading frame, m/s^2:
+// zero until two velocities are known, and in the tick of a jump.
 void UpdateVelocity(const SkinPose& skin, const Heading& heading, double tick_rate, double elapsed_ticks,
                     RootMotion* root, double (&acceleration)[3]) {
   for (double& a : acceleration) a = 0;
@@ -173,8 +173,8 @@ Affine ToHeading(const Heading& heading, const Affine& matrix) {
   return local;
 }
 
-void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const double (&wind)[3],
-                    double elapsed_ticks, RootMotion* root, float* x) {
+void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const double (&wind)[3], double elapsed_ticks,
+                    RootMotion* root, float* x) {
   const format::FeaturesView& features = model.features;
   const Heading heading = HeadingOf(skin.joints[model.hips], root->heading);
   size_t i = 0;

@@ -37,8 +37,8 @@ bool PoseIsUsable(const format::ModelView& model, const HostRig& rig, const dclo
 void ExplainPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose,
                  format::Diagnostic* diagnostic);
 
-// G_j of every joint, [joint_count], in the model's space. False, whatever `joints` hold then, where the pose is not usable
-// or a number comes out above kLargestJoint.
+// G_j of every joint, [joint_count], in the model's space. False, whatever `joints` hold then, where the pose is not
+// usable or a number comes out above kLargestJoint.
 bool ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints);
 
 // What skins a frame: G_j B_j^-1 of every joint, with the hips' world position taken off all translations.
@@ -60,11 +60,12 @@ struct RootMotion {
   Heading heading;
   double position[3] = {};
   double velocity[3] = {};  // m/s, in the heading frame
-  double velocity_age = 0;  // ticks to the last one from the middle of the time it was measured over; 0: not measured yet
-  double yaw_rate = 0;      // rad/s
-  double wind[3] = {};      // m/s in the world; zero where the model does not read it
-  bool started = false;     // false after a reset: no velocity yet
-  bool jumped = false;      // moved by the host since then, not by its own legs: the velocity stays
+  double velocity_age =
+      0;                 // ticks to the last one from the middle of the time it was measured over; 0: not measured yet
+  double yaw_rate = 0;   // rad/s
+  double wind[3] = {};   // m/s in the world; zero where the model does not read it
+  bool started = false;  // false after a reset: no velocity yet
+  bool jumped = false;   // moved by the host since then, not by its own legs: the velocity stays
 };
 
 // H^-1 M for a matrix whose origin is the hips.
@@ -73,8 +74,8 @@ Affine ToHeading(const Heading& heading, const Affine& matrix);
 // Moves `root` to this tick, `elapsed_ticks` after the last one, and writes the standardised, clamped
 // features x [d]. A collapsed joint leaves its nine as they were, so x lives as long as the cloth.
 // `wind` is in m/s in the world.
-void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const double (&wind)[3],
-                    double elapsed_ticks, RootMotion* root, float* x);
+void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const double (&wind)[3], double elapsed_ticks,
+                    RootMotion* root, float* x);
 
 }  // namespace dcloth::engine
 

@@ -17,7 +17,7 @@ struct Space {
   double sign[3] = {1, 1, 1};
   double metres_per_unit = 1;
   bool converts_joints = true;  // joint frames are converted with the world
-  bool mirrored = false;    // left-handed: triangles' cross products point inwards
+  bool mirrored = false;        // left-handed: triangles' cross products point inwards
 };
 
 // False where the axes are no permutation or the unit is no normal positive number.

@@ -10,11 +10,11 @@
 namespace dcloth::engine {
 namespace {
 
-constexpr double kFull = 1 + 1e-9;   // shares of a frame
-constexpr double kRaiseRoom = 0.9;   // of `left`, that a level not held yet has to fit into
+constexpr double kFull = 1 + 1e-9;  // shares of a frame
+constexpr double kRaiseRoom = 0.9;  // of `left`, that a level not held yet has to fit into
 constexpr double kLongerThanATick = 1.05;
 constexpr double kHeldWorth = 1.25;
-constexpr double kNever = 1e30;   // more than any frame has
+constexpr double kNever = 1e30;  // more than any frame has
 constexpr double kLeastShare = 1e-9;
 
 // Part of a frame that a tick takes: a whole number of them fits.
@@ -26,8 +26,7 @@ double TickShare(double microseconds, double left) {
 
 double ShareOf(const SceneCharacter& character, uint32_t level, double frame_seconds, double left) {
   if (level == DCLOTH_LEVEL_FROZEN) {
-    const double share =
-        TickShare(static_cast<double>(character.tick_microseconds[DCLOTH_LEVEL_STATIC]), left);
+    const double share = TickShare(static_cast<double>(character.tick_microseconds[DCLOTH_LEVEL_STATIC]), left);
     return share >= kNever ? 0 : share * frame_seconds / kRefreshSeconds;  // without room there is no refresh
   }
   if (level > character.held_level) left *= kRaiseRoom;
@@ -125,8 +124,9 @@ double TickMicroseconds(const SceneCharacter& character, uint32_t ticks) {
 }
 
 // Fills ticks, held, microseconds, late and stale of each character for a frame of `seconds`; returns the ticks' cost,
-// at most `left` (0 where that is negative). A tick that does not fit lets smaller ones pass, and goes first in the next frame:
-// ChooseLevels gives no level whose tick is longer than `left`, so nobody waits longer than the others take.
+// at most `left` (0 where that is negative). A tick that does not fit lets smaller ones pass, and goes first in the
+// next frame: ChooseLevels gives no level whose tick is longer than `left`, so nobody waits longer than the others
+// take.
 double GrantTicks(Scene* scene, double seconds, double left) {
   SceneCharacter* const all = scene->characters;
   uint32_t count = 0;
@@ -172,11 +172,11 @@ double GrantTicks(Scene* scene, double seconds, double left) {
   return spent;
 }
 
-constexpr double kLongestFrame = 0.1;     // longer ones are hitches, which say nothing of the next frame
-constexpr double kFollowSeconds = 0.1;    // of a new frame in the mean
-constexpr double kFollowSlower = 0.25;    // frames that cost more than planned are believed soon
-constexpr double kFollowFaster = 0.02;    // those that cost less, late
-constexpr double kMostStep = 2;           // a frame that took longer was interrupted
+constexpr double kLongestFrame = 0.1;   // longer ones are hitches, which say nothing of the next frame
+constexpr double kFollowSeconds = 0.1;  // of a new frame in the mean
+constexpr double kFollowSlower = 0.25;  // frames that cost more than planned are believed soon
+constexpr double kFollowFaster = 0.02;  // those that cost less, late
+constexpr double kMostStep = 2;         // a frame that took longer was interrupted
 constexpr double kLeastLoad = 0.5, kMostLoad = 4;
 
 uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {

@@ -41,11 +41,11 @@ struct SceneCharacter {
 
 struct Scene {
   uint32_t count;
-  SceneCharacter* characters;  // [count]
-  uint32_t* order;             // [count], scratch
-  double frame_seconds;        // mean of late
-  double load;                 // what frames really cost over what their plans said
-  double planned_microseconds; // of the last plan, `load` included
+  SceneCharacter* characters;   // [count]
+  uint32_t* order;              // [count], scratch
+  double frame_seconds;         // mean of late
+  double load;                  // what frames really cost over what their plans said
+  double planned_microseconds;  // of the last plan, `load` included
 };
 
 // With `storage` null it only returns the size.

@@ -5,9 +5,9 @@
 
 #include "engine/format/checksum.h"
 #include "engine/src/network/displacement.h"
-#include "engine/src/time/idle.h"
-#include "engine/src/state/state_check.h"
 #include "engine/src/network/schedule.h"
+#include "engine/src/state/state_check.h"
+#include "engine/src/time/idle.h"
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "models and saved states are little-endian and used as they lie"
@@ -77,8 +77,7 @@ void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
       spans->Add("mesh_state", cloth.mesh.state + layer * kernels::GsgruStateFloats(n, width), n, width, width,
                  kLargestHidden);
     }
-    if (AtHalfRate(at.plan))
-      spans->AddRow("mesh_before", cloth.mesh_before, model.mesh_stage.coefficients.columns);
+    if (AtHalfRate(at.plan)) spans->AddRow("mesh_before", cloth.mesh_before, model.mesh_stage.coefficients.columns);
   }
   if (at.idle_floats != 0) {
     const bool own = at.idle_floats == IdleStartFloats(model);

@@ -50,8 +50,8 @@ StatePosition PositionOf(const StateHead& head);
 // What the continuation of a cloth depends on, and nothing else. `position` is one that a tick of the model can have.
 //
 // Not among the floats: what a tick makes before it reads, integers of int8 products (made anew from their input),
-// padding. Rejected: to finish a tick in work before saving, which draws other frames than the cloth that goes on, and to
-// begin it anew, for which its start is gone.
+// padding. Rejected: to finish a tick in work before saving, which draws other frames than the cloth that goes on, and
+// to begin it anew, for which its start is gone.
 void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpans* spans);
 
 // Of the file where its writer told one, of its name before format 1.2.
@@ -67,9 +67,9 @@ size_t StateSize(const Cloth& cloth);
 // broken make.
 void SaveState(const Cloth& cloth, void* bytes, format::Diagnostic* diagnostic);
 
-// The cloth goes on to the bit as the one that was saved. Refused, and the cloth unchanged, where the bytes are damaged,
-// of another version or model, or hold what no cloth can have. `other_model` also takes those of a model with the same
-// numbers and another identity, between ticks.
+// The cloth goes on to the bit as the one that was saved. Refused, and the cloth unchanged, where the bytes are
+// damaged, of another version or model, or hold what no cloth can have. `other_model` also takes those of a model with
+// the same numbers and another identity, between ticks.
 void RestoreState(const void* bytes, size_t size, bool other_model, Cloth* cloth, format::Diagnostic* diagnostic);
 
 }  // namespace dcloth::engine

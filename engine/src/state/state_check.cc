@@ -4,8 +4,8 @@
 #include <cstring>
 
 #include "engine/format/checksum.h"
-#include "engine/src/time/idle.h"
 #include "engine/src/network/schedule.h"
+#include "engine/src/time/idle.h"
 
 namespace dcloth::engine {
 namespace {
@@ -24,7 +24,8 @@ struct Field {
   const char* name;
   size_t offset;
 };
-#define DCLOTH_FIELD(name) Field{#name, offsetof(StateHead, name)}
+#define DCLOTH_FIELD(name) \
+  Field { #name, offsetof(StateHead, name) }
 
 bool FailCount(const Field& field, uint64_t found, const char* allowed, Diagnostic* diagnostic) {
   const Path path = {nullptr, field.name};
@@ -40,15 +41,14 @@ bool FailValue(const Path& path, size_t offset, double found, const char* allowe
 // False for NaN.
 bool CheckRange(const Field& field, double value, double low, double high, const char* allowed,
                 Diagnostic* diagnostic) {
-  return (value >= low && value <= high) ||
-         FailValue({nullptr, field.name}, field.offset, value, allowed, diagnostic);
+  return (value >= low && value <= high) || FailValue({nullptr, field.name}, field.offset, value, allowed, diagnostic);
 }
 
 bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* diagnostic) {
   if (head.tick_count > kTickSlots) return FailCount(DCLOTH_FIELD(tick_count), head.tick_count, "0 to 3", diagnostic);
   const bool fresh = head.tick_count == 0;
-  const bool known = head.stages == DCLOTH_STAGES_STATIC || head.stages == DCLOTH_STAGES_SKELETON ||
-                     head.stages == DCLOTH_STAGES_MESH;
+  const bool known =
+      head.stages == DCLOTH_STAGES_STATIC || head.stages == DCLOTH_STAGES_SKELETON || head.stages == DCLOTH_STAGES_MESH;
   if (fresh ? head.stages != DCLOTH_STAGES_MESH : !known || head.stages > ModelStages(model))
     return FailCount(DCLOTH_FIELD(stages), head.stages, "DCLOTH_STAGES_* that the model holds", diagnostic);
   TickPart part = TickPart::kDone;

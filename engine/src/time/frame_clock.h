@@ -70,7 +70,7 @@ class FrameClock {
   bool started_ = false;
   double since_ = 0;   // since the newest due tick, -kTickTolerance to 1
   double waited_ = 0;  // since then beyond since_; begins at -1 after a rest
-  double step_ = 0;   // of the last Advance
+  double step_ = 0;    // of the last Advance
   double lag_ = 0;
 };
 

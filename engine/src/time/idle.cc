@@ -4,9 +4,8 @@
 #include <cstddef>
 #include <cstring>
 
-#include "engine/src/network/displacement.h"
-#include "engine/src/network/displacement.h"
 #include "engine/src/base/arithmetic.h"
+#include "engine/src/network/displacement.h"
 
 namespace dcloth::engine {
 namespace {

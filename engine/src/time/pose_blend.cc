@@ -124,8 +124,8 @@ Affine Between(const Affine& older, const Affine& before, const Affine& now, dou
   for (int c = 0; c < 3; ++c) {
     const double length = b.length[c] + fraction * (n.length[c] - b.length[c]);
     for (int r = 0; r < 3; ++r) {
-      out.m[r][c] = length * (part[r][0] * b.rotation[0][c] + part[r][1] * b.rotation[1][c] +
-                              part[r][2] * b.rotation[2][c]);
+      out.m[r][c] =
+          length * (part[r][0] * b.rotation[0][c] + part[r][1] * b.rotation[1][c] + part[r][2] * b.rotation[2][c]);
     }
   }
   return out;

@@ -29,11 +29,11 @@ TEST(AssembleTest, EachMatrixHasItsFormats) {
   constexpr Precision kFp32 = Precision::kFp32, kFp16 = Precision::kFp16, kInt8 = Precision::kInt8;
   // What fp32, fp16 and int8 make of each.
   const std::map<std::string, std::array<Precision, 3>> formats = {
-      {"static_stage.hidden", {kFp32, kFp16, kFp16}},        {"static_stage.increments", {kFp32, kFp16, kFp16}},
-      {"skeleton_stage.input", {kFp32, kFp16, kInt8}},       {"skeleton_stage.hidden", {kFp32, kFp16, kInt8}},
-      {"displacement.basis", {kFp32, kFp16, kInt8}},         {"displacement.head", {kFp32, kFp16, kFp16}},
-      {"mesh_stage.hidden", {kFp32, kFp16, kInt8}},          {"mesh_stage.coefficients", {kFp32, kFp16, kInt8}},
-      {"mesh_stage.layers.0", {kFp32, kFp32, kInt8}},        {"mesh_stage.layers.7", {kFp32, kFp32, kInt8}},
+      {"static_stage.hidden", {kFp32, kFp16, kFp16}},  {"static_stage.increments", {kFp32, kFp16, kFp16}},
+      {"skeleton_stage.input", {kFp32, kFp16, kInt8}}, {"skeleton_stage.hidden", {kFp32, kFp16, kInt8}},
+      {"displacement.basis", {kFp32, kFp16, kInt8}},   {"displacement.head", {kFp32, kFp16, kFp16}},
+      {"mesh_stage.hidden", {kFp32, kFp16, kInt8}},    {"mesh_stage.coefficients", {kFp32, kFp16, kInt8}},
+      {"mesh_stage.layers.0", {kFp32, kFp32, kInt8}},  {"mesh_stage.layers.7", {kFp32, kFp32, kInt8}},
   };
   for (const auto& [matrix, expected] : formats) {
     for (const Precision asked : {kFp32, kFp16, kInt8}) {

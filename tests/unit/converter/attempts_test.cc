@@ -110,9 +110,9 @@ TEST_F(AttemptsTest, FormatsAreChosenAtTheRankThatIsAskedFor) {
     RankMode mode;
     uint32_t asked, chosen_at, stored;
   };
-  for (const Case& each : {Case{RankMode::kExact, 0, 6, 6}, Case{RankMode::kFull, 0, 17, 17},
-                           Case{RankMode::kFixed, 3, 4, 4}, Case{RankMode::kFixed, 9, 6, 6},
-                           Case{RankMode::kSearch, 0, 6, 2}}) {
+  for (const Case& each :
+       {Case{RankMode::kExact, 0, 6, 6}, Case{RankMode::kFull, 0, 17, 17}, Case{RankMode::kFixed, 3, 4, 4},
+        Case{RankMode::kFixed, 9, 6, 6}, Case{RankMode::kSearch, 0, 6, 2}}) {
     for (const bool with_motion : {false, true}) {
       ConvertOptions options = Asked({}, each.mode, each.asked);
       options.calibration = walk_;

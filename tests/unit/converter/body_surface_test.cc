@@ -104,12 +104,14 @@ TEST(BodySurfaceTest, RingsListEachFaceAtItsCornersAndGroupsLieTogether) {
   for (size_t g = 0; g < b; g += kernels::kNearestGroup) {
     for (size_t i = g; i < std::min(b, g + kernels::kNearestGroup); ++i) {
       const auto first = bundle.body_positions.row(surface.vertices[g]);
-      EXPECT_LT((bundle.body_positions.row(surface.vertices[i]) - first).norm(), 0.5f) << "16 vertices of a lattice of 0.05 m";
+      EXPECT_LT((bundle.body_positions.row(surface.vertices[i]) - first).norm(), 0.5f)
+          << "16 vertices of a lattice of 0.05 m";
     }
   }
 }
 
-// One vertex more than a group: the cut leaves a whole group on its left and that vertex, the last along the longer side.
+// One vertex more than a group: the cut leaves a whole group on its left and that vertex, the last along the longer
+// side.
 TEST(BodySurfaceTest, OneVertexMoreThanAGroupIsCutBehindTheGroup) {
   static_assert(kernels::kNearestGroup == 16);
   Bundle bundle = WithWall(6, 3);
@@ -194,8 +196,8 @@ TEST(BodySurfaceTest, TheFormatsLimitsAreAllowed) {
   }
   holds(with(again), 8192, 16384);
   again.push_back({kColumns - 1, kColumns - 2, 2 * kColumns});
-  EXPECT_TRUE(Mentions(refusal(with(again)), "found 8192 colliding vertices and 16385 faces",
-                       "at most 8192 vertices, 16384"));
+  EXPECT_TRUE(
+      Mentions(refusal(with(again)), "found 8192 colliding vertices and 16385 faces", "at most 8192 vertices, 16384"));
   Bundle wider = with({{0, 1, kColumns}});
   wider.body_joint_weights.row(kColumns) = wider.body_joint_weights.row(0);
   EXPECT_TRUE(Mentions(refusal(wider), "found 8193 colliding vertices and " + std::to_string(kFaces + 1) + " faces"));

@@ -1,5 +1,4 @@
 #include "tests/unit/converter/bundle_builder.h"
-#include "kernels/half.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <span>
 #include <stdexcept>
 
+#include "kernels/half.h"
 
 namespace dcloth::testing {
 namespace {
@@ -140,7 +140,9 @@ class Builder {
                       {"joint_names", nlohmann::json(names).dump()},
                       {"hips", names[0]},
                       {"feature_joints", nlohmann::json(features).dump()},
-                      {"root_motion", spec_.root_motion == converter::RootMotion::kAir ? "air" : spec_.root_motion == converter::RootMotion::kHips ? "true" : "false"},
+                      {"root_motion", spec_.root_motion == converter::RootMotion::kAir    ? "air"
+                                      : spec_.root_motion == converter::RootMotion::kHips ? "true"
+                                                                                          : "false"},
                       {"bones", nlohmann::json(bones).dump()},
                       {"training", R"({"licence": "none, random numbers"})"}};
   }

@@ -33,7 +33,11 @@ struct BundleSpec {
   bool half_weights = false;     // trained weights as F16
   uint64_t seed = 1;
 
-  uint32_t features() const { return 9 * feature_joints + (root_motion == converter::RootMotion::kAir ? 7 : root_motion == converter::RootMotion::kHips ? 4 : 0); }
+  uint32_t features() const {
+    return 9 * feature_joints + (root_motion == converter::RootMotion::kAir    ? 7
+                                 : root_motion == converter::RootMotion::kHips ? 4
+                                                                               : 0);
+  }
 };
 
 // A safetensors file in pieces, so that a test can break one.
@@ -53,7 +57,7 @@ struct RawFile {
   void SetFloat(std::string_view name, size_t index, float value);  // F32 only
   void SetInt(std::string_view name, size_t index, int32_t value);  // I32 only
   void Replace(std::string_view name, converter::Shape shape,
-               const std::vector<float>& values);  // adds or replaces, F32
+               const std::vector<float>& values);                           // adds or replaces, F32
   void SetMasks(std::string_view name, const std::vector<int32_t>& masks);  // adds or replaces, I32
 
   converter::AlignedBytes Bytes() const;

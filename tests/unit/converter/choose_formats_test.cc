@@ -35,7 +35,7 @@ struct Made {
     for (const FormatOption& option : options) {
       const auto named = plan.formats.find(option.tensor);
       const Precision format = named == plan.formats.end() ? plan.precision : named->second;
-      formats.push_back(Bytes(format) < Bytes(option.lowest)                     ? option.lowest
+      formats.push_back(Bytes(format) < Bytes(option.lowest)               ? option.lowest
                         : format == Precision::kFp16 && !option.has_halves ? Precision::kFp32
                                                                            : format);
     }
@@ -189,9 +189,7 @@ struct Plain {
     measured.push_back(formats);
     return error_of(formats);
   }
-  uint64_t Size(size_t t, size_t rung) const {
-    return options[t].element_count * Bytes(Ladder(options[t]).at(rung));
-  }
+  uint64_t Size(size_t t, size_t rung) const { return options[t].element_count * Bytes(Ladder(options[t]).at(rung)); }
   bool Choose() {
     rungs.assign(options.size(), 0);
     refused.assign(options.size(), 0);
@@ -265,11 +263,10 @@ TEST(ChooseFormatsTest, EachStepIsThatOfThePlainRules) {
       Plain plain{made.options, error, bound};
       const bool good = plain.Choose();
       std::vector<std::vector<Precision>> measured;
-      const std::optional<FormatPlan> plan =
-          ChooseFormats(made.options, plain.bound, [&](const PrecisionPlan& asked) {
-            measured.push_back(made.Formats(asked));
-            return error(measured.back());
-          });
+      const std::optional<FormatPlan> plan = ChooseFormats(made.options, plain.bound, [&](const PrecisionPlan& asked) {
+        measured.push_back(made.Formats(asked));
+        return error(measured.back());
+      });
       ASSERT_EQ(measured, plain.measured) << seed << " " << bound;
       ASSERT_EQ(plan.has_value(), good);
       long_ones += measured.size() > 20 ? 1 : 0;

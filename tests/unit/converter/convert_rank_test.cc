@@ -176,7 +176,8 @@ TEST(ConvertRankTest, BoundsBelowTheRoundingKeepTheFullBasis) {
   EXPECT_THROW(Convert(bundle, options), ThresholdError);
 }
 
-// Calibrated while standing still, tested while walking: the search is right about the one and the check about the other.
+// Calibrated while standing still, tested while walking: the search is right about the one and the check about the
+// other.
 TEST(ConvertRankTest, UnseenMotionHasTheLastWord) {
   const BundleSpec spec = Spec();
   const Bundle bundle = ParseBundle(spec);
@@ -234,8 +235,8 @@ TEST(ConvertRankTest, BadRequestsAreRefused) {
   const auto refusal = [&](const Bundle& from, const ConvertOptions& options) {
     return ErrorText([&] { Convert(from, options); });
   };
-  EXPECT_TRUE(Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 8)), "a rank of 8", "own 10",
-                       "--calibrate"));
+  EXPECT_TRUE(
+      Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 8)), "a rank of 8", "own 10", "--calibrate"));
   EXPECT_EQ(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 9)), "");
   const std::vector<Sequence> motion = {ParseSequence(spec, 1)};
   ConvertOptions least = With(Precision::kFp32, RankMode::kFixed, 1);

@@ -207,9 +207,8 @@ TEST(ConvertTest, PruningIsMeasuredOnPosesByHand) {
     const FoldedBundle folded = FoldBundle(bundle, 2, 2);
     const PruneReport cloth = MeasurePruning(folded.skin_weights, folded.skin, bundle.template_positions,
                                              BindPositions(bundle, bundle.bones), bones);
-    const PruneReport body =
-        MeasurePruning(folded.body_weights, folded.body, bundle.mesh->nearest_points,
-                       BindPositions(bundle, std::vector<uint32_t>{0, 1, 2, 3, 4, 5}), joints);
+    const PruneReport body = MeasurePruning(folded.body_weights, folded.body, bundle.mesh->nearest_points,
+                                            BindPositions(bundle, std::vector<uint32_t>{0, 1, 2, 3, 4, 5}), joints);
     for (const auto& [found, expected] : {std::pair(report.influences, cloth), {report.body_influences, body}}) {
       EXPECT_TRUE(found.measured);
       EXPECT_EQ(found.influences, 2u);

@@ -58,14 +58,14 @@ TEST(CorrectTest, ARowAndItsRemainderHoldTwiceTheBits) {
     for (size_t c = 0; c < stored.columns; ++c) {
       const double sum = Value(stored, corrected[i], c) + Value(stored, 12 + i, c);
       const auto exact = static_cast<double>(reduced.basis(corrected[i], static_cast<Eigen::Index>(c)));
-      const double step = static_cast<double>(stored.row_scales[corrected[i]]) *
-                          static_cast<double>(stored.column_scales[c]);
+      const double step =
+          static_cast<double>(stored.row_scales[corrected[i]]) * static_cast<double>(stored.column_scales[c]);
       // Half of a 254th step, and the roundings of the scales' floats, which the 127 levels multiply.
       EXPECT_LE(std::abs(sum - exact), step / 508 * (1 + 1e-4)) << c;
     }
   }
-  EXPECT_TRUE(result.exact.row(12).isApprox(
-      reduced.basis.row(3) - result.exact.row(3), 1e-3f)) << "a row and its remainder add up to the row";
+  EXPECT_TRUE(result.exact.row(12).isApprox(reduced.basis.row(3) - result.exact.row(3), 1e-3f))
+      << "a row and its remainder add up to the row";
 }
 
 TEST(CorrectTest, TradesWeakDirectionsOnlyWhereThatLosesLess) {

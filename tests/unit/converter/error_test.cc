@@ -35,7 +35,10 @@ TEST(ErrorTest, HostileNamesReachNoTerminal) {
   const Error error({"", std::string("a\x1B[2J\n\0b", 8), "\xFF", "", ""});
   EXPECT_STREQ(error.what(), "tensor a?[2J??b: found ?");
   // U+0080 to U+009F are orders too: U+009B is ESC and [ in one.
-  EXPECT_EQ(PrintableText("a\xC2\x80" "b\xC2\x9B" "2J\xC2\x9F\x7F\x1F"), "a?b?2J???");
+  EXPECT_EQ(PrintableText("a\xC2\x80"
+                          "b\xC2\x9B"
+                          "2J\xC2\x9F\x7F\x1F"),
+            "a?b?2J???");
   EXPECT_EQ(PrintableText(" ~\xC2\xA0\xC3\x80\xE1\x82\x80"), " ~\xC2\xA0\xC3\x80\xE1\x82\x80");
 }
 

@@ -21,7 +21,7 @@
 namespace {
 
 struct Faults {
-  int interrupts = 0;           // so many writes are interrupted first
+  int interrupts = 0;            // so many writes are interrupted first
   size_t most_bytes = SIZE_MAX;  // of one write
   bool flush_fails = false, close_fails = false;
   std::vector<int> flushed, closed;

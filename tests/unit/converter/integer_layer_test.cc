@@ -62,9 +62,9 @@ TEST(IntegerLayerTest, StepsReachWhatTheNormGives) {
     const double largest = 0.5 * std::min(std::sqrt(width - 1.0), 4.0) + 0.25;
     EXPECT_NEAR(stored.input_inverse_steps[3], 32767 / largest, 0.05);
     before.norm_weight[3] = before.norm_bias[3] = 0;  // a dead feature keeps a finite step
-    EXPECT_TRUE(std::isfinite(
-        StackIntegerLayer(FoldMeshLayer(bundle.mesh->layers[1]), bundle.mesh->layers[1].w_o, &before)
-            .input_inverse_steps[3]));
+    EXPECT_TRUE(
+        std::isfinite(StackIntegerLayer(FoldMeshLayer(bundle.mesh->layers[1]), bundle.mesh->layers[1].w_o, &before)
+                          .input_inverse_steps[3]));
   }
 }
 

@@ -136,7 +136,8 @@ TEST(ModelWorkTest, EveryOperationIsCounted) {
     const uint64_t body_influences = stored.at("mesh_stage.body_joints").shape[1];
 
     EXPECT_EQ(At(work, WorkPart::kStatic).flops, 2 * d * spec.static_width + 2 * spec.static_width * 3 * bones);
-    EXPECT_EQ(At(work, WorkPart::kStatic).state_bytes, 4 * (d + spec.static_width) + 4 * (spec.static_width + 3 * bones));
+    EXPECT_EQ(At(work, WorkPart::kStatic).state_bytes,
+              4 * (d + spec.static_width) + 4 * (spec.static_width + 3 * bones));
     EXPECT_EQ(At(work, WorkPart::kSkeletonGates).flops, spec.skeleton_basis * kGates);
     EXPECT_EQ(At(work, WorkPart::kSkeletonGates).weight_bytes, 0u);
     EXPECT_EQ(At(work, WorkPart::kMeshHidden).state_bytes, 4 * (n + spec.mesh_width));
@@ -149,10 +150,10 @@ TEST(ModelWorkTest, EveryOperationIsCounted) {
       const uint64_t w = l == 0 ? 3 : f;
       flops += edges * w;  // sums over neighbours
       for (uint64_t i = 0; i < n; ++i) {
-        flops += w;                                        // by the number of neighbours
-        flops += 2 * w * 3 * f;                            // gates of the input
-        flops += 2 * f * 2 * f + 2 * f * f + 2 * f * f;    // gates of the state, candidate, output
-        flops += f * kGates + f * (4 + 4 + 2);             // then LayerNorm's two passes and the PReLU
+        flops += w;                                      // by the number of neighbours
+        flops += 2 * w * 3 * f;                          // gates of the input
+        flops += 2 * f * 2 * f + 2 * f * f + 2 * f * f;  // gates of the state, candidate, output
+        flops += f * kGates + f * (4 + 4 + 2);           // then LayerNorm's two passes and the PReLU
       }
     }
     flops += 2 * n * f;  // the embedding
@@ -166,7 +167,8 @@ TEST(ModelWorkTest, EveryOperationIsCounted) {
     bytes += spec.layers * (stored.at("mesh_stage.row_starts").size_bytes + stored.at("mesh_stage.columns").size_bytes);
     EXPECT_EQ(At(work, WorkPart::kMeshLayers).weight_bytes, bytes) << width;
     EXPECT_EQ(At(work, WorkPart::kMeshLayers).int8, width >= 16) << "narrow layers stay float";
-    for (const WorkPart part : {WorkPart::kSkeletonGates, WorkPart::kBodyPoints, WorkPart::kSkinning, WorkPart::kNormals}) {
+    for (const WorkPart part :
+         {WorkPart::kSkeletonGates, WorkPart::kBodyPoints, WorkPart::kSkinning, WorkPart::kNormals}) {
       EXPECT_FALSE(At(work, part).int8) << WorkPartName(part);
     }
   }

@@ -120,7 +120,8 @@ TEST(PruneTest, BoundHoldsForRandomPoses) {
   EXPECT_LT(last, 1e-3);  // nothing removed: float weights of points within 2 m leave 6 * 2 m * 2^-25
 }
 
-// Points, weights, pivots and poses of any kind, number by number. Two weights of five are kept, and two rows have fewer.
+// Points, weights, pivots and poses of any kind, number by number. Two weights of five are kept, and two rows have
+// fewer.
 TEST(PruneTest, MeasuresEveryPointByHand) {
   constexpr int kPoints = 6, kBones = 5, kPoses = 3;
   std::srand(11);

@@ -174,7 +174,8 @@ QuantizedMatrix TwoSidedByHand(const Matrix& weights, const std::vector<double>&
         for (Eigen::Index c = 0; c < columns; ++c) {
           double tight = 0;
           for (Eigen::Index j = 0; j < rows; ++j) {
-            tight = std::max(tight, std::abs(static_cast<double>(weights(j, c))) * (1 / scales[static_cast<size_t>(j)]));
+            tight =
+                std::max(tight, std::abs(static_cast<double>(weights(j, c))) * (1 / scales[static_cast<size_t>(j)]));
           }
           for (Eigen::Index j = 0; j < rows && tight > 0; ++j) {
             double& row = lowered[static_cast<size_t>(j)];

@@ -95,9 +95,10 @@ TEST(DisplacementMomentTest, IsAMeanOverFramesWhoseBonesHaveAnInverse) {
     return dcloth::testing::ErrorText([&] { DisplacementMoment(bundle, folded, frame, motion); });
   };
   for (const double determinant : {0.0, 1e-9, -1e-9}) {
-    EXPECT_EQ(refusal(determinant),
-              "s.safetensors: tensor joint_matrices: found joint joint_2 collapsed in frame 2, expected matrices with an "
-              "inverse to calibrate on; leave this sequence out of --calibrate");
+    EXPECT_EQ(
+        refusal(determinant),
+        "s.safetensors: tensor joint_matrices: found joint joint_2 collapsed in frame 2, expected matrices with an "
+        "inverse to calibrate on; leave this sequence out of --calibrate");
   }
   EXPECT_EQ(refusal(std::nextafter(1e-9, 1)), "");
   EXPECT_EQ(refusal(std::nextafter(-1e-9, -1)), "");
@@ -114,9 +115,8 @@ TEST(DisplacementMomentTest, KeepsBothLevels) {
   bundle.mesh->basis.setZero();
   const MatrixD skeleton = DisplacementMoment(bundle, folded, frame, motion);
   EXPECT_GT((both - skeleton).norm(), 1e-3 * skeleton.norm()) << "the mesh stage shows";
-  const double least = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(both - 0.5 * skeleton))
-                           .eigenvalues()
-                           .minCoeff();
+  const double least =
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(Eigen::MatrixXd(both - 0.5 * skeleton)).eigenvalues().minCoeff();
   EXPECT_GE(least, -1e-6 * skeleton.norm());
 }
 

@@ -164,8 +164,8 @@ TEST(ReduceTest, LosesTheLeastThatRankAllows) {
     Bundle plain = bundle;
     plain.mesh->coefficients.weight = Matrix::Identity(7, 7);
     const Matrix mesh_head = Reduce(plain, frame, moment, rank).coefficients.weight.transpose();
-    const MatrixD c = samples.leftCols(k_s) * reduced.head.cast<double>() +
-                      samples.rightCols(7) * mesh_head.cast<double>();
+    const MatrixD c =
+        samples.leftCols(k_s) * reduced.head.cast<double>() + samples.rightCols(7) * mesh_head.cast<double>();
     const double lost = (full - c * reduced.basis.cast<double>()).squaredNorm() / static_cast<double>(full.rows());
     const double least = values.head(kRows - rank).sum();
     // Float storage rounds by 2^-24 of a displacement that is at most 17 times as large as its parts' root.
@@ -178,7 +178,8 @@ TEST(ReduceTest, LosesTheLeastThatRankAllows) {
 TEST(ReduceTest, SavesOnlyWhereHeadAndWiderMeshStageCostLess) {
   BundleSpec spec;
   const Bundle bundle = ParseBundle(spec);
-  // [S; M]: 18 rows of 192 padded columns and a mesh MLP of 16 x 32: 3968. Rank 16: 16 x 192 + 16 x 32 + 10 x 32 = 3904.
+  // [S; M]: 18 rows of 192 padded columns and a mesh MLP of 16 x 32: 3968. Rank 16: 16 x 192 + 16 x 32 + 10 x 32 =
+  // 3904.
   EXPECT_TRUE(ReductionSaves(bundle, 16, Precision::kFp32));
   EXPECT_TRUE(ReductionSaves(bundle, 15, Precision::kFp16));
   EXPECT_FALSE(ReductionSaves(bundle, 17, Precision::kFp32));

@@ -111,8 +111,8 @@ TEST(SequenceTest, ShapesAreRefusedAxisByAxis) {
     raw.Replace(name, shape, std::vector<float>(count));
     return Refusal(raw);
   };
-  for (const Shape& shape :
-       {Shape{2, 6, 4}, Shape{2, 6, 4, 4, 1}, Shape{2, 5, 4, 4}, Shape{2, 7, 4, 4}, Shape{2, 6, 5, 4}, Shape{2, 6, 4, 5}}) {
+  for (const Shape& shape : {Shape{2, 6, 4}, Shape{2, 6, 4, 4, 1}, Shape{2, 5, 4, 4}, Shape{2, 7, 4, 4},
+                             Shape{2, 6, 5, 4}, Shape{2, 6, 4, 5}}) {
     EXPECT_TRUE(Mentions(refusal("joint_matrices", shape), "shape " + ShapeText(shape) + ", expected [T, 6, 4, 4]"));
   }
   for (const Shape& shape : {Shape{2, 60}, Shape{2, 60, 3, 1}, Shape{1, 60, 3}, Shape{2, 0, 3}, Shape{2, 60, 4}}) {

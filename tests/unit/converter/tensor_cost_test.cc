@@ -36,8 +36,7 @@ TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
   const ConvertReport healthy = ReportOf(bundle, Precision::kFp16, motion);
   const std::string poisoned = "mesh_stage.coefficients.weights";
   MeshWeights& mesh = *bundle.mesh;
-  const float shrink =
-      2e-8f / mesh.coefficients.weight.cwiseAbs().maxCoeff();  // half of the smallest half is 3e-8
+  const float shrink = 2e-8f / mesh.coefficients.weight.cwiseAbs().maxCoeff();  // half of the smallest half is 3e-8
   mesh.coefficients.weight *= shrink;
   // The hidden layer takes a part of the rest (a ReLU lets positive factors through), so that all stay below
   // 65504.
@@ -54,8 +53,7 @@ TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
   EXPECT_EQ(ranked[0]->name, poisoned);
   EXPECT_EQ(ranked[0]->loss.zeroed, static_cast<uint64_t>(mesh.coefficients.weight.size()));
   EXPECT_GT(ranked[0]->cost->mean_mm, 10 * ranked[1]->cost->mean_mm);
-  for (size_t i = 1; i < ranked.size(); ++i)
-    EXPECT_LE(ranked[i]->cost->mean_mm, ranked[i - 1]->cost->mean_mm);
+  for (size_t i = 1; i < ranked.size(); ++i) EXPECT_LE(ranked[i]->cost->mean_mm, ranked[i - 1]->cost->mean_mm);
   EXPECT_LT(Find(healthy, poisoned).cost->mean_mm, 0.01 * ranked[0]->cost->mean_mm);
 }
 
@@ -64,7 +62,8 @@ TEST(TensorCostTest, OneLossyTensorCostsWhatTheModelCosts) {
   BundleSpec spec;
   spec.skeleton = spec.mesh = false;
   Bundle bundle = ParseBundle(spec);
-  for (float& weight : bundle.static_hidden.weight.reshaped()) weight = kernels::FloatFromHalf(kernels::HalfFromFloat(weight));
+  for (float& weight : bundle.static_hidden.weight.reshaped())
+    weight = kernels::FloatFromHalf(kernels::HalfFromFloat(weight));
   const ConvertReport report = ReportOf(bundle, Precision::kFp16, std::vector<Sequence>{ParseSequence(spec, 9)});
   const std::vector<const TensorReport*> ranked = RankByCost(report.tensors);
   ASSERT_EQ(ranked.size(), 2u);

@@ -105,7 +105,8 @@ TEST(WriteModelTest, TensorsTakeWholeLines) {
   };
   const size_t without = size();
   for (const uint32_t bytes : {1u, 2u, 64u, 65u, 128u}) {
-    parts.body->touch_classes = PackIndices("body.touch_classes", StoredType::kU8, {bytes}, std::vector<uint32_t>(bytes));
+    parts.body->touch_classes =
+        PackIndices("body.touch_classes", StoredType::kU8, {bytes}, std::vector<uint32_t>(bytes));
     EXPECT_EQ(size() - without, (bytes + 63) / 64 * 64) << bytes;
   }
 }

@@ -90,9 +90,7 @@ class OwnedCloth {
   }
 
  private:
-  dcloth_output Output() {
-    return MakeOutput(positions_.data(), normals_.data(), model_.info().vertex_count);
-  }
+  dcloth_output Output() { return MakeOutput(positions_.data(), normals_.data(), model_.info().vertex_count); }
 
   const OpenedModel& model_;
   AlignedBytes storage_;

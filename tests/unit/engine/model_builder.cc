@@ -60,7 +60,10 @@ void AddFeatures(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers, 
   for (uint32_t j = 0; j < spec.joints; j += 2) features->joints.push_back(static_cast<uint16_t>(spec.joints - 1 - j));
   numbers->feature_joints.assign(features->joints.begin(), features->joints.end());
   features->root_motion = spec.root_motion;
-  const auto d = static_cast<uint32_t>(9 * features->joints.size() + (spec.root_motion == format::RootMotion_Air ? 7 : spec.root_motion == format::RootMotion_Hips ? 4 : 0));
+  const auto d =
+      static_cast<uint32_t>(9 * features->joints.size() + (spec.root_motion == format::RootMotion_Air    ? 7
+                                                           : spec.root_motion == format::RootMotion_Hips ? 4
+                                                                                                         : 0));
   numbers->d = d;
   features->mean = writer->RandomFloats({d}, -0.3, 0.3, &numbers->mean);
   features->inverse_deviation = writer->RandomFloats({d}, 0.5, 2, &numbers->inverse_deviation);
@@ -120,8 +123,8 @@ std::unique_ptr<format::MeshLayerT> MeshLayer(uint32_t input_width, uint32_t wid
   return table;
 }
 
-// The layer's float matrices as integers: each column's largest weight is 127 steps. Steps of inputs reach past what the
-// norm before gives, 0.5 sqrt(15) + 0.3.
+// The layer's float matrices as integers: each column's largest weight is 127 steps. Steps of inputs reach past what
+// the norm before gives, 0.5 sqrt(15) + 0.3.
 void MakeIntegers(uint32_t width, bool first, TensorWriter* writer, format::MeshLayerT* table, Layer* layer) {
   std::vector<float> inverse_steps;
   for (uint32_t f = 0; f < width; ++f) inverse_steps.push_back(static_cast<float>(writer->Uniform(12000, 14000)));
@@ -149,7 +152,8 @@ void MakeIntegers(uint32_t width, bool first, TensorWriter* writer, format::Mesh
     table->input_gates.reset();
     table->input_inverse_steps = writer->Add(format::DType_F32, {width}, inverse_steps);
   }
-  for (std::vector<double>* matrix : {&layer->hidden_gates, &layer->hidden_candidate, &layer->output}) add(matrix, false);
+  for (std::vector<double>* matrix : {&layer->hidden_gates, &layer->hidden_candidate, &layer->output})
+    add(matrix, false);
   table->hidden_gates.reset();
   table->hidden_candidate.reset();
   table->output.reset();
@@ -184,9 +188,8 @@ std::unique_ptr<format::MeshStageT> MeshStage(const ModelSpec& spec, TensorWrite
   stage->embed_bias = 0.125f;
   numbers->embed_bias = 0.125;
   stage->hidden = writer->RandomLinear(n, spec.mesh_width, 1.0, 0.3, &numbers->mesh_hidden);
-  stage->coefficients = 
-      writer->RandomLinear(spec.mesh_width, spec.rank != 0 ? spec.rank : spec.mesh_basis, 1.0, 0.3,
-                           &numbers->mesh_coefficients);
+  stage->coefficients = writer->RandomLinear(spec.mesh_width, spec.rank != 0 ? spec.rank : spec.mesh_basis, 1.0, 0.3,
+                                             &numbers->mesh_coefficients);
   return stage;
 }
 

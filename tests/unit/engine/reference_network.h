@@ -21,7 +21,7 @@ class ReferenceNetwork {
 
   void Reset();
   void SetWind(const std::array<double, 3>& wind) { wind_ = wind; }  // m/s, world
-  void Tick(const std::vector<float>& pose, uint32_t stages);  // row-major matrices, DCLOTH_STAGES_*
+  void Tick(const std::vector<float>& pose, uint32_t stages);        // row-major matrices, DCLOTH_STAGES_*
 
   // [n, 3], relative to the hips and in the world.
   struct Frame {

@@ -17,13 +17,13 @@ struct EggBody {
   std::vector<float> positions;
   std::vector<uint8_t> joints;  // [b, 2]
   std::vector<float> weights;   // [b, 2]
-  std::vector<uint16_t> faces;   // [f, 3]
+  std::vector<uint16_t> faces;  // [f, 3]
   double clearance = 0, reach = 0;
 };
 
 // Adds the body to the model's tables. b = rings * segments + 2.
 EggBody AddBody(TestModel* model, uint32_t rings = 14, uint32_t segments = 20, float clearance = 0.002f,
-                 float reach = 1.0f);
+                float reach = 1.0f);
 
 // The egg as a trunk and inside it, after its vertices, an upright tube as an arm, open at both ends.
 EggBody AddTrunkAndArm(TestModel* model, uint32_t rings, uint32_t segments, size_t* trunk_vertices);

@@ -47,8 +47,8 @@ class UpdateTest : public ::testing::Test {
   std::vector<float> Pose(double seconds) const { return PoseAt(model_.numbers, seconds); }
 
   // Without drawing unless `output` says so.
-  static dcloth_status Update(OwnedCloth* cloth, const std::vector<float>& matrices, float seconds,
-                              uint32_t flags = 0, const dcloth_output* output = nullptr) {
+  static dcloth_status Update(OwnedCloth* cloth, const std::vector<float>& matrices, float seconds, uint32_t flags = 0,
+                              const dcloth_output* output = nullptr) {
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
     const dcloth_frame frame = {sizeof(frame), kAll, seconds, flags, nullptr};
     return dcloth_cloth_update(cloth->get(), &pose, &frame, output, nullptr);

@@ -32,7 +32,8 @@ TEST_P(GruTest, EverySizeStaysWithinTheBound) {
       const double z_error = kSigmoidMaxError + kUnit * std::fabs(z_in) / 4;
       const double gh_q = std::fabs(gh[2 * k + i]);
       const double q_error = kTanhMaxError + gh_q * r_error + Gamma(2) * (std::fabs(gx[2 * k + i]) + gh_q);
-      const double bound = q_error + z_error * (2 + q_error) + Gamma(3) * (2 * std::fabs(q) + std::fabs(before[i]) + q_error);
+      const double bound =
+          q_error + z_error * (2 + q_error) + Gamma(3) * (2 * std::fabs(q) + std::fabs(before[i]) + q_error);
       ASSERT_LE(std::fabs(h[i] - exact), bound) << i;
       ASSERT_LE(bound, 1e-5);
     }

@@ -1,5 +1,5 @@
-// The graph-recurrent layer with integer products in double, as gsgru_oracle.h. Inputs may be rounded to levels or not: half a
-// level of error each way, which 16 bits make small.
+// The graph-recurrent layer with integer products in double, as gsgru_oracle.h. Inputs may be rounded to levels or not:
+// half a level of error each way, which 16 bits make small.
 #ifndef DCLOTH_TESTS_UNIT_KERNELS_GSGRU_I8_ORACLE_H_
 #define DCLOTH_TESTS_UNIT_KERNELS_GSGRU_I8_ORACLE_H_
 
@@ -70,8 +70,7 @@ inline GsgruExpected ExpectGsgruI8(const GsgruI8Job& job, size_t vertex, const f
   const BoundedRow reset_levels = levels_of(reset, nullptr);
   for (size_t f = 0; f < width; ++f) {
     const Bounded candidate = BoundedIntegers(job, reset_levels, first + 2 * width + f, gate(2 * width + f));
-    expected.state.push_back(
-        BoundedCoarseBlend(old[f], BoundedCoarseSigmoid(gate(f)), BoundedCoarseTanh(candidate)));
+    expected.state.push_back(BoundedCoarseBlend(old[f], BoundedCoarseSigmoid(gate(f)), BoundedCoarseTanh(candidate)));
   }
   const BoundedRow state_levels = levels_of(expected.state, nullptr);
   BoundedRow o;

@@ -32,8 +32,8 @@ TEST(CoarseTanhTest, StaysWithinItsErrorAndBelowOne) {
 class GsgruI8Test : public KernelTest {
  protected:
   void Check(size_t vertices, size_t features, size_t input_width, bool embed) {
-    SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width " << input_width
-                                    << " embed " << embed);
+    SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width "
+                                    << input_width << " embed " << embed);
     Random random(static_cast<uint32_t>(vertices * 1000 + features * 10 + input_width));
     const Graph graph(vertices, random);
     const GuardedBuffer<uint32_t> row_starts(graph.row_starts);
@@ -46,20 +46,38 @@ class GsgruI8Test : public KernelTest {
     for (size_t i = 0; i < x.size(); ++i) {
       if (i % stride < w) x[i] = random.Uniform(-1, 1);  // the padding stays NaN
     }
-    const auto points = floats(3 * 3 * F, -0.5f, 0.5f), gate_bias = floats(3 * F, -1, 1), output_bias = floats(F, -1, 1),
-               gain = floats(F, -1, 1), offset = floats(F, -1, 1), embedding = floats(F, -0.3f, 0.3f);
+    const auto points = floats(3 * 3 * F, -0.5f, 0.5f), gate_bias = floats(3 * F, -1, 1),
+               output_bias = floats(F, -1, 1), gain = floats(F, -1, 1), offset = floats(F, -1, 1),
+               embedding = floats(F, -0.3f, 0.3f);
     const float size = 1.0f / (127.0f * kGsgruHiddenLevels * std::sqrt(static_cast<float>(F)));
     const auto scales = floats(wide, size / 2, size), steps = floats(F, 25000, 32000);
     GuardedBuffer<int8_t> weights(F * wide, Place::kAligned64);
-    for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random.Below(255)) - 127);
+    for (size_t i = 0; i < weights.size(); ++i)
+      weights[i] = static_cast<int8_t>(static_cast<int>(random.Below(255)) - 127);
     const std::vector<float> before = random.Floats(GsgruStateFloats(vertices, F), -1, 1);
     Floats state(before, Place::kAligned64), scratch(GsgruI8ScratchFloats(F), Place::kAligned64);
     Floats next_x(vertices * F, Place::kAligned64), s(vertices);
-    const GsgruJob layer = {x.data(), row_starts.data(), columns.data(), w == 3 ? points->data() : nullptr,
-                            gate_bias->data(), nullptr, nullptr, nullptr, output_bias->data(), gain->data(),
-                            offset->data(), embed ? embedding->data() : nullptr, state.data(),
-                            embed ? nullptr : next_x.data(), embed ? s.data() : nullptr, scratch.data(), vertices, w, F,
-                            0.25f, 0.125f};
+    const GsgruJob layer = {x.data(),
+                            row_starts.data(),
+                            columns.data(),
+                            w == 3 ? points->data() : nullptr,
+                            gate_bias->data(),
+                            nullptr,
+                            nullptr,
+                            nullptr,
+                            output_bias->data(),
+                            gain->data(),
+                            offset->data(),
+                            embed ? embedding->data() : nullptr,
+                            state.data(),
+                            embed ? nullptr : next_x.data(),
+                            embed ? s.data() : nullptr,
+                            scratch.data(),
+                            vertices,
+                            w,
+                            F,
+                            0.25f,
+                            0.125f};
     const GsgruI8Job job = {layer, weights.data(), scales->data(), w == 3 ? nullptr : steps->data()};
     table().gsgru_i8(job);
 
@@ -107,18 +125,40 @@ TEST_P(GsgruI8Test, InputsFarBeyondTheLastLevelSaturate) {
   Random random(7);
   const GuardedBuffer<uint32_t> row_starts(std::vector<uint32_t>{0, 1, 2, 3});
   const GuardedBuffer<uint16_t> columns(std::vector<uint16_t>{0, 1, 2});
-  const Floats bias(std::vector<float>(3 * kF, 0.1f), Place::kAligned64), output_bias(random.Floats(kF, -1, 1), Place::kAligned64),
-      gain(random.Floats(kF, -1, 1), Place::kAligned64), offset(random.Floats(kF, -1, 1), Place::kAligned64),
-      scales(random.Floats(7 * kF, 1e-7f, 2e-7f), Place::kAligned64), steps(std::vector<float>(kF, 2.0f), Place::kAligned64);
+  const Floats bias(std::vector<float>(3 * kF, 0.1f), Place::kAligned64),
+      output_bias(random.Floats(kF, -1, 1), Place::kAligned64), gain(random.Floats(kF, -1, 1), Place::kAligned64),
+      offset(random.Floats(kF, -1, 1), Place::kAligned64),
+      scales(random.Floats(7 * kF, 1e-7f, 2e-7f), Place::kAligned64),
+      steps(std::vector<float>(kF, 2.0f), Place::kAligned64);
   GuardedBuffer<int8_t> weights(kF * 7 * kF, Place::kAligned64);
-  for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random.Below(255)) - 127);
+  for (size_t i = 0; i < weights.size(); ++i)
+    weights[i] = static_cast<int8_t>(static_cast<int>(random.Below(255)) - 127);
   const std::vector<float> before = random.Floats(GsgruStateFloats(kVertices, kF), -1, 1);
   const auto run = [&](float input) {
     const Floats x(std::vector<float>(kVertices * kF, input), Place::kAligned64);
-    Floats state(before, Place::kAligned64), scratch(GsgruI8ScratchFloats(kF), Place::kAligned64), next(kVertices * kF, Place::kAligned64);
-    const GsgruJob layer = {x.data(), row_starts.data(), columns.data(), nullptr, bias.data(), nullptr, nullptr, nullptr,
-                            output_bias.data(), gain.data(), offset.data(), nullptr, state.data(), next.data(), nullptr,
-                            scratch.data(), kVertices, kF, kF, 0.25f, 0.0f};
+    Floats state(before, Place::kAligned64), scratch(GsgruI8ScratchFloats(kF), Place::kAligned64),
+        next(kVertices * kF, Place::kAligned64);
+    const GsgruJob layer = {x.data(),
+                            row_starts.data(),
+                            columns.data(),
+                            nullptr,
+                            bias.data(),
+                            nullptr,
+                            nullptr,
+                            nullptr,
+                            output_bias.data(),
+                            gain.data(),
+                            offset.data(),
+                            nullptr,
+                            state.data(),
+                            next.data(),
+                            nullptr,
+                            scratch.data(),
+                            kVertices,
+                            kF,
+                            kF,
+                            0.25f,
+                            0.0f};
     table().gsgru_i8({layer, weights.data(), scales.data(), steps.data()});
     std::vector<float> out(state.data(), state.data() + kVertices * kF);
     out.insert(out.end(), next.data(), next.data() + kVertices * kF);

@@ -1,7 +1,7 @@
 // The graph-recurrent layer in double, each value with a bound of what float arithmetic may differ from it.
 //
-// Running error analysis: a value is (exact on the stored floats, bound of |computed - exact|). Every bound follows from
-// Gamma (kernel_test.h), the slopes of the activations and their stated errors; nothing is tuned.
+// Running error analysis: a value is (exact on the stored floats, bound of |computed - exact|). Every bound follows
+// from Gamma (kernel_test.h), the slopes of the activations and their stated errors; nothing is tuned.
 #ifndef DCLOTH_TESTS_UNIT_KERNELS_GSGRU_ORACLE_H_
 #define DCLOTH_TESTS_UNIT_KERNELS_GSGRU_ORACLE_H_
 

@@ -16,8 +16,8 @@ using Floats = GuardedBuffer<float>;
 class GsgruTest : public KernelTest {
  protected:
   void Check(size_t vertices, size_t features, size_t input_width, bool embed) {
-    SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width " << input_width
-                                    << " embed " << embed);
+    SCOPED_TRACE(testing::Message() << table().name << " n " << vertices << " F " << features << " width "
+                                    << input_width << " embed " << embed);
     Random random(static_cast<uint32_t>(vertices * 1000 + features * 10 + input_width));
     const Graph graph(vertices, random);
     const GuardedBuffer<uint32_t> row_starts(graph.row_starts);
@@ -37,11 +37,29 @@ class GsgruTest : public KernelTest {
     const std::vector<float> before = random.Floats(GsgruStateFloats(vertices, F), -1.0f, 1.0f);
     Floats state(before, Place::kAligned64), scratch(GsgruScratchFloats(F), Place::kAligned64);
     Floats next_x(vertices * F, Place::kAligned64), s(vertices);
-    const GsgruJob job = {x.data(), row_starts.data(), columns.data(), input_gates->data(), gate_bias->data(),
-                          hidden_gates->data(), candidate->data(), output->data(), output_bias->data(), gain->data(),
-                          offset->data(), embed ? embedding->data() : nullptr, state.data(),
-                          embed ? nullptr : next_x.data(), embed ? s.data() : nullptr, scratch.data(), vertices, w, F,
-                          0.25f, 0.125f, x.data() + x.size(), 192};  // ahead: up to the guard page and beyond
+    const GsgruJob job = {x.data(),
+                          row_starts.data(),
+                          columns.data(),
+                          input_gates->data(),
+                          gate_bias->data(),
+                          hidden_gates->data(),
+                          candidate->data(),
+                          output->data(),
+                          output_bias->data(),
+                          gain->data(),
+                          offset->data(),
+                          embed ? embedding->data() : nullptr,
+                          state.data(),
+                          embed ? nullptr : next_x.data(),
+                          embed ? s.data() : nullptr,
+                          scratch.data(),
+                          vertices,
+                          w,
+                          F,
+                          0.25f,
+                          0.125f,
+                          x.data() + x.size(),
+                          192};  // ahead: up to the guard page and beyond
     table().gsgru(job);
 
     ASSERT_TRUE(state.SlackUntouched() && scratch.SlackUntouched() && next_x.SlackUntouched() && s.SlackUntouched());
@@ -49,7 +67,8 @@ class GsgruTest : public KernelTest {
     for (size_t i = 0; i < vertices; ++i) {
       const GsgruExpected expected = ExpectGsgru(job, i, before.data() + i * F);
       for (size_t f = 0; f < F; ++f) {
-        ASSERT_LE(std::fabs(state[i * F + f] - expected.state[f].value), expected.state[f].error) << "h' " << i << " " << f;
+        ASSERT_LE(std::fabs(state[i * F + f] - expected.state[f].value), expected.state[f].error)
+            << "h' " << i << " " << f;
         if (!embed) {
           ASSERT_LE(std::fabs(next_x[i * F + f] - expected.next_x[f].value), expected.next_x[f].error) << i << " " << f;
         }
@@ -93,13 +112,31 @@ TEST_P(GsgruTest, SaturatedGatesKeepTheStateWithinOne) {
       return std::make_unique<Floats>(random.Floats(count, -size, size), Place::kAligned64);
     };
     const auto input_gates = floats(3 * F * F, 20), gate_bias = floats(3 * F, 8), hidden_gates = floats(2 * F * F, 20),
-               candidate = floats(F * F, 20), output = floats(F * F, 1), row = floats(F, 1), x = floats(kVertices * F, 1);
+               candidate = floats(F * F, 20), output = floats(F * F, 1), row = floats(F, 1),
+               x = floats(kVertices * F, 1);
     const auto state = floats(GsgruStateFloats(kVertices, F), 1), next_x = floats(kVertices * F, 1);
     Floats scratch(GsgruScratchFloats(F), Place::kAligned64);
-    const GsgruJob job = {x->data(), row_starts.data(), columns.data(), input_gates->data(), gate_bias->data(),
-                          hidden_gates->data(), candidate->data(), output->data(), row->data(), row->data(),
-                          row->data(), nullptr, state->data(), next_x->data(), nullptr, scratch.data(), kVertices, F, F,
-                          0.25f, 0.125f};
+    const GsgruJob job = {x->data(),
+                          row_starts.data(),
+                          columns.data(),
+                          input_gates->data(),
+                          gate_bias->data(),
+                          hidden_gates->data(),
+                          candidate->data(),
+                          output->data(),
+                          row->data(),
+                          row->data(),
+                          row->data(),
+                          nullptr,
+                          state->data(),
+                          next_x->data(),
+                          nullptr,
+                          scratch.data(),
+                          kVertices,
+                          F,
+                          F,
+                          0.25f,
+                          0.125f};
     float largest = 0;
     for (int tick = 0; tick < 300; ++tick) {
       table().gsgru(job);
@@ -127,12 +164,31 @@ TEST_P(GsgruTest, NormOfRowsFarFromZero) {
     }
     const auto x = floats(F, 1), state = floats(GsgruStateFloats(1, F), 0), next_x = floats(F, 0);
     Floats scratch(GsgruScratchFloats(F), Place::kAligned64);
-    table().gsgru({x->data(), row_starts.data(), columns.data(), gates->data(), gates->data(), gates->data(), gates->data(),
-                   gates->data(), output_bias->data(), row->data(), offset->data(), nullptr, state->data(),
-                   next_x->data(), nullptr, scratch.data(), 1, F, F, 1.0f, 0.0f});
+    table().gsgru({x->data(),
+                   row_starts.data(),
+                   columns.data(),
+                   gates->data(),
+                   gates->data(),
+                   gates->data(),
+                   gates->data(),
+                   gates->data(),
+                   output_bias->data(),
+                   row->data(),
+                   offset->data(),
+                   nullptr,
+                   state->data(),
+                   next_x->data(),
+                   nullptr,
+                   scratch.data(),
+                   1,
+                   F,
+                   F,
+                   1.0f,
+                   0.0f});
     for (size_t f = 0; f < F; ++f) {
       const double exact = apart(f) / std::sqrt(variance + double{kGsgruEpsilon});
-      ASSERT_NEAR((*next_x)[f], exact, Gamma(static_cast<double>(F) + 10) * std::fabs(exact)) << table().name << " F " << F;
+      ASSERT_NEAR((*next_x)[f], exact, Gamma(static_cast<double>(F) + 10) * std::fabs(exact))
+          << table().name << " F " << F;
     }
   }
 }

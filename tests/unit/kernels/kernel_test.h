@@ -56,8 +56,8 @@ class Random {
 
 constexpr double kUnit = 0x1p-24;  // unit roundoff of float
 
-// gamma_k = k u / (1 - k u): k roundings in a row change a value by at most this fraction. Higham, Accuracy and Stability
-// of Numerical Algorithms, 2nd ed., lemma 3.1; a sum of n products in any order has k = n (+ 1 with a bias).
+// gamma_k = k u / (1 - k u): k roundings in a row change a value by at most this fraction. Higham, Accuracy and
+// Stability of Numerical Algorithms, 2nd ed., lemma 3.1; a sum of n products in any order has k = n (+ 1 with a bias).
 inline double Gamma(double k) { return k * kUnit / (1 - k * kUnit); }
 
 inline double ExactSigmoid(double x) { return 1.0 / (1.0 + std::exp(-x)); }

@@ -6,7 +6,9 @@ namespace {
 struct F32 {
   using Job = MatvecF32Job;
   using Weight = float;
-  static void Pack(const float* source, const MatrixShape& shape, float* packed) { PackPanelsF32(source, shape, packed); }
+  static void Pack(const float* source, const MatrixShape& shape, float* packed) {
+    PackPanelsF32(source, shape, packed);
+  }
   static double Decode(float value) { return value; }
   static void Run(const KernelTable& table, const MatvecF32Job& job) { table.matvec_f32(job); }
 };

@@ -33,8 +33,8 @@ void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
   GuardedBuffer<float> y(padded + 1);
 
   const float* bias_data = c.bias ? bias.data() : nullptr;
-  typename Format::Job job = {x.data(), weights.data(), bias_data, y.data(), c.rows, c.row_count, PanelCount(c.columns),
-                              c.relu};
+  typename Format::Job job = {x.data(),    weights.data(),        bias_data, y.data(), c.rows,
+                              c.row_count, PanelCount(c.columns), c.relu};
   Format::Run(table, job);
 
   ASSERT_TRUE(std::isnan(y[padded]));
@@ -49,7 +49,8 @@ void CheckMatvec(const KernelTable& table, const MatvecCase& c) {
     }
     // Rectifying cannot enlarge an error. Below float's range products lose at most half its smallest step each.
     if (c.relu) exact = std::max(exact, 0.0);
-    const double bound = Gamma(static_cast<double>(c.row_count) + 1) * magnitude + 0x1p-150 * static_cast<double>(c.row_count);
+    const double bound =
+        Gamma(static_cast<double>(c.row_count) + 1) * magnitude + 0x1p-150 * static_cast<double>(c.row_count);
     ASSERT_LE(std::fabs(y[column] - exact), bound) << "column " << column;
   }
   job.in_order = true;

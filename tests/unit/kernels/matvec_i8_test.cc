@@ -16,7 +16,8 @@ struct Case {
 
 class MatvecI8Test : public KernelTest {
  protected:
-  // Against int64, and to the bit against the scalar reference. `extreme` takes the largest inputs that the contract allows.
+  // Against int64, and to the bit against the scalar reference. `extreme` takes the largest inputs that the contract
+  // allows.
   void Check(const Case& c, bool extreme = false) {
     SCOPED_TRACE(testing::Message() << table().name << " rows " << c.rows << " columns " << c.columns << " count "
                                     << c.row_count);
@@ -35,8 +36,8 @@ class MatvecI8Test : public KernelTest {
     const GuardedBuffer<float> scales(random.Floats(padded, 1e-6f, 1e-3f), Place::kAligned64);
     const GuardedBuffer<float> bias(random.Floats(padded, -1.0f, 1.0f));
     GuardedBuffer<float> y(padded + 1), reference(padded + 1);
-    MatvecI8Job job = {x.data(), weights.data(), scales.data(), c.bias ? bias.data() : nullptr, y.data(), 0x1p-10f,
-                       PairedRows(c.rows), c.row_count, PanelCount(c.columns), c.relu};
+    MatvecI8Job job = {x.data(), weights.data(),     scales.data(), c.bias ? bias.data() : nullptr, y.data(),
+                       0x1p-10f, PairedRows(c.rows), c.row_count,   PanelCount(c.columns),          c.relu};
     table().matvec_i8(job);
     job.y = reference.data();
     scalar::MatvecI8(job);

@@ -48,7 +48,8 @@ class NearestTest : public KernelTest {
       ASSERT_TRUE(nearest.SlackUntouched() && suspect.SlackUntouched());
       for (size_t i = 0; i < count; ++i) {
         std::vector<const float*> run;
-        for (size_t k = i / 4 * 4; k < std::min(i / 4 * 4 + 4, count); ++k) run.push_back(&at[order[k] * stride_floats]);
+        for (size_t k = i / 4 * 4; k < std::min(i / 4 * 4 + 4, count); ++k)
+          run.push_back(&at[order[k] * stride_floats]);
         CheckPoint(sites, run[i % 4], reach, nearest[i], suspect[i], MayBeClear(sites, run, clearance));
       }
     }
@@ -62,7 +63,8 @@ class NearestTest : public KernelTest {
       const auto [low, high] = std::minmax_element(run.begin(), run.end(), less);
       middle[c] = (double{(*low)[c]} + double{(*high)[c]}) / 2;
     }
-    for (const float* v : run) radius = std::max(radius, std::hypot(v[0] - middle[0], v[1] - middle[1], v[2] - middle[2]));
+    for (const float* v : run)
+      radius = std::max(radius, std::hypot(v[0] - middle[0], v[1] - middle[1], v[2] - middle[2]));
     for (size_t s = 0; s < sites.count; ++s) {
       double squared = 0, above = -sites.offset[s];
       for (size_t c = 0; c < 3; ++c) {
@@ -79,7 +81,8 @@ class NearestTest : public KernelTest {
 
   // A squared distance has a rounded difference, product and two sums: at most gamma(5) off; a height three products
   // and two sums. Two distances compared may both be off.
-  void CheckPoint(const Sites& sites, const float* v, double reach, uint16_t nearest, uint16_t suspect, bool may_be_clear) {
+  void CheckPoint(const Sites& sites, const float* v, double reach, uint16_t nearest, uint16_t suspect,
+                  bool may_be_clear) {
     const double most = 1 + 2 * Gamma(8);
     std::vector<double> squared(sites.count), above(sites.count), doubt(sites.count), excess(sites.count),
         doubt_of_excess(sites.count);
@@ -165,8 +168,8 @@ TEST_P(NearestTest, SomeGroupsOfMany) {
   std::vector<uint16_t> order(kNearestPatch), nearest(kNearestPatch), suspect(kNearestPatch), expected(kNearestPatch),
       expected_suspect(kNearestPatch);
   std::iota(order.begin(), order.end(), uint16_t{0});
-  NearestJob job = {at.data(), 12, order.data(), order.size(), some.packed.data(), some.bounds.data(), some.groups, 9.0f,
-                    expected.data(), expected_suspect.data()};
+  NearestJob job = {at.data(),          12,          order.data(), order.size(),    some.packed.data(),
+                    some.bounds.data(), some.groups, 9.0f,         expected.data(), expected_suspect.data()};
   table().nearest(job);
   const GuardedBuffer<uint16_t> guarded(places);
   job.sites = all.packed.data();

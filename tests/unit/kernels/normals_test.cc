@@ -30,8 +30,8 @@ class NormalsTest : public KernelTest {
                      4 * layout.normal_stride, vertices, triangle_count});
     ASSERT_TRUE(normals.SlackUntouched() && positions.SlackUntouched());
 
-    // Sums in double, and for each component a bound of the float sum's error: a difference, a product and a subtraction
-    // round 4 times in a row, then one addition per triangle of the vertex.
+    // Sums in double, and for each component a bound of the float sum's error: a difference, a product and a
+    // subtraction round 4 times in a row, then one addition per triangle of the vertex.
     std::vector<Vec3> sums(vertices, Vec3{}), sizes(vertices, Vec3{});
     std::vector<size_t> valence(vertices, 0);
     for (size_t t = 0; t < triangle_count; ++t) {
@@ -54,7 +54,8 @@ class NormalsTest : public KernelTest {
     size_t checked = 0;
     for (size_t i = 0; i < vertices; ++i) {
       const float* n = normals.data() + i * layout.normal_stride;
-      for (size_t gap = i * layout.normal_stride + 3; gap < (i + 1) * layout.normal_stride && gap < normals.size(); ++gap) {
+      for (size_t gap = i * layout.normal_stride + 3; gap < (i + 1) * layout.normal_stride && gap < normals.size();
+           ++gap) {
         ASSERT_TRUE(std::isnan(normals[gap])) << "wrote outside the 12 bytes of vertex " << i;
       }
       double length = 0, error = 0;
@@ -69,7 +70,8 @@ class NormalsTest : public KernelTest {
       }
       if (error > length / 8) continue;  // cancelled: the direction is not determined
       ++checked;
-      // Normalising a vector changed by e moves it by at most 2 e / |v|; square root, division and products round 7 times.
+      // Normalising a vector changed by e moves it by at most 2 e / |v|; square root, division and products round 7
+      // times.
       for (size_t c = 0; c < 3; ++c) ASSERT_NEAR(n[c], sums[i][c] / length, 2 * error / length + Gamma(7)) << i;
       ASSERT_NEAR(n[0] * n[0] + n[1] * n[1] + n[2] * n[2], 1.0, Gamma(20)) << i;
     }
@@ -98,7 +100,8 @@ TEST_P(NormalsTest, EveryVertexCountAndStride) {
 }
 
 TEST_P(NormalsTest, InterleavedBufferAndKnownSquare) {
-  // A unit square in the ground plane, counter-clockwise seen from above, then a vertex used by a triangle without area.
+  // A unit square in the ground plane, counter-clockwise seen from above, then a vertex used by a triangle without
+  // area.
   constexpr size_t kStride = 6;
   std::vector<float> buffer(5 * kStride, -7.0f);
   const float corners[5][3] = {{0, 0, 0}, {0, 0, 1}, {1, 0, 1}, {1, 0, 0}, {5, 5, 5}};
@@ -129,7 +132,8 @@ TEST_P(NormalsTest, SumsThatLeaveTheFloatsGiveTheDefault) {
   }
 }
 
-// Squared lengths of exactly kNormalsTiny and kNormalsHuge have a direction; what is one float smaller or larger has none.
+// Squared lengths of exactly kNormalsTiny and kNormalsHuge have a direction; what is one float smaller or larger has
+// none.
 TEST_P(NormalsTest, TheBoundsOfASumAreMetExactly) {
   struct Sum {
     float x, z, expected_x;

@@ -36,7 +36,8 @@ class QuantizeTest : public KernelTest {
       }
       const float product = scales != nullptr ? x[j] * row_scales[j] : x[j];
       const double exact = std::isfinite(product) ? product / double{scale} : 0.0;
-      EXPECT_LE(std::fabs(q[j] - exact), 0.5 + std::ldexp(std::fabs(exact), -22)) << table().name << " row " << j << " of " << rows;
+      EXPECT_LE(std::fabs(q[j] - exact), 0.5 + std::ldexp(std::fabs(exact), -22))
+          << table().name << " row " << j << " of " << rows;
     }
     EXPECT_LT(128 * sum, int64_t{1} << 31) << "int32 would overflow with weights of -128";
     return scale;

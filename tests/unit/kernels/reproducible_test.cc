@@ -169,26 +169,26 @@ TEST_F(ReproducibleTest, GraphLayer) {
     std::vector<float> before = random_.Floats(GsgruStateFloats(n, width), -1, 1), s(n), plain_s(n);
     Aligned state(before), strands_state(before), next_x(n * width), strands_next_x(n * width);
     GsgruJob job = {x.data(),
-                          row_starts.data(),
-                          columns.data(),
-                          input.data(),
-                          bias.data(),
-                          hidden.data(),
-                          candidate.data(),
-                          output.data(),
-                          output_bias.data(),
-                          gain.data(),
-                          offset.data(),
-                          embed.data(),
-                          state.data(),
-                          nullptr,
-                          s.data(),
-                          scratch.data(),
-                          n,
-                          width,
-                          width,
-                          0.25f,
-                          0.125f};
+                    row_starts.data(),
+                    columns.data(),
+                    input.data(),
+                    bias.data(),
+                    hidden.data(),
+                    candidate.data(),
+                    output.data(),
+                    output_bias.data(),
+                    gain.data(),
+                    offset.data(),
+                    embed.data(),
+                    state.data(),
+                    nullptr,
+                    s.data(),
+                    scratch.data(),
+                    n,
+                    width,
+                    width,
+                    0.25f,
+                    0.125f};
     table_->gsgru(job);
     for (size_t i = 0; i < n; ++i) plain_s[i] = PlainVertex(job, i, &before[i * width]);
     ExpectSameBits(s, plain_s);
@@ -223,18 +223,38 @@ TEST_F(ReproducibleTest, IntegerLayer) {
       row_starts.push_back(static_cast<uint32_t>(neighbours.size()));
     }
     Aligned x(random_.Floats(n * GsgruInputStride(input_width), -1, 1)), points(random_.Floats(9 * width, -1, 1));
-    Aligned bias(random_.Floats(3 * width, -1, 1)), row(random_.Floats(width, -1, 1)), steps(random_.Floats(width, 25000, 32000));
+    Aligned bias(random_.Floats(3 * width, -1, 1)), row(random_.Floats(width, -1, 1)),
+        steps(random_.Floats(width, 25000, 32000));
     Aligned scales(random_.Floats(columns, 4e-8f, 8e-8f)), scratch(GsgruI8ScratchFloats(width));
     Aligned integers(width * columns / 4);
     auto* const weights = reinterpret_cast<int8_t*>(integers.data());
-    for (size_t i = 0; i < width * columns; ++i) weights[i] = static_cast<int8_t>(static_cast<int>(random_.Below(255)) - 127);
+    for (size_t i = 0; i < width * columns; ++i)
+      weights[i] = static_cast<int8_t>(static_cast<int>(random_.Below(255)) - 127);
     const std::vector<float> before = random_.Floats(GsgruStateFloats(n, width), -1, 1);
     for (const bool embed : {false, true}) {
       Aligned state(before), strands_state(before), next_x(n * width), strands_next_x(n * width);
       std::vector<float> s(n), strands_s(n);
-      GsgruI8Job job = {{x.data(), row_starts.data(), neighbours.data(), points.data(), bias.data(), nullptr, nullptr,
-                         nullptr, row.data(), row.data(), row.data(), embed ? row.data() : nullptr, state.data(),
-                         next_x.data(), s.data(), scratch.data(), n, input_width, width, 0.25f, 0.125f},
+      GsgruI8Job job = {{x.data(),
+                         row_starts.data(),
+                         neighbours.data(),
+                         points.data(),
+                         bias.data(),
+                         nullptr,
+                         nullptr,
+                         nullptr,
+                         row.data(),
+                         row.data(),
+                         row.data(),
+                         embed ? row.data() : nullptr,
+                         state.data(),
+                         next_x.data(),
+                         s.data(),
+                         scratch.data(),
+                         n,
+                         input_width,
+                         width,
+                         0.25f,
+                         0.125f},
                         weights,
                         scales.data(),
                         steps.data()};

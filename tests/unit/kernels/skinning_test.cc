@@ -16,7 +16,8 @@ class SkinningTest : public KernelTest {
     const GuardedBuffer<float> delta0(random.Floats(3 * vertices, -0.2f, 0.2f));
     const GuardedBuffer<float> delta1(random.Floats(3 * vertices, -0.2f, 0.2f));
     GuardedBuffer<uint8_t> bones(vertices * influences);
-    for (size_t i = 0; i < bones.size(); ++i) bones[i] = static_cast<uint8_t>(random.Below(static_cast<uint32_t>(bone_count)));
+    for (size_t i = 0; i < bones.size(); ++i)
+      bones[i] = static_cast<uint8_t>(random.Below(static_cast<uint32_t>(bone_count)));
     const GuardedBuffer<float> weights(random.Floats(vertices * influences, 0.0f, 1.0f));
     // The last vertex ends where the buffer ends.
     GuardedBuffer<float> out((vertices - 1) * stride_floats + 3);
@@ -50,7 +51,8 @@ class SkinningTest : public KernelTest {
           }
         }
         // Roundings on the longest way: 4 of T + delta, K of the blended row, the product, 2 of the row sum.
-        ASSERT_LE(std::fabs(out[i * stride_floats + row] - exact), Gamma(static_cast<double>(influences) + 7) * magnitude)
+        ASSERT_LE(std::fabs(out[i * stride_floats + row] - exact),
+                  Gamma(static_cast<double>(influences) + 7) * magnitude)
             << "vertex " << i << " row " << row;
       }
       for (size_t gap = i * stride_floats + 3; gap < (i + 1) * stride_floats && gap < out.size(); ++gap) {

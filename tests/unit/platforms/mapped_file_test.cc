@@ -63,8 +63,8 @@ TEST_F(MappedFileTest, ModelOpensInPlaceAndMovesAsFromMemory) {
   for (int tick = 0; tick < 10; ++tick) {
     const std::vector<float> matrices = PoseAt(model.numbers, tick / 30.0);
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const dcloth_output output = MakeOutput(positions.data(), normals.data(),
-                                                             static_cast<uint32_t>(positions.size() / 3));
+    const dcloth_output output =
+        MakeOutput(positions.data(), normals.data(), static_cast<uint32_t>(positions.size() / 3));
     ASSERT_EQ(dcloth_cloth_tick(cloth, &pose, DCLOTH_STAGES_MESH, nullptr), DCLOTH_OK);
     ASSERT_EQ(dcloth_cloth_skin(cloth, &pose, 1, &output, nullptr), DCLOTH_OK);
     ASSERT_EQ(expected.Tick(matrices, DCLOTH_STAGES_MESH), DCLOTH_OK);

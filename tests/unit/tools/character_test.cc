@@ -1,5 +1,5 @@
-// What reads artists' files hands over numbers and names of all kinds; what training and sequences get of it is sound, or
-// refused by name.
+// What reads artists' files hands over numbers and names of all kinds; what training and sequences get of it is sound,
+// or refused by name.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -114,7 +114,9 @@ TEST(CharacterTest, BodiesBeyondFloatAreRefused) {
   ExpectWords(Refusal([&] { BodyOf(file); }), {"out of range at a vertex of mesh 'Body'", "damaged"});
   file = Character();
   file.nodes[2].bind = Moved(1e39);
-  ExpectWords(Refusal([&] { SkinnedBodyOf(file, {}, SkeletonOf(file, {}, {}, {"m", ""})); }),
+  ExpectWords(Refusal([&] {
+                SkinnedBodyOf(file, {}, SkeletonOf(file, {}, {}, {"m", ""}));
+              }),
               {"out of range at joint 'Chest'"});
 }
 

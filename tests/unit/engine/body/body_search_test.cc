@@ -1,12 +1,12 @@
 // The search of the whole body against all faces, where no face leads to another.
 #include "engine/src/body/body_search.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
-
-#include <gtest/gtest.h>
 
 #include "tests/unit/engine/loose_faces.h"
 
@@ -37,8 +37,7 @@ TEST(BodySearchTest, TheWholeBodyIsSearchedWhereAWalkEnds) {
       const auto start = static_cast<uint32_t>(random() % body.vertex_count());
       double least = HUGE_VAL;
       for (uint32_t v = 0; v < body.vertex_count(); v += 3) least = std::min(least, walk(v));
-      const engine::ClosestPoint found =
-          engine::SearchWholeBody(body.posed(), body.job(), body.lists(), start, point);
+      const engine::ClosestPoint found = engine::SearchWholeBody(body.posed(), body.job(), body.lists(), start, point);
       ASSERT_TRUE(found.found);
       ASSERT_NEAR(std::fabs(found.distance), least, 1e-9) << faces << " faces, point " << i;
       further += walk(start) > least + 1e-6;

@@ -1,10 +1,9 @@
 // Pushes that lead under other skin: folds of two surfaces that know nothing of each other.
-#include "engine/src/body/penetration.h"
+#include <gtest/gtest.h>
 
 #include <vector>
 
-#include <gtest/gtest.h>
-
+#include "engine/src/body/penetration.h"
 #include "tests/unit/engine/loose_faces.h"
 
 namespace dcloth::testing {
@@ -12,10 +11,11 @@ namespace {
 
 constexpr double kClearance = 0.002;
 
-// Two large faces across y, the body below the first and above the second, `gap` apart. The second one's corners are far.
+// Two large faces across y, the body below the first and above the second, `gap` apart. The second one's corners are
+// far.
 LooseFaces Fold(float gap) {
-  return LooseFaces({-0.1f, 0, -0.1f, 0, 0, 0.2f,  0.1f, 0, -0.1f,  // outward is up
-                     -4,    gap, -4,  4, gap, -4,  0,    gap, 8});  // outward is down
+  return LooseFaces({-0.1f, 0, -0.1f, 0, 0, 0.2f, 0.1f, 0, -0.1f,  // outward is up
+                     -4, gap, -4, 4, gap, -4, 0, gap, 8});         // outward is down
 }
 
 // The height of a vertex over the first surface, that was in it; its nearest site is the first face's.
@@ -31,7 +31,8 @@ double Pushed(const LooseFaces& body, float height, engine::SearchBudget budget 
 }
 
 TEST(PushOutTest, OneSurfaceIsLeftByTheClearance) {
-  for (const float height : {-0.001f, -0.014f, -0.05f, 0.001f}) EXPECT_NEAR(Pushed(Fold(0.2f), height), kClearance, 1e-8);
+  for (const float height : {-0.001f, -0.014f, -0.05f, 0.001f})
+    EXPECT_NEAR(Pushed(Fold(0.2f), height), kClearance, 1e-8);
   EXPECT_EQ(Pushed(Fold(0.2f), 0.00199f), static_cast<double>(0.00199f)) << "what lies outside stays";
 }
 

@@ -1,12 +1,12 @@
 // Classes as lists: what a class's groups hold against the masks that the file gives.
 #include "engine/src/body/touch_lists.h"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <random>
 #include <set>
 #include <vector>
-
-#include <gtest/gtest.h>
 
 #include "kernels/nearest/nearest.h"
 
@@ -88,8 +88,8 @@ TEST(TouchListsTest, OrdersOfTheFileAreUsed) {
   Garment garment(500, 2000, 40, &random);
   const size_t without = garment.memory.size();
   std::vector<uint16_t> order(garment.lists.order, garment.lists.order + 500);
-  std::vector<uint16_t> sites(garment.lists.sites, garment.lists.sites + kernels::kNearestGroup *
-                                                       engine::SiteGroupCount(garment.model.body));
+  std::vector<uint16_t> sites(
+      garment.lists.sites, garment.lists.sites + kernels::kNearestGroup * engine::SiteGroupCount(garment.model.body));
   const std::vector<uint32_t> starts(garment.lists.order_starts, garment.lists.order_starts + 9);
   garment.model.body.garment_order = order.data();
   garment.model.body.sites = sites.data();

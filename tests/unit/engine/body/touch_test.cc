@@ -13,8 +13,8 @@ namespace dcloth::testing {
 namespace {
 
 constexpr int kTicks = 6;
-constexpr double kRounding = 2e-5;  // as in penetration_test.cc
-constexpr double kSame = 1e-8;      // of distances to a surface and to its rim
+constexpr double kRounding = 2e-5;                       // as in penetration_test.cc
+constexpr double kSame = 1e-8;                           // of distances to a surface and to its rim
 constexpr uint8_t kSleeve = 1, kChest = 4, kCollar = 6;  // classes; nothing touches the last one
 
 Point Minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }

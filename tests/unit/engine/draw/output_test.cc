@@ -123,8 +123,8 @@ TEST_F(OutputTest, TangentsFollowTheTexture) {
         sum.u[c] += sign * (e[0][c] * d[1][1] - e[1][c] * d[0][1]);
         sum.v[c] += sign * (e[1][c] * d[0][0] - e[0][c] * d[1][0]);
         // World positions are rounded at up to 8 m, texture coordinates at up to 2; both differences cancel.
-        sum.magnitude += (8 + std::abs(e[0][c])) * (std::abs(d[1][1]) + 2e-1) +
-                         (8 + std::abs(e[1][c])) * (std::abs(d[0][1]) + 2e-1);
+        sum.magnitude +=
+            (8 + std::abs(e[0][c])) * (std::abs(d[1][1]) + 2e-1) + (8 + std::abs(e[1][c])) * (std::abs(d[0][1]) + 2e-1);
       }
       sum.det += det;
       sum.det_magnitude += std::abs(d[0][0] * d[1][1]) + std::abs(d[1][0] * d[0][1]);
@@ -150,8 +150,7 @@ TEST_F(OutputTest, TangentsFollowTheTexture) {
     const double tolerance = 24 * 0x1p-24 * sums[i].magnitude / length + 1e-6;
     EXPECT_NEAR(along, 0, tolerance) << i;
     if (tolerance > 0.01 || std::abs(sums[i].det) < 1e-5 * sums[i].det_magnitude) continue;
-    for (size_t c = 0; c < 3; ++c)
-      EXPECT_NEAR(static_cast<double>(tangent[c]), flat[c] / length, 2 * tolerance) << i;
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(static_cast<double>(tangent[c]), flat[c] / length, 2 * tolerance) << i;
     EXPECT_EQ(tangent[3] > 0, sums[i].det > 0) << i;
     ++checked;
   }

@@ -103,7 +103,10 @@ TEST(Diagnostic, NeedsNobodyToListen) {
   constexpr uint32_t kFirst = offsetof(dcloth_error, text) + sizeof(dcloth_error::text);
   dcloth_error older;
   std::memset(&older, 0x55, sizeof(older));
-  const dcloth_error before = [&] { older.struct_size = kFirst - 1; return older; }();
+  const dcloth_error before = [&] {
+    older.struct_size = kFirst - 1;
+    return older;
+  }();
   Diagnostic small(&older);
   EXPECT_FALSE(small.Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a", "b", ""));
   EXPECT_EQ(std::memcmp(&older, &before, sizeof(older)), 0);

@@ -102,17 +102,17 @@ std::vector<Fault> Faults() {
        [](M* m, B* b) { *Data<uint16_t>(m, *b->columns, 3) = 560; }},
       {"columns_short", "body.columns.shape: ", "found [1679]; allowed: [1680]",
        [](M*, B* b) { b->columns->shape = {1679}; }},
-      {"positions_missing", "body: ", "a required field missing",
-       [](M*, B* b) { b->positions.reset(); }, DCLOTH_ERROR_FORMAT},
-      {"joints_missing", "body: ", "a required field missing",
-       [](M*, B* b) { b->joints.reset(); }, DCLOTH_ERROR_FORMAT},
-      {"weights_missing", "body: ", "a required field missing",
-       [](M*, B* b) { b->weights.reset(); }, DCLOTH_ERROR_FORMAT},
+      {"positions_missing", "body: ", "a required field missing", [](M*, B* b) { b->positions.reset(); },
+       DCLOTH_ERROR_FORMAT},
+      {"joints_missing", "body: ", "a required field missing", [](M*, B* b) { b->joints.reset(); },
+       DCLOTH_ERROR_FORMAT},
+      {"weights_missing", "body: ", "a required field missing", [](M*, B* b) { b->weights.reset(); },
+       DCLOTH_ERROR_FORMAT},
       {"faces_missing", "body: ", "a required field missing", [](M*, B* b) { b->faces.reset(); }, DCLOTH_ERROR_FORMAT},
-      {"row_starts_missing", "body: ", "a required field missing",
-       [](M*, B* b) { b->row_starts.reset(); }, DCLOTH_ERROR_FORMAT},
-      {"columns_missing", "body: ", "a required field missing",
-       [](M*, B* b) { b->columns.reset(); }, DCLOTH_ERROR_FORMAT},
+      {"row_starts_missing", "body: ", "a required field missing", [](M*, B* b) { b->row_starts.reset(); },
+       DCLOTH_ERROR_FORMAT},
+      {"columns_missing", "body: ", "a required field missing", [](M*, B* b) { b->columns.reset(); },
+       DCLOTH_ERROR_FORMAT},
   };
 }
 
@@ -205,14 +205,15 @@ TEST(BodyFormat, ARingHasAtMostThirtyTwoFaces) {
     TestModel model = BuildModel({});
     AddBody(&model);
     auto* starts = Data<uint32_t>(model.tables.get(), *model.tables->body->row_starts);
-    for (uint32_t i = 10; i < 282; ++i) starts[i] = std::max(starts[i], starts[9] + length + (i - 10));  // rows behind shrink
+    for (uint32_t i = 10; i < 282; ++i)
+      starts[i] = std::max(starts[i], starts[9] + length + (i - 10));  // rows behind shrink
     const OpenedModel opened(model);
     EXPECT_EQ(opened.status(), length == 32 ? DCLOTH_OK : DCLOTH_ERROR_SEMANTICS) << opened.error().text;
   }
 }
 
-// Any classes of any vertices against what the format asks, face by face: a vertex has those alone that all three corners
-// of one of its faces have.
+// Any classes of any vertices against what the format asks, face by face: a vertex has those alone that all three
+// corners of one of its faces have.
 TEST(BodyFormat, AClassTouchesWholeFaces) {
   std::mt19937 random(7);
   size_t opened_count = 0;

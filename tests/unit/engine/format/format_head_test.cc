@@ -12,7 +12,7 @@ struct Fault {
   dcloth_status status;
   const char* field;  // must occur in the error text
   std::function<void(format::ModelT*)> spoil;
-  uint32_t rank;      // of the sound model's reduced basis
+  uint32_t rank;  // of the sound model's reduced basis
 };
 
 void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
@@ -55,7 +55,9 @@ std::vector<Fault> HeadFaults() {
       {"mesh_columns_not_the_heads", kSemantics, "displacement.head.weights",
        [=](M* m) { widen(m->mesh_stage->coefficients.get(), 16); }, kRank},
       {"head_bias", kSemantics, "displacement.head.bias",
-       [](M* m) { m->displacement->head->bias = std::make_unique<format::TensorT>(*m->mesh_stage->coefficients->bias); },
+       [](M* m) {
+         m->displacement->head->bias = std::make_unique<format::TensorT>(*m->mesh_stage->coefficients->bias);
+       },
        kRank},
       {"head_dtype", kSemantics, "displacement.head.weights.dtype",
        [](M* m) { m->displacement->head->weights->dtype = format::DType_U16; }, kRank},
@@ -116,7 +118,8 @@ TEST(HeadFormat, OneLayerSpeaksTheHeadsCoefficientsToo) {
   model.tables->mesh_stage->coefficients->weights->shape[1] = 16;
   const OpenedModel opened(model);
   EXPECT_EQ(opened.status(), kSemantics);
-  EXPECT_EQ(std::string(opened.error().text).find("displacement.head.weights: found 14 columns"), 0u) << opened.error().text;
+  EXPECT_EQ(std::string(opened.error().text).find("displacement.head.weights: found 14 columns"), 0u)
+      << opened.error().text;
 }
 
 }  // namespace

@@ -77,8 +77,7 @@ TEST_P(ScheduleTest, PortionsKeepTheirBudget) {
     ASSERT_EQ(cloth.Tick(PoseAt(model.numbers, 0), stages), DCLOTH_OK);
     const uint64_t cost = engine::TickCost(*inside->model, {stages});
     // The widest items are panels: of the layer over all vertices, or of the static stage, which is one item.
-    const uint64_t widest =
-        40 * 32 * 4 * std::max<uint64_t>(mesh ? model.numbers.n : 0, model.numbers.d + 21 * 1 + 21);
+    const uint64_t widest = 40 * 32 * 4 * std::max<uint64_t>(mesh ? model.numbers.n : 0, model.numbers.d + 21 * 1 + 21);
     engine::Stopwatch watch(nullptr);
     engine::SkinPose skin = {inside->skin_joints, {}};
     engine::MakeSkinPose(*inside->model, inside->pose_before, &skin);

@@ -1,9 +1,9 @@
-#include "engine/src/pose/affine.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
+
+#include "engine/src/pose/affine.h"
 
 namespace dcloth::engine {
 namespace {

@@ -1,5 +1,5 @@
-// A rig whose joints have axes, places and scales of their own draws the garment of the rig of training, once its bind pose
-// is known.
+// A rig whose joints have axes, places and scales of their own draws the garment of the rig of training, once its bind
+// pose is known.
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -84,7 +84,8 @@ class BindPoseTest : public ::testing::Test {
     return bind;
   }
 
-  static dcloth_status SetBindPose(OwnedCloth* cloth, const std::vector<float>& matrices, dcloth_error* error = nullptr) {
+  static dcloth_status SetBindPose(OwnedCloth* cloth, const std::vector<float>& matrices,
+                                   dcloth_error* error = nullptr) {
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
     return dcloth_cloth_set_bind_pose(cloth->get(), &pose, error);
   }
@@ -143,7 +144,8 @@ TEST_F(BindPoseTest, SpaceAndNamesMayComeBeforeOrAfter) {
   for (const bool first : {false, true}) {
     for (const uint32_t joint_frames : {DCLOTH_JOINT_FRAMES_CONVERTED, DCLOTH_JOINT_FRAMES_KEPT}) {
       OwnedCloth plain(opened_), other(opened_);
-      const dcloth_space space = {sizeof(space), DCLOTH_AXIS_MINUS_Y, DCLOTH_AXIS_Z, DCLOTH_AXIS_X, 0.01f, joint_frames};
+      const dcloth_space space = {sizeof(space), DCLOTH_AXIS_MINUS_Y, DCLOTH_AXIS_Z, DCLOTH_AXIS_X,
+                                  0.01f,         joint_frames};
       ASSERT_EQ(dcloth_cloth_bind_joints(other.get(), pointers.data(), static_cast<uint32_t>(joints()), nullptr),
                 DCLOTH_OK);
       for (const bool now : {first, !first}) {
@@ -227,7 +229,8 @@ TEST_F(BindPoseTest, TheLargestNumbersDoNoLastingHarm) {
   ASSERT_EQ(cloth.Update(huge, kFrame, kAll), DCLOTH_OK);
   ASSERT_EQ(SetBindPose(&cloth, Training()), DCLOTH_OK);
   for (int frame = 0; frame < 30; ++frame) ASSERT_EQ(cloth.Update(Pose(frame), kFrame, kAll), DCLOTH_OK);
-  EXPECT_TRUE(std::all_of(cloth.positions().begin(), cloth.positions().end(), [](float x) { return std::isfinite(x); }));
+  EXPECT_TRUE(
+      std::all_of(cloth.positions().begin(), cloth.positions().end(), [](float x) { return std::isfinite(x); }));
 }
 
 // A model tells the bind pose of training, which taken as the host's changes nothing.

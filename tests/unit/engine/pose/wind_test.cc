@@ -62,9 +62,9 @@ struct Host {
   uint32_t flags;
 };
 
-// A run in still air, and the same steps on the spot against a wind: the cloth hangs alike, at any frame rate, in slices, at
-// half rate, through pauses and frames that hold ticks back. The wind begins with the second frame: in the first the hips
-// count as standing.
+// A run in still air, and the same steps on the spot against a wind: the cloth hangs alike, at any frame rate, in
+// slices, at half rate, through pauses and frames that hold ticks back. The wind begins with the second frame: in the
+// first the hips count as standing.
 TEST_F(WindTest, RunningThroughAirIsStandingInWind) {
   const Vector3 velocity = {3.0, 0.5, -4.0};  // m/s
   const Host hosts[] = {{"30 Hz", 30, 0},
@@ -90,7 +90,8 @@ TEST_F(WindTest, RunningThroughAirIsStandingInWind) {
         ASSERT_EQ(standing.Update(steps, length, kAll, flags), DCLOTH_OK);
         ASSERT_EQ(calm.Update(steps, length, kAll, flags), DCLOTH_OK);
         std::vector<float> back = running.positions();
-        for (size_t i = 0; i < back.size(); ++i) back[i] = static_cast<float>(static_cast<double>(back[i]) - way[i % 3]);
+        for (size_t i = 0; i < back.size(); ++i)
+          back[i] = static_cast<float>(static_cast<double>(back[i]) - way[i % 3]);
         worst = std::max(worst, LargestDistance(back, standing.positions()));
         blown = std::max(blown, LargestDistance(calm.positions(), standing.positions()));
       }
@@ -186,10 +187,12 @@ TEST_F(WindTest, WhatIsRefusedChangesNothing) {
   OwnedCloth refused(opened_), twin(opened_);
   for (OwnedCloth* cloth : {&refused, &twin}) ASSERT_EQ(SetWind(cloth, {1, 2, 3}), DCLOTH_OK);
   const double infinity = std::numeric_limits<double>::infinity(), nan = std::numeric_limits<double>::quiet_NaN();
-  for (const Vector3& wind : {Vector3{nan, 0, 0}, {0, infinity, 0}, {0, 0, -infinity}, {100.01, 0, 0}, {60, 60, 60}, {3e38, 3e38, 0}}) {
+  for (const Vector3& wind :
+       {Vector3{nan, 0, 0}, {0, infinity, 0}, {0, 0, -infinity}, {100.01, 0, 0}, {60, 60, 60}, {3e38, 3e38, 0}}) {
     dcloth_error error = EmptyError();
     EXPECT_EQ(SetWind(&refused, wind, &error), DCLOTH_ERROR_ARGUMENT);
-    EXPECT_NE(std::string(error.text).find("allowed: finite numbers, at most 100 m/s"), std::string::npos) << error.text;
+    EXPECT_NE(std::string(error.text).find("allowed: finite numbers, at most 100 m/s"), std::string::npos)
+        << error.text;
     EXPECT_EQ(SetWind(&refused, wind), DCLOTH_ERROR_ARGUMENT);
   }
   const float wind[3] = {1, 2, 3};
@@ -198,7 +201,8 @@ TEST_F(WindTest, WhatIsRefusedChangesNothing) {
   const auto* odd = reinterpret_cast<const float*>(reinterpret_cast<const char*>(wind) + 1);
   EXPECT_EQ(dcloth_cloth_set_wind(refused.get(), odd, nullptr), DCLOTH_ERROR_ARGUMENT);
   for (int frame = 0; frame < 9; ++frame) {
-    for (OwnedCloth* cloth : {&refused, &twin}) ASSERT_EQ(cloth->Update(Pose(frame / 30.0), 1 / 30.0f, kAll), DCLOTH_OK);
+    for (OwnedCloth* cloth : {&refused, &twin})
+      ASSERT_EQ(cloth->Update(Pose(frame / 30.0), 1 / 30.0f, kAll), DCLOTH_OK);
     ASSERT_EQ(refused.positions(), twin.positions());
   }
   EXPECT_EQ(SetWind(&refused, {100, 0, 0}), DCLOTH_OK);
@@ -206,17 +210,19 @@ TEST_F(WindTest, WhatIsRefusedChangesNothing) {
 
 // Axes and unit are the host's, whichever was told first; 100 m/s are 10,000 of centimetres.
 TEST_F(WindTest, IsInTheHostsSpace) {
-  const dcloth_space unreal = {sizeof(dcloth_space), DCLOTH_AXIS_MINUS_Y, DCLOTH_AXIS_Z, DCLOTH_AXIS_X, 0.01f,
+  const dcloth_space unreal = {sizeof(dcloth_space),    DCLOTH_AXIS_MINUS_Y, DCLOTH_AXIS_Z, DCLOTH_AXIS_X, 0.01f,
                                DCLOTH_JOINT_FRAMES_KEPT};
   OwnedCloth cloth(unclamped_);
   ASSERT_EQ(dcloth_cloth_set_space(cloth.get(), &unreal, nullptr), DCLOTH_OK);
   ASSERT_EQ(SetWind(&cloth, {300, 100, 50}), DCLOTH_OK);  // forward, right, up
   std::vector<float> pose = Pose(0);
   for (size_t j = 0; j < pose.size(); j += 16) {
-    const std::vector<float> metres(pose.begin() + static_cast<ptrdiff_t>(j), pose.begin() + static_cast<ptrdiff_t>(j) + 16);
+    const std::vector<float> metres(pose.begin() + static_cast<ptrdiff_t>(j),
+                                    pose.begin() + static_cast<ptrdiff_t>(j) + 16);
     for (size_t c = 0; c < 4; ++c) {
       const float scale = c == 3 ? 100.0f : 1.0f;
-      pose[j + c] = scale * metres[8 + c], pose[j + 4 + c] = -scale * metres[c], pose[j + 8 + c] = scale * metres[4 + c];
+      pose[j + c] = scale * metres[8 + c], pose[j + 4 + c] = -scale * metres[c],
+               pose[j + 8 + c] = scale * metres[4 + c];
     }
   }
   ASSERT_EQ(cloth.Tick(pose, kAll), DCLOTH_OK);

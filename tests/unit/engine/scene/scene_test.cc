@@ -1,5 +1,7 @@
 // Fifty characters in one budget, with costs given by numbers: what their updates really ran is counted by a clock that
 // counts calls, and priced by the test itself.
+#include "engine/src/scene/scene.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,7 +10,6 @@
 #include <random>
 
 #include "engine/src/time/idle.h"
-#include "engine/src/scene/scene.h"
 #include "tests/unit/engine/allocation_trap.h"
 #include "tests/unit/engine/update_fixture.h"
 #include "tests/unit/kernels/guarded_buffer.h"
@@ -99,8 +100,7 @@ class SceneTest : public UpdateTest {
     const float lower = choice.stages == DCLOTH_STAGES_MESH       ? kTicks[DCLOTH_LEVEL_HALF_RATE_MESH]
                         : choice.stages == DCLOTH_STAGES_SKELETON ? kTicks[DCLOTH_LEVEL_SKELETON]
                                                                   : kTicks[DCLOTH_LEVEL_STATIC];
-    ran.microseconds = static_cast<double>(kDraw) +
-                       ran.mesh_ticks * static_cast<double>(kTicks[DCLOTH_LEVEL_MESH]) +
+    ran.microseconds = static_cast<double>(kDraw) + ran.mesh_ticks * static_cast<double>(kTicks[DCLOTH_LEVEL_MESH]) +
                        (ran.ticks - ran.mesh_ticks) * static_cast<double>(lower);
     EXPECT_EQ(ran.ticks, choice.ticks) << "planned and run";
     return ran;
@@ -279,8 +279,8 @@ TEST_F(SceneTest, IdleCostsDrawingAndWakes) {
     for (uint32_t i = 0; i < kCharacters; ++i) {
       const dcloth_scene_choice choice = Choice(i);
       const bool moves = i >= kCharacters - 5;
-      const auto passes = Count(cloths_[i].get(), Pose(moves ? i + 0.5 + after / 60.0 : i), kSeconds, choice.stages,
-                                choice.flags);
+      const auto passes =
+          Count(cloths_[i].get(), Pose(moves ? i + 0.5 + after / 60.0 : i), kSeconds, choice.stages, choice.flags);
       const bool mesh = passes[DCLOTH_STEP_MESH] != 0;
       if (passes[DCLOTH_STEP_STATIC] != 0) {
         cost += static_cast<double>(kTicks[mesh ? DCLOTH_LEVEL_MESH : DCLOTH_LEVEL_HALF_RATE_MESH]);  // or less

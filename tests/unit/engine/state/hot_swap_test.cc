@@ -1,12 +1,11 @@
 // A model exchanged while the game runs, as dcloth.h describes it: the new cloth in other memory, what can be carried
 // over carried over, the old memory given back.
-#include "tests/unit/engine/state_fixture.h"
-
 #include <algorithm>
 #include <memory>
 
 #include "engine/src/cloth.h"
 #include "engine/src/time/idle.h"
+#include "tests/unit/engine/state_fixture.h"
 #include "tests/unit/engine/update_fixture.h"
 
 namespace dcloth::testing {
@@ -125,8 +124,8 @@ TEST(HotSwap, OtherPrecisionsTakeOverWhatIsDrawn) {
 
 engine::Cloth* Inside(Garment* garment) { return reinterpret_cast<engine::Cloth*>(garment->cloth->get()); }
 
-// Features of the old model may lie outside of what the new one was trained on: they come into its range, or to the zero of
-// a reset.
+// Features of the old model may lie outside of what the new one was trained on: they come into its range, or to the
+// zero of a reset.
 TEST(HotSwap, FeaturesComeIntoTheNewRange) {
   Garment older({}, 1), newer({}, 2);
   const format::ModelT& tables = *newer.model.tables;

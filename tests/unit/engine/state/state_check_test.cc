@@ -6,8 +6,8 @@
 #include <functional>
 #include <limits>
 
-#include "engine/src/time/idle.h"
 #include "engine/src/network/schedule.h"
+#include "engine/src/time/idle.h"
 #include "tests/unit/engine/state_fixture.h"
 #include "tests/unit/kernels/guarded_buffer.h"
 
@@ -40,7 +40,7 @@ class StateCheckTest : public ::testing::Test {
   }
 
   // The field itself and its neighbour outside of the range, at both ends.
-  void ExpectRange(double StateHead::* field, double low, double high) {
+  void ExpectRange(double StateHead::*field, double low, double high) {
     for (const bool top : {false, true}) {
       StateHead head = sound_;
       head.*field = top ? high : low;
@@ -71,7 +71,8 @@ TEST_F(StateCheckTest, CountsOfTheHead) {
   for (uint32_t ticks = 1; ticks <= 4; ++ticks)
     EXPECT_EQ(with([=](StateHead* h) { h->tick_count = ticks; }), ticks <= kTickSlots) << ticks;
   for (uint32_t stages = 0; stages < 20; ++stages) {
-    const bool known = stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH;
+    const bool known =
+        stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH;
     EXPECT_EQ(with([=](StateHead* h) { h->stages = stages; }), known) << stages;
     // Half rate is the mesh stage's.
     for (uint32_t turn = 1; turn <= 4; ++turn) {
@@ -86,7 +87,8 @@ TEST_F(StateCheckTest, CountsOfTheHead) {
     const bool counting = ticks != 0 && ticks != kIdleTicks;
     for (const uint64_t floats : {uint64_t{0}, uint64_t{1}, uint64_t{1} << 24, (uint64_t{1} << 24) + 1, UINT64_MAX}) {
       const bool fits = counting ? floats != 0 && floats <= uint64_t{1} << 24 : floats == 0;
-      EXPECT_EQ(with([=](StateHead* h) { h->idle_ticks = ticks, h->idle_floats = floats; }), ticks <= kIdleTicks && fits)
+      EXPECT_EQ(with([=](StateHead* h) { h->idle_ticks = ticks, h->idle_floats = floats; }),
+                ticks <= kIdleTicks && fits)
           << ticks << " " << floats;
     }
   }
@@ -105,10 +107,12 @@ TEST_F(StateCheckTest, AFreshHead) {
   ASSERT_EQ(dcloth_cloth_reset(cloth_.get()), DCLOTH_OK);
   sound_ = testing::HeadOf(testing::Save(&cloth_));
   ASSERT_TRUE(Holds(sound_)) << error_.text;
-  const std::function<void(StateHead*)> changes[] = {
-      [](StateHead* h) { h->stages = DCLOTH_STAGES_SKELETON; }, [](StateHead* h) { h->part = 0; },
-      [](StateHead* h) { h->mesh_pace = 1; },                   [](StateHead* h) { h->idle_ticks = 1, h->idle_floats = 1; },
-      [](StateHead* h) { h->idle_ticks = kIdleTicks; },         [](StateHead* h) { h->jumped = 1; }};
+  const std::function<void(StateHead*)> changes[] = {[](StateHead* h) { h->stages = DCLOTH_STAGES_SKELETON; },
+                                                     [](StateHead* h) { h->part = 0; },
+                                                     [](StateHead* h) { h->mesh_pace = 1; },
+                                                     [](StateHead* h) { h->idle_ticks = 1, h->idle_floats = 1; },
+                                                     [](StateHead* h) { h->idle_ticks = kIdleTicks; },
+                                                     [](StateHead* h) { h->jumped = 1; }};
   for (const auto& change : changes) {
     StateHead head = sound_;
     change(&head);
@@ -124,7 +128,7 @@ TEST_F(StateCheckTest, NumbersOfTheHead) {
   const auto largest = static_cast<double>(kLargestSaved);
   ExpectRange(&StateHead::yaw_rate, -largest, largest);
   ExpectRange(&StateHead::velocity_age, 0, 1e18);
-  for (double (StateHead::* field)[3] : {&StateHead::position, &StateHead::velocity, &StateHead::wind}) {
+  for (double(StateHead::*field)[3] : {&StateHead::position, &StateHead::velocity, &StateHead::wind}) {
     for (size_t i = 0; i < 3; ++i) {
       for (const double side : {-1.0, 1.0}) {
         StateHead head = sound_;
@@ -210,7 +214,8 @@ TEST_F(StateCheckTest, EveryNumberOfTheSpans) {
           ASSERT_FALSE(holds()) << i;
           ASSERT_EQ(error_.offset_bytes, kOffset + i * sizeof(float)) << error_.text;
           ASSERT_EQ(std::string(error_.text).find("mesh_state[" + std::to_string(i % kColumns) + "]: found "), 0u);
-          ASSERT_NE(std::string(error_.text).find(largest == kLargestHidden ? "-1 to 1" : "up to 1e18"), std::string::npos);
+          ASSERT_NE(std::string(error_.text).find(largest == kLargestHidden ? "-1 to 1" : "up to 1e18"),
+                    std::string::npos);
         }
         put(i, 0);
       }

@@ -1,6 +1,4 @@
 // Saved states: the cloth that takes one goes on to the bit as the one that was saved, wherever in time that was.
-#include "tests/unit/engine/state_fixture.h"
-
 #include <iostream>
 #include <memory>
 #include <random>
@@ -10,6 +8,7 @@
 #include "kernels/matvec/matvec.h"
 #include "tests/attack/variants.h"
 #include "tests/unit/engine/allocation_trap.h"
+#include "tests/unit/engine/state_fixture.h"
 #include "tests/unit/engine/update_fixture.h"
 
 namespace dcloth::testing {
@@ -54,9 +53,12 @@ struct Host {
 };
 
 constexpr Host kHosts[] = {
-    {"wobbling", 0, 0, false},         {"wobbling, pipelined", 0, DCLOTH_FRAME_PIPELINED, false},
-    {"47 Hz", 47, 0, false},           {"47 Hz, pipelined", 47, DCLOTH_FRAME_PIPELINED, false},
-    {"144 Hz, changing", 144, 0, true}, {"wobbling, changing", 0, 0, true},
+    {"wobbling", 0, 0, false},
+    {"wobbling, pipelined", 0, DCLOTH_FRAME_PIPELINED, false},
+    {"47 Hz", 47, 0, false},
+    {"47 Hz, pipelined", 47, DCLOTH_FRAME_PIPELINED, false},
+    {"144 Hz, changing", 144, 0, true},
+    {"wobbling, changing", 0, 0, true},
     {"half rate", 60, DCLOTH_FRAME_HALF_RATE_MESH, false},
     {"half rate, changing", 0, DCLOTH_FRAME_HALF_RATE_MESH, true},
 };
@@ -239,8 +241,8 @@ TEST_P(StateTest, SizesAreExact) {
     }
     ASSERT_EQ(allocations, 0u);
     ASSERT_TRUE(std::all_of(memory.data(), state, [](uint8_t b) { return b == 0xEE; }));
-    ASSERT_TRUE(std::all_of<const uint8_t*>(state + size, memory.data() + memory.size(),
-                                            [](uint8_t b) { return b == 0xEE; }));
+    ASSERT_TRUE(
+        std::all_of<const uint8_t*>(state + size, memory.data() + memory.size(), [](uint8_t b) { return b == 0xEE; }));
     ASSERT_EQ(cloth.Update(Pose(frame / 100.0), 0.01f, held(), DCLOTH_FRAME_PIPELINED), DCLOTH_OK);
   }
   std::cout << "state " << smallest << " to " << largest << " bytes of a cloth of " << storage << "\n";
@@ -321,7 +323,8 @@ TEST(State, BrokenWeightsAreToldWhileSaving) {
   EXPECT_EQ(Save(&cloth).size(), sizeof(engine::StateHead));
 }
 
-// Padding too: a file may hold padding of a basis that weighs, and a cloth that paused in a tick coefficients to meet it.
+// Padding too: a file may hold padding of a basis that weighs, and a cloth that paused in a tick coefficients to meet
+// it.
 TEST(State, NothingOfAnEarlierLifeIsLeft) {
   TestModel model = BuildModel(WideVariants().front().spec);
   const ModelSpec& spec = model.numbers.spec;
@@ -336,15 +339,17 @@ TEST(State, NothingOfAnEarlierLifeIsLeft) {
   ASSERT_EQ(rows, spec.units + 1 + spec.mesh_basis + 1);
   constexpr size_t kWidth = kernels::kPanelColumns;
   std::fill_n(floats(basis), panels * rows * kWidth, 0.0f);
-  for (size_t panel = 1; panel <= panels; ++panel) std::fill_n(floats(basis) + (panel * rows - 1) * kWidth, kWidth, 1e38f);
+  for (size_t panel = 1; panel <= panels; ++panel)
+    std::fill_n(floats(basis) + (panel * rows - 1) * kWidth, kWidth, 1e38f);
 
   const OpenedModel opened(model);
   ASSERT_EQ(opened.status(), DCLOTH_OK) << opened.error().text;
   const auto pause_in = [&](OwnedCloth* cloth, engine::TickPart part) {
     ASSERT_EQ(cloth->Tick(PoseAt(model.numbers, 0), kAll), DCLOTH_OK);
     ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.03), static_cast<float>(0.99 * kTick), kAll), DCLOTH_OK);
-    ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.03), static_cast<float>(0.01 * kTick), kAll, DCLOTH_FRAME_PIPELINED),
-              DCLOTH_OK);
+    ASSERT_EQ(
+        cloth->Update(PoseAt(model.numbers, 0.03), static_cast<float>(0.01 * kTick), kAll, DCLOTH_FRAME_PIPELINED),
+        DCLOTH_OK);
     for (int crumb = 0; HeadOf(Save(cloth)).part != static_cast<uint32_t>(part); ++crumb) {
       ASSERT_LT(crumb, 1000);
       ASSERT_EQ(cloth->Update(PoseAt(model.numbers, 0.03), 1e-6f, kAll, DCLOTH_FRAME_PIPELINED), DCLOTH_OK);

@@ -16,8 +16,8 @@ constexpr double kTickRate = 30;
 // What frames saw, in ticks.
 struct History {
   uint32_t ticks = 0;
-  double lag = 0, lag_low = 2;   // at the end, and the least of the second half
-  std::vector<double> shown;     // moment drawn, by the clock of the ticks
+  double lag = 0, lag_low = 2;     // at the end, and the least of the second half
+  std::vector<double> shown;       // moment drawn, by the clock of the ticks
   std::vector<double> tick_times;  // where each tick lay, by the clock of the frames
 };
 
@@ -27,7 +27,7 @@ History Play(const std::vector<double>& steps, bool pipelined = false) {
   FrameClock clock;
   History history;
   double now = 0, newest = -1;  // tick index
-  double work = 1;  // done of the newest tick
+  double work = 1;              // done of the newest tick
   for (size_t f = 0; f < steps.size(); ++f) {
     const DueTicks due = clock.Advance(steps[f]);
     const double step = f == 0 ? 0 : steps[f];
@@ -56,8 +56,8 @@ std::vector<double> Steady(double rate, size_t frames) {
 struct Rate {
   double hertz, lag, pipelined_lag;  // ticks; the latter as dcloth_frame says: about a tick less one frame more
 };
-const Rate kRates[] = {{30, 0, 0},          {60, 0.5, 1},           {90, 2.0 / 3, 4.0 / 3},
-                       {120, 0.75, 1.5},    {24, 0.75, 0.75},       {144, 23.0 / 24, 1 + 19.0 / 24}};
+const Rate kRates[] = {{30, 0, 0},       {60, 0.5, 1},     {90, 2.0 / 3, 4.0 / 3},
+                       {120, 0.75, 1.5}, {24, 0.75, 0.75}, {144, 23.0 / 24, 1 + 19.0 / 24}};
 
 TEST(FrameClockTest, RunsEveryTickAtItsTime) {
   for (const Rate& rate : kRates) {

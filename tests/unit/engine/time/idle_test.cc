@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "engine/src/network/displacement.h"
 #include "engine/src/base/arithmetic.h"
+#include "engine/src/network/displacement.h"
 #include "tests/unit/engine/allocation_trap.h"
 #include "tests/unit/engine/update_fixture.h"
 

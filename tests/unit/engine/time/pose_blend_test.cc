@@ -134,8 +134,7 @@ TEST(PoseBlendTest, BrokenAxesBlendStraight) {
   for (const Affine* broken : {&zero, &mirrored}) {
     const Affine half = BlendOne(*broken, plain, 0.25);
     for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 4; ++c)
-        EXPECT_DOUBLE_EQ(half.m[r][c], 0.75 * broken->m[r][c] + 0.25 * plain.m[r][c]);
+      for (int c = 0; c < 4; ++c) EXPECT_DOUBLE_EQ(half.m[r][c], 0.75 * broken->m[r][c] + 0.25 * plain.m[r][c]);
     }
   }
 }

@@ -77,7 +77,8 @@ TEST_F(UpdateEdgesTest, HitchesRunTwoTicksAtTheRightSpeed) {
   std::vector<float> features[2];
   for (const uint32_t elapsed : {1u, 3u}) {
     engine::RootMotion root = inside->root;
-    engine::ReadPose(*inside->model, inside->rig, OwnedCloth::Pose(Moved(stance, 0.01 * elapsed, 0.02 * elapsed)), inside->pose_now);
+    engine::ReadPose(*inside->model, inside->rig, OwnedCloth::Pose(Moved(stance, 0.01 * elapsed, 0.02 * elapsed)),
+                     inside->pose_now);
     engine::MakeSkinPose(*inside->model, inside->pose_now, &skin);
     engine::UpdateFeatures(*inside->model, skin, {0, 0, 0}, elapsed, &root, inside->features);
     features[elapsed / 2] = RootFeatures(&once, model_.numbers);
