@@ -86,7 +86,7 @@ test_command_line() {
   wineserver -p60
   LC_ALL=C.UTF-8 wine wineboot >/dev/null 2>&1 </dev/null
   # In that character set Wine takes file names for UTF-8.
-  LC_ALL=C.UTF-8 DCLOTH_BIN=$launcher DCLOTH_NATIVE=$tool /usr/bin/python3 -m pytest -q -rsP -p no:cacheprovider \
+  LC_ALL=C.UTF-8 DCLOTH_BIN=$launcher DCLOTH_NATIVE=$tool .venv/bin/python3 -m pytest -q -rsP -p no:cacheprovider \
     -k "not cold and not projection" \
     tests/cli/test_{names,usage,convert_inspect,run,hostile,overwriting,evaluate,profile,as_native}.py >"$log" 2>&1 || status=1
   wineserver -k || true

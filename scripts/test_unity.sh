@@ -19,7 +19,7 @@ trap 'rm -f "$log"' EXIT
 echo "building $folder: the Unity package's tests" >&2
 {
   cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON \
-    -DDCLOTH_WARNINGS_AS_ERRORS=ON -DPython3_EXECUTABLE=/usr/bin/python3
+    -DDCLOTH_WARNINGS_AS_ERRORS=ON -DPython3_EXECUTABLE="$PWD/.venv/bin/python3"
   ninja -C "$folder" dcloth_unity_tests
 } >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
 ctest --test-dir "$folder" --no-tests=error --output-on-failure -R "$pattern"

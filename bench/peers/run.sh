@@ -19,7 +19,7 @@ echo "building" >&2
 venv=out/peers/venv
 [ -x $venv/bin/pip ] || /usr/bin/python3 -m venv --system-site-packages $venv
 numpy=$(/usr/bin/python3 -c 'import numpy; print(numpy.__version__)')
-for packages in "onnx onnxruntime" openvino ai-edge-litert ncnn; do
+for packages in safetensors "onnx onnxruntime" openvino ai-edge-litert ncnn; do
   read -r -a names <<<"$packages"
   $venv/bin/pip install --quiet --disable-pip-version-check "numpy==$numpy" "${names[@]}" >"$log" 2>&1 ||
     { echo "not installed: $packages" >&2; tail -n 3 "$log" >&2; }
