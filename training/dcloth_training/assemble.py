@@ -2,26 +2,20 @@
 import numpy as np
 import torch
 
-from . import features, geometry, network
-from .stages.mesh_stage import MeshStage
-from .stages.skeleton_stage import SkeletonStage
-from .stages.static_stage import StaticStage
+from . import features, network, stages
 
 
-def build(fitted, character, standard, options, body_statistics=None, last="mesh"):
-    """A fresh network in float32; body_statistics (mean, deviation) of the mesh stage's input."""
-    n, d = len(character.template), len(standard["mean"])
+def parts_of(fitted, character, features_count, body_statistics=None):
+    """stages.Parts of a character's garment; body_statistics (mean [3], deviation [3]): see train.body_statistics."""
+    return stages.Parts(torch.from_numpy(np.asarray(character.template)), character.faces,
+                        torch.from_numpy(character.bind[fitted.rig.bones, :3, 3]),
+                        torch.from_numpy(fitted.initial_weights), features_count,
+                        (fitted.nearest_points, fitted.nearest_weights), body_statistics)
+
+
+def build(fitted, character, standard, options, body_statistics=None, last=stages.LAST.name):
+    """A fresh network in float32 of the stages up to `last`."""
     torch.manual_seed(options.seed)
-    static = StaticStage(torch.from_numpy(np.asarray(character.template)),
-                         torch.from_numpy(character.bind[fitted.rig.bones, :3, 3]),
-                         torch.from_numpy(fitted.initial_weights), d, options.static_width)
-    skeleton = body = mesh = None
-    if last != "static":
-        skeleton = SkeletonStage(n, d, options.skeleton_size)
-    if last == "mesh":
-        body = network.BodyPoints(fitted.nearest_points, fitted.nearest_weights)
-        mean, deviation = body_statistics
-        mesh = MeshStage(*geometry.padded_neighbours(character.faces, n), mean, deviation,
-                         options.mesh_width, options.mesh_layers, options.mesh_hidden,
-                         options.mesh_size)
-    return network.DCloth(features.Standardise(**standard), static, skeleton, body, mesh).float()
+    parts = parts_of(fitted, character, len(standard["mean"]), body_statistics)
+    modules = {stage.name: stage.kind.fresh(parts, options) for stage in stages.up_to(last)}
+    return network.DCloth(features.Standardise(**standard), **modules).float()

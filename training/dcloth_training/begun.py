@@ -3,7 +3,7 @@ import json
 import os
 
 # Folders may move, and a training may go on to the next stage.
-FREE = ("data", "more_data", "head_data", "start", "out", "export", "threads", "stages")
+FREE = ("data", "more_data", "head_data", "start", "out", "export", "threads", "device", "stages")
 
 
 def _input(options, clips):

@@ -8,7 +8,7 @@ from . import evaluate
 # Behind the feature joints' names, by a bundle's metadata "root_motion".
 _ROOT_MOTION = {"false": "", "true": " and root motion", "air": " and the air around the hips"}
 
-LEVELS = ("rigid hips", "plain skinning", "stage 1", "stages 1-2", "stages 1-3")
+LEVELS = (evaluate.SCALE, evaluate.PLAIN, *evaluate.LEVELS.values())
 COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 WIDTH = 125
 

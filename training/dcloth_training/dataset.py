@@ -241,15 +241,15 @@ class Window:
         """Residual [frames, v, 3] of sampled vertices."""
         return self.clip.sampled(self.ticks(frames), rows)
 
-    def x(self, standardise, frames, reset=True, velocity=None):
-        """Features; after a reset the hips' motion is unknown. velocity [3]: features.carried, root motion "hips"."""
+    def x(self, frames, reset=True, velocity=None):
+        """Raw features; after a reset the hips' motion is unknown. velocity [3]: features.carried, root motion "hips"."""
         x = self.raw(frames)
         if velocity is not None and x.shape[1] % 9 == features.ROOT_NUMBERS["hips"]:
             x = torch.from_numpy(features.carried(x.numpy(), velocity, self.clip.rate))
             x[0, -4:-1] += torch.as_tensor(velocity, dtype=x.dtype)
         if reset and not self.fresh:
             features.begin(x, self.first_wind())
-        return standardise(x)
+        return x
 
     def first_wind(self):
         """[3] of the first tick, in its heading frame, m/s; None where the pose does not know it."""

@@ -15,12 +15,12 @@ import sys
 import numpy as np
 import torch
 
-from . import bundle, command, dataset, metrics, network, plots, reference, safetensors_io, sequence
+from . import bundle, command, dataset, metrics, plots, reference, safetensors_io, sequence, stages
 from .motion import skeleton
 from .simulate import crossings, penetration
 
 SCALE, PLAIN = "rigid hips", "plain skinning"
-LEVELS = {"static": "stage 1", "skeleton": "stages 1-2", "mesh": "stages 1-3"}
+LEVELS = {stage.name: stage.title for stage in stages.STAGES}
 EVERY = 5               # frames from one to the next whose crossings are counted
 HELD = (30, 60)         # ticks of the last pose, held after the clip, between which jitter.held_mm is measured
 
@@ -75,8 +75,8 @@ def levels(net, rig, item, path="sequence"):
         rigid[:, rig.bones.index(rig.hips)] = 1
         yield SCALE, skinned(net, rig, pose, rigid)
     yield PLAIN, skinned(net, rig, pose, net.static.initial_weights)
-    for stage in network.STAGES[:network.STAGES.index(net.last_stage()) + 1]:
-        yield LEVELS[stage], net.run(pose, stage)
+    for stage in stages.up_to(net.last_stage()):
+        yield stage.title, net.run(pose, stage.name)
 
 
 def with_hold(item):

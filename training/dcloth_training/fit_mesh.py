@@ -11,8 +11,18 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import losses, loop, mesh_bptt, mesh_head, mesh_windows, unskin
+from . import fit_skeleton, losses, loop, mesh_bptt, mesh_head, mesh_windows, unskin
 
+# Its options of train: (default, least, what).
+OPTIONS = {
+    "mesh-size": (64, 1, "k_M"), "mesh-width": (8, 1, "F"), "mesh-layers": (3, 1, "L"), "mesh-hidden": (256, 1, "h"),
+    "mesh-epochs": (10, 0, "of truncated back-propagation through time"),
+    "mesh-windows": (256, 1, "windows of clips in one such epoch"),
+    "mesh-patches": (192, 1, "of cloth, whose means the head reads then"), "mesh-rate": (1e-3, None, None),
+    "chunk": (16, 1, "ticks that a gradient goes back, a step"),
+    "head-clips": (10 ** 6, 1, "clips drawn for stage 3, at most"), "head-rank": (32, 1, None),
+    "head-epochs": (40, 0, None), "head-rate": (3e-4, None, None), "head-dropout": (0.3, None, None),
+    "head-noise": (0.5, None, None), "head-decay": (0.3, None, None)}
 BASIS_EVERY = 2
 VERTICES = 512
 
@@ -42,7 +52,7 @@ class Patches:
 
     def reduce(self, s):
         """The same of a tensor, with gradient."""
-        mean, directions, deviation = map(torch.from_numpy, (self.mean, self.directions, self.deviation))
+        mean, directions, deviation = (torch.from_numpy(v).to(s.device) for v in (self.mean, self.directions, self.deviation))
         return (s - mean) @ directions.t() / deviation
 
 
@@ -58,10 +68,11 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
     """Back-propagation through time -> ({step: history}, error in metres); leaves its best epoch in `mesh`."""
     count, every = len(static.template), 8
     weights = static.weights().detach()
+    device = weights.device
     recurrence = mesh_bptt.recurrence(mesh, log)
-    patches = Patches(static.template, options.mesh_patches, mesh_windows.embed(recurrence, body_points, validation))
+    patches = Patches(static.template.cpu(), options.mesh_patches, mesh_windows.embed(recurrence, body_points, validation))
     torch.manual_seed(options.seed)
-    head = mesh_head.Head(len(patches.directions), mesh.mlp[0].out_features, components, deviations, options)
+    head = mesh_head.Head(len(patches.directions), mesh.mlp[0].out_features, components, deviations, options).to(device)
 
     def reduced(clips):
         return mesh_windows.embed(recurrence, body_points, clips, keep=lambda s: patches.reduce(torch.from_numpy(s)))
@@ -80,12 +91,12 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
             target = np.stack([c.remainder(t, rows.numpy()) for c, t in zip(clips, ticks)])
             columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
             delta = (head(patches.reduce(s.transpose(0, 1))) @ columns).reshape(target.shape)
-            linear = torch.stack([c.pose.linear[t] for c, t in zip(clips, ticks)])
-            yield losses.skinned_distance(linear, weights[rows], delta - torch.from_numpy(target))
+            linear = torch.stack([c.pose.linear[t] for c, t in zip(clips, ticks)]).to(device)
+            yield losses.skinned_distance(linear, weights[rows], delta - torch.from_numpy(target).to(device))
 
     @torch.no_grad()
     def predicted():
-        return [(head(u) @ coarse).reshape(len(u), -1, 3) for u in reduced(validation)]
+        return [(head(u.to(device)) @ coarse).reshape(len(u), -1, 3) for u in reduced(validation)]
 
     def validate():
         return mesh_head.best_shrink(weights[::every], validation, predicted(), every)[1]
@@ -127,3 +138,20 @@ def train(mesh, body_points, static, drawn, everything, validation, options, fol
     mesh.eval()
     log(f"mesh: kept {1e3 * lowest:.2f} mm on validation")
     return histories
+
+
+def train_stage(run):
+    """Stage 3 of a training -> {step: history}; with --head-data on clips that stage 2 never saw."""
+    options, seen = run.options, run.training
+    if options.head_data:
+        seen = run.unseen_clips()
+        run.unskin(seen)
+        run.log(f"stage 3: {len(seen)} {run.images} that stage 2 never saw")
+    everything = (seen if options.head_data else []) + (run.training if options.mesh_epochs else [])
+    seen = draw(seen, options)
+    fit_skeleton.add_coarse(run.net.skeleton, run.net.standardise,
+                            list({id(c): c for c in everything + seen + run.validation}.values()))
+    fit_skeleton.subtract(seen + run.validation)
+    run.stage_3_clips = seen + everything
+    return train(run.net.mesh, run.net.mesh.body_points, run.net.static, seen, everything, run.validation, options,
+                 options.out, run.log)

@@ -17,8 +17,17 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import augment, bundle, dataset, fit_static, losses, loop, unskin
+from . import augment, dataset, fit_static, losses, loop, unskin
+from .stages.skeleton_stage import factors
 
+# Its options of train: (default, least, what).
+OPTIONS = {
+    "skeleton-size": (128, 1, "k_S"), "skeleton-rank": (64, 1, "principal components below S"),
+    "skeleton-epochs": (220, 0, None), "settle-epochs": (20, 0, "that also forget the state they began with"),
+    "skeleton-rate": (3e-3, None, None), "window": (64, dataset.WARM_UP + 1, "ticks a training window"),
+    "carried": (1.5, None, "m/s: deviation of windows' velocity, see augment.py"),
+    "noise": (0.1, None, "deviation of standardised features, see augment.py"), "dropout": (0.1, None, None),
+    "decay": (0.01, None, None)}
 BATCH = 16
 VERTICES = 256
 USUAL_STATE = 0.3   # deviation of a unit's state
@@ -98,20 +107,23 @@ def clip_errors(reduced, static, standardise, clips, every=8):
     rows = torch.arange(0, len(static.template), every)
     weights = static.weights()[rows]
     columns = reduced.components.reshape(len(reduced.components), -1, 3)[:, rows].flatten(1)
-    total, ticks = 0.0, 0
+    total, ticks, device = 0.0, 0, weights.device
     for clip in clips:
-        delta = reduced(standardise(clip.pose.x)[None])[0][0] @ columns
-        wanted = torch.from_numpy(clip.wanted(vertices=slice(None, None, every)))
+        delta = reduced(standardise(clip.pose.x.to(device))[None])[0][0] @ columns
+        wanted = torch.from_numpy(clip.wanted(vertices=slice(None, None, every))).to(device)
         error = delta.reshape(len(clip), -1, 3) - wanted
-        total += float(losses.skinned_distance(clip.pose.linear, weights, error)) * len(clip)
+        total += float(losses.skinned_distance(clip.pose.linear.to(device), weights, error)) * len(clip)
         ticks += len(clip)
     return total / ticks
 
 
 def train(skeleton, static, standardise, training, validation, drapes, options, folder, log=print):
-    """-> history; leaves the trained GRU and basis in `skeleton`. drapes: clips of still poses."""
-    count = len(static.template)
-    known = bundle.factors(skeleton.basis.detach().numpy()) if options.start else None
+    """-> history; leaves the trained GRU and basis in `skeleton`. drapes: clips of still poses.
+
+    Windows are drawn on the CPU, the same on every device, and go to the device of the stages.
+    """
+    count, device = len(static.template), static.template.device
+    known = factors(skeleton.basis.detach().cpu().numpy()) if options.start else None
     if known:
         components = known[1].reshape(len(known[1]), -1).astype(np.float32)
         deviations = USUAL_STATE * np.linalg.norm(components, axis=1)
@@ -121,7 +133,7 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
             lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
             sum(-(-len(c) // BASIS_EVERY) for c in training), options.skeleton_rank, options.seed)
     torch.manual_seed(options.seed)
-    reduced = Reduced(skeleton.gru, components, deviations, options)
+    reduced = Reduced(skeleton.gru, components, deviations, options).to(device)
     if known:
         with torch.no_grad():
             reduced.readout.copy_(torch.from_numpy(known[0] / USUAL_STATE))
@@ -138,16 +150,16 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
             state, reset = first_states(some, ended, generator)
             velocity = augment.velocities(some, options.carried, generator).numpy()
-            x = torch.stack([w.x(standardise, frames, zero, v)
-                             for w, zero, v in zip(some, reset, velocity)])
+            x = standardise(torch.stack([w.x(frames, zero, v) for w, zero, v in zip(some, reset, velocity)]).to(device))
             keep = counted(some, frames)
+            linear, target, state = linear.to(device), target.to(device), state.to(device)
             if settle:
                 other = 2 * torch.rand(state.shape, generator=generator) - 1
-                coefficients, apart, state = reduced.apart(x, state, torch.sign(other))
+                coefficients, apart, state = reduced.apart(x, state, torch.sign(other).to(device))
                 left = (apart @ columns).reshape(target.shape)[:, dataset.WARM_UP:]
             else:
                 coefficients, state = reduced(x, state)
-            ended = state[0].detach()
+            ended = state[0].detach().cpu()
             delta = (coefficients @ columns).reshape(target.shape)
             loss = losses.skinned_distance(linear[keep], weights[rows], (delta - target)[keep])
             yield loss + losses.distance(left) if settle else loss
@@ -172,14 +184,14 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
 @torch.no_grad()
 def add_coarse(skeleton, standardise, clips):
     """Fill clip.coarse: what the stage gives, in its own directions, for clips too many to subtract it in memory."""
-    found = bundle.factors(skeleton.basis.detach().numpy())
+    found = factors(skeleton.basis.detach().cpu().numpy())
     readout = None if found is None else torch.from_numpy(np.ascontiguousarray(found[0], np.float32))
-    basis = skeleton.basis.detach().numpy() if found is None else found[1].astype(np.float32)
+    basis = skeleton.basis.detach().cpu().numpy() if found is None else found[1].astype(np.float32)
     order = sorted(range(len(clips)), key=lambda i: len(clips[i]))
     for at in range(0, len(order), BATCH):
         some = [clips[i] for i in order[at:at + BATCH]]
-        x = nn.utils.rnn.pad_sequence([standardise(c.pose.x) for c in some], batch_first=True)
-        states = skeleton(x)[0]
+        x = nn.utils.rnn.pad_sequence([standardise(c.pose.x.to(skeleton.basis.device)) for c in some], batch_first=True)
+        states = skeleton(x)[0].cpu()
         for clip, rows in zip(some, states if readout is None else states @ readout):
             clip.coarse = rows[:len(clip)].numpy().copy(), basis
 
@@ -189,3 +201,13 @@ def subtract(clips):
     for clip in clips:
         clip.residual[:] = clip.remainder(slice(None), slice(None))
         clip.coarse = None
+
+
+def train_stage(run):
+    """Stage 2 of a training -> {step: history}; un-skins the truth on the way."""
+    if run.before:
+        run.net.skeleton.load_state_dict(run.before.skeleton.state_dict())
+    run.unskin(run.training + run.validation + run.static_clips)
+    run.log("ground truth un-skinned")
+    return {"skeleton": train(run.net.skeleton, run.net.static, run.net.standardise, run.training, run.validation,
+                              run.static_clips, run.options, run.options.out, run.log)}

@@ -7,6 +7,9 @@ import torch
 
 from . import dataset, features, losses, loop
 
+# Its options of train: (default, least, what).
+OPTIONS = {
+    "static-width": (256, 1, None), "static-epochs": (60, 0, None), "influences": (4, 1, "bones a vertex, at most")}
 BATCH = 8
 HELD_EVERY = 7    # one drape in seven validates, together with its mirror image
 
@@ -14,7 +17,7 @@ HELD_EVERY = 7    # one drape in seven validates, together with its mirror image
 class Drapes:
     """Poses and truths of all static files as tensors."""
 
-    def __init__(self, clips, character):
+    def __init__(self, clips, character, device="cpu"):
         self.x = torch.cat([c.pose.x for c in clips])
         self.linear = torch.cat([c.pose.linear for c in clips])
         self.posed = torch.cat([c.pose.posed for c in clips])
@@ -22,6 +25,7 @@ class Drapes:
                                                                     character.mirror))
                                 for c in clips])
         features.at_rest(self.x)    # each drape is a pose of its own
+        self.x, self.linear, self.posed, self.truth = (v.to(device) for v in (self.x, self.linear, self.posed, self.truth))
         number = torch.cat([torch.arange(len(c)) for c in clips])
         self.held = number % HELD_EVERY == HELD_EVERY - 1
 
@@ -68,3 +72,12 @@ def train(static, standardise, drapes, options, folder, log=print):
             seed=options.seed, rate=options.rate / 2, validate_every=5, log=log)
     still(static, x)
     return histories
+
+
+def train_stage(run):
+    """Stage 1 of a training -> {step: history}; {} where it goes on from a finished one."""
+    if run.before:
+        run.net.static.load_state_dict(run.before.static.state_dict())
+        return {}
+    drapes = Drapes(run.static_clips, run.character, run.options.device)
+    return train(run.net.static, run.net.standardise, drapes, run.options, run.options.out, run.log)

@@ -70,6 +70,7 @@ class _Window(torch.autograd.Function):
 
 class Native:
     """The layers of `mesh` in C++. One window's gradient at a time: the next window overwrites what it needs."""
+    device = torch.device("cpu")
 
     def __init__(self, mesh):
         self.library, self.mesh = library(), mesh
@@ -145,7 +146,7 @@ class Torch:
     """The same in PyTorch."""
 
     def __init__(self, mesh):
-        self.mesh = mesh
+        self.mesh, self.device = mesh, mesh.embed.weight.device
 
     def fresh(self, batch):
         return self.mesh.reset(batch, self.mesh.embed.weight)
@@ -160,7 +161,9 @@ class Torch:
 
 
 def recurrence(mesh, log=lambda text: None):
-    """Native where it can be, else Torch."""
+    """Native where it can be (on the CPU), else Torch."""
+    if mesh.embed.weight.device.type != "cpu":
+        return Torch(mesh)
     try:
         return Native(mesh)
     except (FileNotFoundError, ValueError) as error:

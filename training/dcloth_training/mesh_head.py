@@ -53,10 +53,10 @@ class Head(nn.Module):
     @torch.no_grad()
     def unfold(self, mesh, embeddings, shrink=1.0):
         """Write the head into a MeshStage; `shrink` multiplies the basis."""
-        first = self.mlp[0].weight / torch.from_numpy(embeddings.deviation)
-        mesh.mlp[0].weight.copy_(first @ torch.from_numpy(embeddings.directions))
-        mesh.mlp[0].bias.copy_(self.mlp[0].bias
-                               - mesh.mlp[0].weight @ torch.from_numpy(embeddings.mean))
+        deviation, directions, mean = (torch.from_numpy(v).to(self.scale.device) for v in (
+            embeddings.deviation, embeddings.directions, embeddings.mean))
+        mesh.mlp[0].weight.copy_(self.mlp[0].weight / deviation @ directions)
+        mesh.mlp[0].bias.copy_(self.mlp[0].bias - mesh.mlp[0].weight @ mean)
         mesh.mlp[2].load_state_dict(self.mlp[2].state_dict())
         basis = shrink * self.scale[:, None] * self.components
         mesh.basis.copy_(basis.reshape(mesh.basis.shape))
@@ -81,17 +81,17 @@ def typical(weights, clips, predicted, every=8):
     alone would decide what the wrinkles of all others are worth.
     """
     logs = [np.log(float(losses.skinned_distance(
-        clip.pose.linear, weights,
-        delta - torch.from_numpy(clip.wanted(vertices=slice(None, None, every))))))
+        clip.pose.linear.to(weights.device), weights,
+        delta - torch.from_numpy(clip.wanted(vertices=slice(None, None, every))).to(weights.device))))
         for clip, delta in zip(clips, predicted)]
     return float(np.exp(np.mean(logs)))
 
 
 def fit_standing(stage, head, u, held, static, training, validation, options, folder, log=print, **more):
     """Fit `head` to standing u [T, r] of training clips -> (history, shrink, error in metres); held: of validation."""
-    count, every = len(static.template), 8
-    u = torch.cat(u)
-    linear = torch.cat([c.pose.linear for c in training])
+    count, every, device = len(static.template), 8, static.template.device
+    u, held = torch.cat(u).to(device), [v.to(device) for v in held]
+    linear = torch.cat([c.pose.linear for c in training]).to(device)
     place = [(c, t) for c in training for t in range(len(c))]
     weights = static.weights().detach()
     coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
@@ -104,7 +104,7 @@ def fit_standing(stage, head, u, held, static, training, validation, options, fo
             columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
             delta = (head(u[ticks]) @ columns).reshape(target.shape)
             yield losses.skinned_distance(linear[ticks], weights[rows],
-                                          delta - torch.from_numpy(target))
+                                          delta - torch.from_numpy(target).to(device))
 
     @torch.no_grad()
     def predicted():
@@ -129,7 +129,8 @@ def fit(stage, mesh, body_points, static, components, deviations, training, vali
     del embedded
     held = [embeddings.reduce(s) for s in mesh_windows.embed(recurrence, body_points, validation)]
     torch.manual_seed(options.seed)
-    head = Head(len(embeddings.directions), mesh.mlp[0].out_features, components, deviations, options)
+    head = Head(len(embeddings.directions), mesh.mlp[0].out_features, components, deviations, options).to(
+        static.template.device)
     history, shrink, error = fit_standing(stage, head, u, held, static, training, validation, options, folder, log)
     log(f"{stage}: basis times {shrink:.1f}, {1e3 * error:.2f} mm on validation")
     head.unfold(mesh, embeddings, shrink)

@@ -59,7 +59,7 @@ def run(recurrence, body_points, clips, options, generator):
         group = under_way[which]
         began = [first + group.done * options.chunk for first in group.firsts]
         ticks = [slice(b, b + options.chunk) for b in began]
-        frames = torch.stack([c.pose.body_frame[t] for c, t in zip(group.clips, ticks)])
+        frames = torch.stack([c.pose.body_frame[t] for c, t in zip(group.clips, ticks)]).to(recurrence.device)
         # In the first step lanes in the middle of a clip warm up; the others are the first of their clip.
         counted = [i for i, first in enumerate(group.firsts) if group.done or first == 0]
         with torch.set_grad_enabled(bool(counted)):
@@ -81,8 +81,8 @@ def embed(recurrence, body_points, clips, ticks=32, keep=lambda s: s):
         states, rows = recurrence.fresh(len(some)), []
         for began in range(0, max(map(len, some)), ticks):
             frames = torch.stack([c.pose.body_frame[[min(t, len(c) - 1) for t in range(began, began + ticks)]]
-                                  for c in some])
-            rows.append(recurrence.run(mesh_bptt.window_points(body_points, frames), states).numpy())
+                                  for c in some]).to(recurrence.device)
+            rows.append(recurrence.run(mesh_bptt.window_points(body_points, frames), states).cpu().numpy())
         for lane, i in enumerate(order[at:at + mesh_bptt.LANES]):
             out[i] = keep(np.concatenate([r[:, lane] for r in rows])[:len(clips[i])])
     return out

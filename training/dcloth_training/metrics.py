@@ -65,8 +65,11 @@ def angles_degrees(normals, other):
     return angle
 
 
-def _errors(distance, angle):
-    """{position_mm, normal_deg} of distances [T, n] mm and angles [T, n] degrees, NaN where undefined."""
+def errors(distance, angle):
+    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std, p99}} of distances [T, n] mm and angles [T, n] degrees.
+
+    Angles that are undefined are NaN. std is over the frames' means, p99 over all vertices of all frames.
+    """
     frames = [row[~np.isnan(row)] for row in angle]
     known = np.concatenate(frames)
     means = [row.mean() for row in frames if len(row)]
@@ -75,16 +78,6 @@ def _errors(distance, angle):
             "normal_deg": {"mean": float(known.mean()), "std": float(np.std(means)),
                            "p99": float(np.percentile(known, 99))} if len(known) else
             {"mean": 0.0, "std": 0.0, "p99": 0.0}}
-
-
-def summary(positions, truth, faces):
-    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std, p99}} of a clip [T, n, 3], the counted frames.
-
-    std is over the frames' means, p99 over all vertices of all frames.
-    """
-    positions, truth = (np.asarray(of)[counted(len(of)):] for of in (positions, truth))
-    return _errors(distances_mm(positions, truth),
-                   angles_degrees(vertex_normals(positions, faces), vertex_normals(truth, faces)))
 
 
 def in_hips(positions, hips):
@@ -213,7 +206,7 @@ def clip(predicted, truth):
                        "energy_ratio": _quotient(own, wanted)}
     return {
         "frames": truth.frames,
-        **_errors(distance, angle),
+        **errors(distance, angle),
         "alive_mm": truth.alive_mm, "predicted_alive_mm": alive,
         "relative_error": _quotient(distance.mean(), truth.alive_mm),
         "offset_mm": _length_mm(offset), "motion_error_mm": motion_error,

@@ -3,9 +3,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import features as pose_features
+from . import features as pose_features, stages
 
-STAGES = ("static", "skeleton", "mesh")
+STAGES = stages.NAMES
 
 
 class Pose:
@@ -40,63 +40,40 @@ def pose_of(matrices, rig, dtype=torch.float64, device="cpu", wind=None):
                   for v in (x, linear, posed, frame, wind)))
 
 
-class BodyPoints(nn.Module):
-    """The nearest body points of the garment, posed, in the heading frame: one matrix product."""
-
-    def __init__(self, points, joint_weights):
-        super().__init__()
-        points, joint_weights = torch.as_tensor(points), torch.as_tensor(joint_weights)
-        homogeneous = torch.cat([points, torch.ones_like(points[:, :1])], 1)
-        self.register_buffer("mixing", (joint_weights[:, :, None] * homogeneous[:, None])
-                             .reshape(len(points), -1), persistent=False)   # [n, 4 J]
-
-    def forward(self, body_frame):
-        """[B, J, 3, 4] -> [n, B, 3]."""
-        columns = body_frame.permute(1, 3, 0, 2).reshape(self.mixing.shape[1], -1)
-        return (self.mixing @ columns).reshape(len(self.mixing), -1, 3)
-
-
 class DCloth(nn.Module):
-    """All stages of one garment; `skeleton` and `mesh` may be None."""
+    """All stages of one garment, each an attribute of its name; those after the first may be None, from the last one back."""
 
-    def __init__(self, standardise, static, skeleton=None, body_points=None, mesh=None):
+    def __init__(self, standardise, static, skeleton=None, mesh=None, **later):
         super().__init__()
-        self.standardise, self.static = standardise, static
-        self.skeleton, self.body_points, self.mesh = skeleton, body_points, mesh
+        self.standardise = standardise
+        for name, module in {"static": static, "skeleton": skeleton, "mesh": mesh, **later}.items():
+            setattr(self, name, module)
 
     def last_stage(self):
-        return "static" if self.skeleton is None else "mesh" if self.mesh else "skeleton"
+        return [name for name in stages.NAMES if getattr(self, name) is not None][-1]
 
     @torch.no_grad()
-    def run(self, pose, stages=None, intermediates=None):
-        """Positions [T, n, 3] of one sequence from a reset, tick by tick.
+    def run(self, pose, last=None, intermediates=None):
+        """Positions [T, n, 3] of one sequence from a reset, tick by tick, with the stages up to `last`.
 
-        `intermediates`: a dict that receives features, pivots, h_S and Q, one row a tick.
+        `intermediates`: a dict that receives features, pivots and each stage's coefficients (h_S, Q), one row a tick.
         """
-        stages = stages or self.last_stage()
-        depth = STAGES.index(stages)
-        if depth > STAGES.index(self.last_stage()):
-            raise ValueError(f"stage '{stages}' asked for, the model stops after "
-                             f"'{self.last_stage()}'")
+        chosen = stages.up_to(last or self.last_stage())
+        if getattr(self, chosen[-1].name) is None:
+            raise ValueError(f"stage '{last}' asked for, the model stops after '{self.last_stage()}'")
         x = self.standardise(pose.x)
         weights = self.static.weights()
-        notes = {"features": x, "pivots": self.static.pivots + self.static.increments(x)}
-        h_s, q = None, []
-        if depth >= 1:
-            h_s = self.skeleton(x[None])[0][0]
-            notes["h_S"] = h_s
-        states = self.mesh.reset(1, x) if depth == 2 else None
-        out = []
+        later = [getattr(self, stage.name) for stage in chosen[1:]]
+        rows, out, played = [[] for _ in later], [], [stage.play(x, pose) for stage in later]
         for t in range(len(pose)):
             bones = self.static.bone_matrices(x[t], pose.linear[t], pose.posed[t])
-            delta = self.skeleton.displacement(h_s[t]) if depth >= 1 else None
-            if depth == 2:
-                s, states = self.mesh.embedded(self.body_points(pose.body_frame[t:t + 1]), states)
-                q.append(self.mesh.coefficients(s)[0])
-                delta = delta + self.mesh.displacement(q[-1])
+            delta = None
+            for stage, coefficients, row in zip(later, played, rows):
+                row.append(next(coefficients))
+                moved = stage.displacement(row[-1])
+                delta = moved if delta is None else delta + moved
             out.append(self.static.skin(self.static.blend(bones, weights), delta))
-        if q:
-            notes["Q"] = torch.stack(q)
         if intermediates is not None:
-            intermediates.update(notes)
+            intermediates.update({"features": x, "pivots": self.static.pivots + self.static.increments(x)})
+            intermediates.update({stage.NOTE: torch.stack(row) for stage, row in zip(later, rows)})
         return torch.stack(out)

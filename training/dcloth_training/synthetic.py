@@ -18,7 +18,7 @@ import torch
 
 from . import bundle, features, geometry, network, sequence, synthetic_body
 from .rig import Character, Fit, Rig
-from .stages.mesh_stage import MeshStage
+from .stages.mesh_stage import BodyPoints, MeshStage
 from .stages.skeleton_stage import SkeletonStage
 from .stages.static_stage import StaticStage
 
@@ -123,10 +123,10 @@ def build(sizes, seed=1, root="none"):
         rig.bind[rig.bones, :3, 3].astype(np.float32)), torch.from_numpy(fit.initial_weights), pose.x.shape[1],
         sizes.static_hidden, sizes.bones)
     skeleton = SkeletonStage(n, pose.x.shape[1], sizes.skeleton)
-    body_points = network.BodyPoints(torch.from_numpy(fit.nearest_points), torch.from_numpy(fit.nearest_weights))
+    body_points = BodyPoints(torch.from_numpy(fit.nearest_points), torch.from_numpy(fit.nearest_weights))
     some = body_points(pose.body_frame[::STATISTICS_FRAMES // 20])
     mesh = MeshStage(*geometry.padded_neighbours(whole.faces, n), some.mean((0, 1)), some.std((0, 1)), sizes.width,
-                     sizes.layers, sizes.hidden, sizes.mesh)
+                     sizes.layers, sizes.hidden, sizes.mesh, body_points)
     with torch.no_grad():
         torch.nn.init.normal_(static.mlp[2].weight, std=0.01 / sizes.static_hidden ** 0.5)    # pivots: centimetres
         for matrix in (skeleton.gru.weight_ih_l0, skeleton.gru.weight_hh_l0):    # gates open, whatever the size
@@ -137,7 +137,7 @@ def build(sizes, seed=1, root="none"):
         torch.nn.init.normal_(mesh.mlp[2].weight, std=sizes.hidden ** -0.5)
         for basis, values in zip((skeleton.basis, mesh.basis), bases(sizes, generator)):
             basis.copy_(torch.from_numpy(values))
-    net = network.DCloth(standardise, static, skeleton, body_points, mesh).eval()
+    net = network.DCloth(standardise, static, skeleton, mesh).eval()
     x = standardise(pose.x[:60])
     _scaled(skeleton.basis, lambda: skeleton.displacement(skeleton(x[None])[0][0]), SKELETON_MM)
 

@@ -3,20 +3,22 @@
     python3 -m dcloth_training.train --data DIR --out DIR [--export BUNDLE]
 
 DIR/--data holds character.safetensors, dynamic/ and static/ (simulate/run.py makes them). Stops
-and resumes at any epoch; writes checkpoints, log.json, curves.png and network.safetensors
-under --out.
+and resumes at any epoch; writes checkpoints, log.json, curves.png, network.safetensors and measures.txt
+(every measure on the validation clips) under --out.
 """
 import argparse
 import json
 import os
 import sys
 import time
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 
-from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, export, features, fit_mesh, fit_skeleton,
-               fit_static, loop, network, plots, rig, train_checks)
+from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, evaluate, export, features, loop, network,
+               plots, rig, sequence, stages, train_checks)
+from .stages.mesh_stage import BodyPoints
 
 
 # What --freeze keeps from training: pivots start at D = 0, weights at the nearest-point weights.
@@ -39,45 +41,22 @@ def arguments(argv=None):
         help="clips to measure the network on, never read here, comma separated; the bundle names them")
     add("--seed", type=int, default=1)
     add("--threads", type=int, default=2)
+    add("--device", choices=("cpu", "cuda"), default="cpu",
+        help="where the stages learn; the same input gives the same bits on the CPU alone")
     add("--rate", type=float, default=1e-3)
-    add("--stages", choices=network.STAGES, default="mesh", help="last stage to train")
+    add("--stages", choices=stages.NAMES, default=stages.LAST.name, help="last stage to train")
     add("--freeze", choices=sorted(FROZEN), help="ablation: leave this part of stage 1 as it starts")
     add("--root-motion", choices=tuple(features.ROOT_NUMBERS), default="hips",
         help="what the network reads of the hips' way: nothing, their velocity, or the velocity of the air around them "
              "and their acceleration (for clips simulated in air that stands still or blows; see --data's wind)")
-    add("--static-width", type=int, default=256)
-    add("--static-epochs", type=int, default=60)
-    add("--influences", type=int, default=4, help="bones a vertex, at most")
-    add("--skeleton-size", type=int, default=128, help="k_S")
-    add("--skeleton-rank", type=int, default=64, help="principal components below S")
-    add("--skeleton-epochs", type=int, default=220)
-    add("--settle-epochs", type=int, default=20, help="that also forget the state they began with")
-    add("--skeleton-rate", type=float, default=3e-3)
-    add("--window", type=int, default=64, help="ticks a training window")
-    add("--carried", type=float, default=1.5, help="m/s: deviation of windows' velocity, see augment.py")
-    add("--noise", type=float, default=0.1, help="deviation of standardised features, see augment.py")
-    add("--dropout", type=float, default=0.1)
-    add("--decay", type=float, default=0.01)
     add("--validate-every", type=int, default=5)
-    add("--mesh-size", type=int, default=64, help="k_M")
-    add("--mesh-width", type=int, default=8, help="F")
-    add("--mesh-layers", type=int, default=3, help="L")
-    add("--mesh-hidden", type=int, default=256, help="h")
-    add("--mesh-epochs", type=int, default=10, help="of truncated back-propagation through time")
-    add("--mesh-windows", type=int, default=256, help="windows of clips in one such epoch")
-    add("--mesh-patches", type=int, default=192, help="of cloth, whose means the head reads then")
-    add("--mesh-rate", type=float, default=1e-3)
-    add("--chunk", type=int, default=16, help="ticks that a gradient goes back, a step")
     add("--head-data", help="folder of clips that stage 2 never sees, for stage 3")
-    add("--head-clips", type=int, default=10 ** 6, help="clips drawn for stage 3, at most")
-    add("--head-rank", type=int, default=32)
-    add("--head-epochs", type=int, default=40)
-    add("--head-rate", type=float, default=3e-4)
-    add("--head-dropout", type=float, default=0.3)
-    add("--head-noise", type=float, default=0.5)
-    add("--head-decay", type=float, default=0.3)
+    for stage in stages.STAGES:
+        for name, (default, _, what) in stage.fit.OPTIONS.items():
+            add("--" + name, type=type(default), default=default, help=what)
     options = parser.parse_args(argv)
     train_checks.ranges(options, parser.error)
+    train_checks.device(options, parser.error)
     train_checks.apart(options, parser.error)
     return options
 
@@ -85,7 +64,7 @@ def arguments(argv=None):
 @torch.no_grad()
 def body_statistics(fitted, clips, every=10):
     """Mean and deviation [3] of the posed nearest body points over training."""
-    body = network.BodyPoints(fitted.nearest_points, fitted.nearest_weights)
+    body = BodyPoints(fitted.nearest_points, fitted.nearest_weights)
     points = torch.cat([body(c.pose.body_frame[::every]).reshape(-1, 3) for c in clips]).double()
     return points.mean(0).float(), points.std(0).float()
 
@@ -154,17 +133,6 @@ def frames(clips):
     return sum(len(c) for c in clips if not c.mirrored)
 
 
-def unseen_clips(options, rig, character, training):
-    """Clips of --head-data, which neither stage 2 learned from nor anybody chooses epochs by."""
-    apart = dataset.clip_names(options.held_out) + dataset.clip_names(options.validation)
-    clips = dataset.load(dataset.find(options.head_data, "dynamic", apart), rig, character)
-    known = sorted({c.name for c in clips} & {c.name for c in training})
-    if known or not clips:
-        raise ValueError(f"{options.head_data}: found {', '.join(known[:3]) or 'no clips'}; allowed are clips that "
-                         f"stage 2 does not learn from; simulate others (--clips variations)")
-    return clips
-
-
 def by_folder(clips):
     """{name of the data folder: clip names}: which clip was learned with root motion, which with the hips held."""
     found = {}
@@ -201,6 +169,59 @@ def start_from(options, fitted):
     return net, standard, provenance
 
 
+@dataclass
+class Run:
+    """What a stage's training (fit_*.train_stage) works with: the network on --device, clips and options."""
+    options: argparse.Namespace
+    log: Log
+    character: rig.Character
+    fitted: rig.Fit
+    static_clips: list
+    training: list
+    validation: list
+    net: network.DCloth = None
+    before: network.DCloth = None                       # of --start
+    stage_3_clips: list = field(default_factory=list)   # what stage 3 learned from
+
+    @property
+    def images(self):
+        return images_of(self.character)
+
+    def unskin(self, clips):
+        """Fill the clips' residuals from files below --out."""
+        dataset.add_residuals(clips, self.net.static, self.net.standardise, self.character,
+                              os.path.join(self.options.out, "unskinned"))
+
+    def unseen_clips(self):
+        """Clips of --head-data, which neither stage 2 learned from nor anybody chooses epochs by."""
+        folder = self.options.head_data
+        apart = dataset.clip_names(self.options.held_out) + dataset.clip_names(self.options.validation)
+        clips = dataset.load(dataset.find(folder, "dynamic", apart), self.fitted.rig, self.character)
+        known = sorted({c.name for c in clips} & {c.name for c in self.training})
+        if known or not clips:
+            raise ValueError(f"{folder}: found {', '.join(known[:3]) or 'no clips'}; allowed are clips that "
+                             f"stage 2 does not learn from; simulate others (--clips variations)")
+        return clips
+
+
+def measure(net, fitted, character, validation, folder, log):
+    """folder/measures.json and .txt: every measure of each level on the validation clips, no crossings. 50 ms a frame."""
+    results = {}
+    for clip in validation:
+        if not clip.mirrored:
+            item = sequence.read(clip.path)
+            name = clip.name if clip.name not in results else clip.path     # with root motion, and with the hips held
+            results[name] = evaluate.evaluate(net, fitted.rig, character.faces, item, clip.path)
+    evaluate.write(results, os.path.join(folder, "measures"), picture=False)
+    for source, rows in evaluate.by_source(results):
+        found = evaluate.overall(rows)
+        for level in evaluate.level_names(found):
+            told = dict(zip((title for title, _, _ in evaluate.FIGURES), evaluate.figures(found[level])))
+            log(f"validation, {source}, {level}: {told['E_d mm']} mm of {found['truth']['alive_mm']:.2f} alive, relative error "
+                f"{told['relative error']}, coarse / middle / fine {told['coarse mm']} / {told['middle mm']} / "
+                f"{told['fine mm']} mm, energy {told['energy coarse']} / {told['middle']} / {told['fine']}")
+
+
 def run(options):
     """Train all stages -> (network, fitted, character, provenance)."""
     if options.export:
@@ -208,61 +229,37 @@ def run(options):
     os.makedirs(options.out, exist_ok=True)
     torch.set_num_threads(options.threads)
     log = Log(options.out)
-    character, fitted, static_clips, training, validation = prepare(options, log)
+    whole = Run(options, log, *prepare(options, log))
+    fitted, character, training, validation = whole.fitted, whole.character, whole.training, whole.validation
     train_checks.lengths(training, options, log)
-    begun.check(options, static_clips + training + validation, log)
-    before, history = None, {}
+    begun.check(options, whole.static_clips + training + validation, log)
+    history = {}
     if options.start:
-        before, standard, history = start_from(options, fitted)
+        whole.before, standard, history = start_from(options, fitted)
     else:
         standard = features.fit_standard(feature_rows(training, options))
-    statistics = body_statistics(fitted, training) if options.stages == "mesh" else None
-    net = assemble.build(fitted, character, standard, options, statistics, options.stages)
+    chosen = stages.up_to(options.stages)
+    statistics = body_statistics(fitted, training) if stages.LAST in chosen else None
+    net = whole.net = assemble.build(fitted, character, standard, options, statistics, options.stages)
     if options.freeze:
         getattr(net.static, FROZEN[options.freeze]).requires_grad_(False)
-    if before:
-        net.static.load_state_dict(before.static.state_dict())
-        if net.skeleton:
-            net.skeleton.load_state_dict(before.skeleton.state_dict())
-        histories = {}
-    else:
-        drapes = fit_static.Drapes(static_clips, character)
-        histories = fit_static.train(net.static, net.standardise, drapes, options, options.out, log)
-        drapes = None
-    net.static.requires_grad_(False)
-    if options.stages != "static":
-        residuals = os.path.join(options.out, "unskinned")
-        dataset.add_residuals(training + validation + static_clips, net.static, net.standardise, character,
-                              residuals)
-        log("ground truth un-skinned")
-        histories["skeleton"] = fit_skeleton.train(net.skeleton, net.static, net.standardise,
-                                                   training, validation, static_clips, options,
-                                                   options.out, log)
-        net.skeleton.requires_grad_(False)
-    seen, everything = training, []
-    if options.stages == "mesh":
-        if options.head_data:
-            seen = unseen_clips(options, fitted.rig, character, training)
-            dataset.add_residuals(seen, net.static, net.standardise, character, residuals)
-            log(f"stage 3: {len(seen)} {images_of(character)} that stage 2 never saw")
-        everything = (seen if options.head_data else []) + (training if options.mesh_epochs else [])
-        seen = fit_mesh.draw(seen, options)
-        fit_skeleton.add_coarse(net.skeleton, net.standardise,
-                                list({id(c): c for c in everything + seen + validation}.values()))
-        fit_skeleton.subtract(seen + validation)
-        histories.update(fit_mesh.train(net.mesh, net.body_points, net.static, seen, everything,
-                                        validation, options, options.out, log))
+    net.to(options.device)
+    histories = {}
+    for stage in chosen:
+        histories.update(stage.fit.train_stage(whole))
+        getattr(net, stage.name).requires_grad_(False)
+    net.cpu()
     provenance = {
         "command": {k: v for k, v in vars(options).items()
-                    if k not in ("data", "more_data", "out", "export", "head_data", "start", "held_out")},
+                    if k not in ("data", "more_data", "out", "export", "head_data", "start", "held_out", "device")},
         "started_from": history,
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
         "training_folders": by_folder(training),
-        "stage_3_clips": sorted({c.name for c in seen + everything}),
+        "stage_3_clips": sorted({c.name for c in whole.stage_3_clips}),
         "validation_clips": sorted({c.name for c in validation}),
         "held_out_clips": list(dataset.clip_names(options.held_out)),
-        "frames": {"training": frames(training), "validation": frames(validation), "static": frames(static_clips)},
+        "frames": {"training": frames(training), "validation": frames(validation), "static": frames(whole.static_clips)},
         "validation_mm": {k: round(loop.kept(v)["validation_mm"], 3)
                           for k, v in histories.items()},
         "licence": "MIT"}
@@ -273,6 +270,7 @@ def run(options):
     with open(os.path.join(options.out, "log.json"), "w") as file:
         json.dump({"histories": histories, "provenance": provenance}, file, indent=1)
     plots.curves(histories, os.path.join(options.out, "curves.png"))
+    measure(net, fitted, character, validation, options.out, log)
     return net, fitted, character, provenance
 
 

@@ -1,22 +1,26 @@
 """What can be known before training of what would end it, or waste it."""
-from . import dataset, fit_mesh
+import torch
 
-# The least that each makes sense with; a window must outlast its warm-up.
-AT_LEAST = {"threads": 1, "influences": 1, "window": dataset.WARM_UP + 1, "validate_every": 1, "static_width": 1,
-            "skeleton_size": 1, "skeleton_rank": 1, "mesh_size": 1, "mesh_width": 1, "mesh_layers": 1, "mesh_hidden": 1,
-            "mesh_windows": 1, "mesh_patches": 1, "chunk": 1, "head_clips": 1, "head_rank": 1, "static_epochs": 0,
-            "skeleton_epochs": 0, "settle_epochs": 0, "mesh_epochs": 0, "head_epochs": 0}
-
+from . import dataset, fit_mesh, stages
 
 def ranges(options, refuse):
     """refuse(text) of the first option that no training or no model takes."""
-    for name, least in AT_LEAST.items():
-        if getattr(options, name) < least:
-            refuse(f"--{name.replace('_', '-')} {getattr(options, name)}: at least {least}")
+    of_stages = {name: least for stage in stages.STAGES for name, (_, least, _) in stage.fit.OPTIONS.items()}
+    for name, least in {"threads": 1, "validate-every": 1, **of_stages}.items():
+        value = getattr(options, name.replace("-", "_"))
+        if least is not None and value < least:
+            refuse(f"--{name} {value}: at least {least}")
     if options.mesh_width % 8 or options.mesh_width > 64:
         refuse(f"--mesh-width {options.mesh_width}: a multiple of 8 up to 64")
     if options.mesh_layers > 8:
         refuse(f"--mesh-layers {options.mesh_layers}: at most 8")
+
+
+def device(options, refuse):
+    """refuse(text) of a device that PyTorch does not find here."""
+    if options.device == "cuda" and not torch.cuda.is_available():
+        refuse(f"--device cuda: PyTorch {torch.__version__} finds no CUDA GPU here; install its CUDA build and a driver, or "
+               "use --device cpu")
 
 
 def apart(options, refuse):

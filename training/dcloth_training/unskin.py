@@ -36,17 +36,18 @@ def _solve_damped(columns, wanted, damping):
 def residual(static, standardise, pose, truth, damping=DAMPING):
     """delta [T, n, 3] float32 that makes the static stage reproduce `truth` [T, n, 3]."""
     weights = static.weights()
-    x = standardise(pose.x)
+    x, linear, posed = (values.to(weights.device) for values in (pose.x, pose.linear, pose.posed))
+    x = standardise(x)
     template = static.template.T[:, None]                                     # [3, 1, n]
     out = np.empty(truth.shape, np.float32)
     for at in range(0, len(truth), CHUNK):
         part = slice(at, at + CHUNK)
-        bones = static.bone_matrices(x[part], pose.linear[part], pose.posed[part])
+        bones = static.bone_matrices(x[part], linear[part], posed[part])
         # Bones' planes first, so that each plane of the blend is one product: [4, 3, t, n].
         planes = bones.permute(3, 2, 0, 1) @ weights.T
         place = (planes[:3] * template[:, None]).sum(0) + planes[3]
-        target = torch.from_numpy(truth[part]).to(weights.dtype).permute(2, 0, 1)
-        out[part] = _solve_damped(planes[:3], target - place, damping).permute(1, 2, 0).numpy()
+        target = torch.from_numpy(truth[part]).to(weights).permute(2, 0, 1)
+        out[part] = _solve_damped(planes[:3], target - place, damping).permute(1, 2, 0).cpu().numpy()
     return out
 
 

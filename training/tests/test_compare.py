@@ -62,9 +62,11 @@ def test_the_table_has_every_row_and_every_number(finished):
     assert [r["key"] for r in found["rows"]] == [r.key for r in rows.ROWS]
     assert len({r.key for r in rows.ROWS}) == len(rows.ROWS) == 12
     for row in found["rows"]:
-        for metric, names in table.METRICS.items():
-            assert all(np.isfinite(row["average"][metric][s]) for s in names)
-            assert row["average"][metric]["mean"] <= row["average"][metric]["p99"]
+        average = row["average"]["recorded"]
+        assert average["position_mm"]["mean"] <= average["position_mm"]["p99"]
+        assert average["relative_error"] == pytest.approx(average["position_mm"]["mean"] / average["alive_mm"])
+        for band in ("coarse", "middle", "fine"):
+            assert np.isfinite([average["bands"][band][key] for key in ("error_mm", "energy_ratio")]).all()
         assert (row["parameters"] == 0) == (row["group"] == "scale")
         assert row["minutes"] is not None
     text = (out / "table.md").read_text()
@@ -81,9 +83,12 @@ def test_rows_of_the_full_model_are_those_of_evaluate(finished, data, trained):
     for key, level in (("rigid_hips", evaluate.SCALE), ("plain", evaluate.PLAIN),
                        *((f"stage{k}", v) for k, v in (("_1", "stage 1"), ("s_1_2", "stages 1-2"),
                                                        ("s_1_3", "stages 1-3")))):
-        for metric in table.METRICS:
-            # A longer sequence, with its last pose held, is multiplied in other pieces: the last bits of float32.
-            assert found[key]["clips"]["a/unseen"][metric] == pytest.approx(expected[level][metric], rel=1e-5)
+        ours = found[key]["clips"]["a/unseen"]
+        # A longer sequence, with its last pose held, is multiplied in other pieces: the last bits of float32.
+        for metric in (*table.METRICS, *(("bands", band) for band in ("coarse", "middle", "fine"))):
+            mine, theirs = (of[metric] if isinstance(metric, str) else of["bands"][metric[1]] for of in (ours, expected[level]))
+            assert mine == pytest.approx(theirs, rel=1e-4)
+        assert ours["relative_error"] == pytest.approx(expected[level]["relative_error"], rel=1e-5)
 
 
 def test_ablations_leave_the_frozen_part_as_it_starts(finished, data):
@@ -139,6 +144,24 @@ def test_a_finished_row_is_not_trained_again(finished, data, trained, monkeypatc
     assert run(data, trained[1], finished[1], "--clips", "a/unseen") == finished[0]
 
 
+def test_rows_measured_before_a_measure_was_added_are_measured_again(finished, data, trained, tmp_path, monkeypatch):
+    shutil.copytree(finished[1], tmp_path / "out")
+    path = tmp_path / "out" / "plain.json"
+    old = json.loads(path.read_text())
+    del old["version"]
+    old["clips"]["a/unseen"] = {key: old["clips"]["a/unseen"][key] for key in ("file", "frames", *table.METRICS)}
+    path.write_text(json.dumps(old))
+    monkeypatch.setattr(loop, "fit", None)
+    assert run(data, trained[1], tmp_path / "out", "--clips", "a/unseen") == finished[0]
+
+
+def test_scripted_and_recorded_clips_are_apart(finished):
+    found = by_key(finished[0])["plain"]["clips"]["a/unseen"]
+    rows_ = {"clips": {"a/x": {**found, "alive_mm": 10.0}, "procedural/y": {**found, "alive_mm": 30.0}}}
+    averages = table.averages(rows_, ["a/x", "procedural/y"])
+    assert {source: value["alive_mm"] for source, value in averages.items()} == {"recorded": 10.0, "scripted": 30.0}
+
+
 def test_a_new_clip_is_measured_without_training(finished, data, trained, tmp_path, monkeypatch):
     shutil.copytree(finished[1], tmp_path / "out")
     monkeypatch.setattr(train, "run", None)
@@ -148,7 +171,7 @@ def test_a_new_clip_is_measured_without_training(finished, data, trained, tmp_pa
         old = by_key(finished[0])[key]["clips"]["a/unseen"]
         assert row["clips"]["a/unseen"] == old and set(row["clips"]) == {"a/unseen", "a/later"}
         mean = [row["clips"][c]["position_mm"]["mean"] for c in row["clips"]]
-        assert row["average"]["position_mm"]["mean"] == pytest.approx(sum(mean) / 2, rel=1e-12)
+        assert row["average"]["recorded"]["position_mm"]["mean"] == pytest.approx(sum(mean) / 2, rel=1e-12)
         assert mean[0] != mean[1]
 
 
@@ -209,8 +232,8 @@ def test_a_bundle_serves_as_the_full_model(finished, data, trained, tmp_path):
                        "--rows", "stage_1,stages_1_3,static_pose"))
     same = by_key(finished[0])
     for key in ("stage_1", "stages_1_3"):
-        assert found[key]["average"]["position_mm"]["mean"] == pytest.approx(
-            same[key]["average"]["position_mm"]["mean"], abs=1e-3)    # float32 at 1 m: 1e-4 mm
+        assert found[key]["average"]["recorded"]["position_mm"]["mean"] == pytest.approx(
+            same[key]["average"]["recorded"]["position_mm"]["mean"], abs=1e-3)    # float32 at 1 m: 1e-4 mm
     assert found["static_pose"]["clips"] == same["static_pose"]["clips"]
     assert found["stage_1"]["minutes"] is None and found["stages_1_3"]["minutes"] is not None
 
@@ -244,12 +267,12 @@ def test_floor_and_better_rows_are_told(finished, data, trained, tmp_path):
     assert found["floor_mm"] == {"a/unseen": 3.25}
     text = (tmp_path / "out" / "table.md").read_text()
     assert "| floor, mm |" in text and text.count("| 3.25 |") == len(rows.ROWS) + 1
-    full = by_key(found)["stages_1_3"]["average"]["position_mm"]["mean"]
+    full = by_key(found)["stages_1_3"]["average"]["recorded"]["position_mm"]["mean"]
     better = {r["key"] for r in found["rows"] if r["group"] != "ours"
-              and r["average"]["position_mm"]["mean"] < full}
+              and r["average"]["recorded"]["position_mm"]["mean"] < full}
     assert better == {b["row"] for b in found["better_than_full"]
-                      if b["clip"] == "average" and b["metric"] == "position_mm"}
-    assert better and all(f"- {by_key(found)[key]['title']}, average: by" in text for key in better)
+                      if b["clip"] == "recorded" and b["metric"] == "position_mm"}
+    assert better and all(f"- {by_key(found)[key]['title']}, recorded: by" in text for key in better)
     (tmp_path / "bad.json").write_text("[1]")
     with pytest.raises(ValueError, match="bad.json: not a floor file"):
         run(data, trained[1], tmp_path / "out", "--floor", str(tmp_path / "bad.json"))

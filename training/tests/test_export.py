@@ -10,6 +10,7 @@ from dcloth_training import (bundle, evaluate, export, network, reference, rig, 
                              sequence)
 from dcloth_training.motion import skeleton
 from dcloth_training.simulate import crossings
+from dcloth_training.stages import skeleton_stage
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +95,7 @@ def test_a_basis_of_few_directions_is_stored_as_factors(tiny, trained, tmp_path)
     assert "skeleton.basis" not in tensors
     read, *_ = bundle.read(tmp_path / "b")
     assert np.abs(read.skeleton.basis.detach().numpy().reshape(16, -1) - low).max() < 1e-8
-    assert bundle.factors(generator.normal(size=(16, 60, 3))) is None
+    assert skeleton_stage.factors(generator.normal(size=(16, 60, 3))) is None
     tensors, metadata = safetensors_io.read(tmp_path / "b")
     del tensors["skeleton.readout"]
     safetensors_io.write(tmp_path / "bad", tensors, metadata)

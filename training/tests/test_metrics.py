@@ -17,7 +17,7 @@ def test_distance_statistics():
     moved[0, :, 2] += 0.001
     moved[1, :, 0] += 0.003
     moved[1, 0, 0] += 0.004
-    d = metrics.summary(moved, truth, FACES)["position_mm"]
+    d = metrics.errors(metrics.distances_mm(moved, truth), np.zeros((2, 4)))["position_mm"]
     assert d["mean"] == pytest.approx(2.5) and d["max"] == pytest.approx(7)
     assert d["std"] == pytest.approx(1.5)            # frame means 1 and 4 mm
     assert 3 < d["p99"] <= 7
@@ -38,7 +38,7 @@ def test_vertices_without_a_normal_do_not_count():
     loose = np.concatenate([SQUARE, [[9, 9, 9.0]]])[None]
     angle = metrics.angles_degrees(*[metrics.vertex_normals(loose, FACES)] * 2)
     assert np.isnan(angle[0, 4]) and (angle[0, :4] == 0).all()
-    assert metrics.summary(loose, loose, FACES)["normal_deg"]["mean"] == 0
+    assert metrics.errors(np.zeros((1, 5)), angle)["normal_deg"]["mean"] == 0
 
 
 def test_large_faces_weigh_more():

@@ -5,7 +5,7 @@ import torch
 
 from conftest import tube
 from dcloth_training import geometry, losses, unskin
-from dcloth_training.network import BodyPoints
+from dcloth_training.stages.mesh_stage import BodyPoints
 from dcloth_training.stages.mesh_stage import Graph, GsgruLayer, MeshStage
 from dcloth_training.stages.skeleton_stage import SkeletonStage
 from dcloth_training.stages.static_stage import StaticStage

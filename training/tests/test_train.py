@@ -34,6 +34,16 @@ def test_the_log_names_the_clips(trained):
     assert (out / "curves.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_every_measure_is_written_for_the_validation_clips(trained):
+    (net, fitted, character, _), out = trained
+    found = json.loads((out / "measures.json").read_text())
+    assert list(found) == ["a/held"] and list(found["a/held"]) == ["truth", evaluate.SCALE, evaluate.PLAIN,
+                                                                 *evaluate.LEVELS.values()]
+    last = found["a/held"]["stages 1-3"]
+    assert last["relative_error"] == pytest.approx(last["position_mm"]["mean"] / last["alive_mm"]) and last["bands"]
+    assert "relative error" in (out / "measures.txt").read_text() and "energy" in (out / "train.log").read_text()
+
+
 def _distance(positions, truth):
     """Mean distance of vertices, mm."""
     return 1e3 * float(np.linalg.norm(positions.double().numpy() - truth, axis=-1).mean())
@@ -172,10 +182,10 @@ def test_windows_begin_with_a_reset(tiny):
     assert {w.first == 0 for w in found} == {True, False}
     assert all(w.warm_up == (12 if w.first else 0) and w.first <= 24 for w in found)
     late = next(w for w in found if w.first)
-    x = late.x(lambda v: v, 16)
+    x = late.x(16)
     assert not x[0, -4:].any() and x[1:, -4:].all() and x[0, :9].all()
     assert np.shape(x) == (16, 13)
-    aboard = late.x(lambda v: v, 16, reset=False, velocity=np.array([0.0, 2.0, 0.0]))
+    aboard = late.x(16, reset=False, velocity=np.array([0.0, 2.0, 0.0]))
     assert torch.allclose(aboard[:, -3], torch.tensor(3.0)) and torch.equal(aboard[:, :9], x[:, :9])
 
 
@@ -186,7 +196,7 @@ def test_a_drape_is_a_pose_that_stands_still_after_any_history():
     assert not dataset.windows([], 8, generator, [(clip, 0)])
     still = dataset.Still(clip, 0, dataset.WARM_UP)
     assert not still.fresh and still.warm_up == dataset.WARM_UP
-    x = still.x(lambda v: v, 5, reset=False, velocity=np.array([1.0, 0.0, 2.0]))
+    x = still.x(5, reset=False, velocity=np.array([1.0, 0.0, 2.0]))
     assert torch.equal(x[:, :9], pose.x[0, :9].expand(5, 9))
     assert torch.allclose(x[:, -4:], torch.tensor([1.0, 0.0, 2.0, 0.0]))
     assert torch.equal(still.linear(5)[4], pose.linear[0])
@@ -243,8 +253,8 @@ def test_stage_3_may_not_learn_on_what_stage_2_saw(tiny, tmp_path):
     training = dataset.load(dataset.find(str(tiny), "dynamic", dataset.HELD_OUT), fitted.rig, character)
     options = type("O", (), {"head_data": str(tiny), "validation": training[0].name, "held_out": ""})
     with pytest.raises(ValueError, match="does not learn from"):
-        train.unseen_clips(options, fitted.rig, character, training)
-    found = train.unseen_clips(options, fitted.rig, character, [])
+        train.Run(options, print, character, fitted, [], training, []).unseen_clips()
+    found = train.Run(options, print, character, fitted, [], [], []).unseen_clips()
     assert {c.name for c in found} == {c.name for c in training} - {training[0].name}
 
 

@@ -75,9 +75,9 @@ def test_windows_of_air_begin_with_the_wind_of_their_first_tick(windy, blown):
     assert mirrored.mirrored and torch.allclose(mirrored.pose.wind, plain.pose.wind * torch.tensor([-1, 1, 1]), atol=1e-5)
     window = dataset.Window(plain, 9, dataset.WARM_UP)
     later = network.pose_of(item.joint_matrices[9:29].astype(np.float64), fitted.rig, torch.float32, wind=item.wind[9:29])
-    assert torch.allclose(window.x(lambda x: x, 20), later.x, atol=1e-3)
-    assert torch.equal(window.x(lambda x: x, 20, reset=False), plain.pose.x[9:29])
-    still = dataset.Still(plain, 9, dataset.WARM_UP).x(lambda x: x, 5)
+    assert torch.allclose(window.x(20), later.x, atol=1e-3)
+    assert torch.equal(window.x(20, reset=False), plain.pose.x[9:29])
+    still = dataset.Still(plain, 9, dataset.WARM_UP).x(5)
     assert torch.equal(still[:, -features.ROOT_NUMBERS["air"]:], torch.zeros(5, 7))
 
 

@@ -100,7 +100,7 @@ class Case:
         pose = reference.pose_for(item, rig, torch.float64, sequence_path)
         with torch.no_grad():
             self.truth = net.run(pose).numpy()
-            points = (net.body_points(pose.body_frame).transpose(0, 1) - net.mesh.input_mean) / net.mesh.input_deviation
+            points = (net.mesh.body_points(pose.body_frame).transpose(0, 1) - net.mesh.input_mean) / net.mesh.input_deviation
             self.x = net.standardise(pose.x).float().numpy()
             self._skin_weights = net.static.weights()
             self.weights = fold(net)

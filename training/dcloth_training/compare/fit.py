@@ -90,7 +90,7 @@ def batches_of(family, base, standardise, clips, options):
             linear = fit_skeleton.linear_of(some, frames)
             target = torch.from_numpy(np.stack([w.wanted(frames, rows.numpy()) for w in some]))
             velocity = augment.velocities(some, options.carried, generator).numpy()
-            x = torch.stack([w.x(standardise, frames, velocity=v) for w, v in zip(some, velocity)])
+            x = standardise(torch.stack([w.x(frames, velocity=v) for w, v in zip(some, velocity)]))
             ticks = slice(int(torch.randint(0, family.STRIDE, (1,), generator=generator)), None,
                           family.STRIDE)
             error = family.displacement(family.code(x)[:, ticks], rows) - target[:, ticks]

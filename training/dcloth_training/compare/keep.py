@@ -3,8 +3,10 @@ import hashlib
 import json
 import os
 
-from .. import dataset, metrics, sequence
+from .. import dataset, metrics, reference, sequence
 from . import sizes
+
+VERSION = 2     # of what is measured: rows of another are measured again, not trained again
 
 
 def digest(paths):
@@ -42,7 +44,7 @@ def settings(scene):
     for value in (net.static.template, net.static.initial_weights, *scene.standardise.buffers()):
         statistics.update(value.float().contiguous().numpy().tobytes())
     options = {k: v for k, v in vars(scene.options).items()
-               if k not in ("data", "more_data", "out", "export", "threads", "held_out")}    # "data" below tells
+               if k not in ("data", "more_data", "out", "export", "threads", "device", "held_out")}    # "data" below tells
     training = [os.path.join(scene.data, "character.safetensors"),
                 *dataset.find(scene.data, "static"),
                 *dataset.find(scene.data, "dynamic", scene.held_out),
@@ -71,7 +73,7 @@ def check(scene):
 
 def measure(scene, row, model, record):
     """Fill record["clips"] for every clip that is not yet measured against this very truth."""
-    done = record.setdefault("clips", {})
+    done, mesh = record.setdefault("clips", {}), metrics.Mesh(scene.faces, scene.net.static.template.double().numpy())
     for name in scene.clips:
         path = dataset.path_of(scene.data, name)
         stamp = digest([path])
@@ -81,9 +83,9 @@ def measure(scene, row, model, record):
         if item.truth is None:
             raise ValueError(f"{path}: no truth to compare with")
         found = model.predict(scene.pose(item, path)).double().numpy()
-        done[name] = {"file": stamp, "frames": len(item.truth),
-                      **metrics.summary(found, item.truth, scene.faces)}
-        scene.log(f"{row.title}: {name} {done[name]['position_mm']['mean']:.2f} mm, "
+        hips = reference.matrices_for(item, scene.rig, path)[:, scene.rig.hips]
+        done[name] = {"file": stamp, **metrics.clip(found, metrics.Truth(item.truth, hips, mesh))}
+        scene.log(f"{row.title}: {name} {done[name]['position_mm']['mean']:.2f} mm of {done[name]['alive_mm']:.2f} alive, "
                   f"{done[name]['normal_deg']['mean']:.2f} deg")
 
 
@@ -99,7 +101,7 @@ def finish(scene, row):
         with open(path) as file:
             record = json.load(file)
         known = {name: clip["file"] for name, clip in record["clips"].items()}
-        if record["full"] != of_full:
+        if record["full"] != of_full or record.get("version") != VERSION:
             record = {}
         elif all(known.get(c) == digest([dataset.path_of(scene.data, c)]) for c in scene.clips):
             return record
@@ -109,7 +111,7 @@ def finish(scene, row):
         scene.log(f"{row.title}: training")
         row.train(scene, folder)
         model = row.load(scene, folder)
-    record.update(key=row.key, title=row.title, group=row.group, note=row.note, full=of_full,
+    record.update(version=VERSION, key=row.key, title=row.title, group=row.group, note=row.note, full=of_full,
                   parameters=model.parameters, minutes=model.minutes, fits=model.fits)
     measure(scene, row, model, record)
     write_json(path, record)

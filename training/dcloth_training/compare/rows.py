@@ -12,15 +12,12 @@ from typing import Callable, Optional
 
 import torch
 
-from .. import checkpoint, evaluate, export, fit_skeleton, loop, network, train
+from .. import checkpoint, evaluate, export, fit_skeleton, loop, network, stages, train
 from ..stages.skeleton_stage import SkeletonStage
 from . import fit, sizes
 from .recurrent_pose import RecurrentPose
 from .static_pose import StaticPose
 from .virtual_bones import VirtualBones
-
-FITS = {"static": ("static", "static_pruned"), "skeleton": ("skeleton",),
-        "mesh": ("mesh_head", "mesh_patches", "mesh_layers")}
 
 
 @dataclass
@@ -50,8 +47,8 @@ def total_minutes(fits):
     return round(sum(minutes), 2) if minutes and None not in minutes else None
 
 
-def names_up_to(stages):
-    return [n for s in network.STAGES[:network.STAGES.index(stages) + 1] for n in FITS[s]]
+def names_up_to(last):
+    return [step for stage in stages.up_to(last) for step in stage.steps]
 
 
 @dataclass
@@ -92,7 +89,7 @@ class Full(Row):
     OF_FULL = True
 
     def applies(self, scene):
-        return network.STAGES.index(self.stages) <= network.STAGES.index(scene.net.last_stage())
+        return stages.NAMES.index(self.stages) <= stages.NAMES.index(scene.net.last_stage())
 
     def load(self, scene, folder):
         fits = fits_of(scene.histories, names_up_to(self.stages))
@@ -125,14 +122,14 @@ class Frozen(Row):
 
     def load(self, scene, folder):
         saved = checkpoint.load(os.path.join(folder, fit.MODEL))
-        stages = self.last(scene)
-        reached = json.loads(saved["options"])["stages"] if saved else "static"
-        if not saved or network.STAGES.index(reached) < network.STAGES.index(stages):
+        last = self.last(scene)
+        reached = json.loads(saved["options"])["stages"] if saved else stages.FIRST.name
+        if not saved or stages.NAMES.index(reached) < stages.NAMES.index(last):
             return None
         net = export.load_trained(folder, scene.data)[0].float()
         with open(os.path.join(folder, "log.json")) as file:
-            fits = fits_of(json.load(file)["histories"], names_up_to(stages))
-        return Model(lambda pose: net.run(pose, stages), sizes.of_network(net, stages, self.frozen),
+            fits = fits_of(json.load(file)["histories"], names_up_to(last))
+        return Model(lambda pose: net.run(pose, last), sizes.of_network(net, last, self.frozen),
                      fits, total_minutes(fits))
 
 
@@ -165,8 +162,8 @@ class SameBudget(Row):
                                  scene.options.skeleton_size)
         skeleton.load_state_dict(saved["state"])
         net = network.DCloth(scene.standardise, scene.net.static, skeleton).eval()
-        fits = {**fits_of(scene.histories, FITS["static"]),
-                **fits_of({"skeleton": saved["history"]}, FITS["skeleton"])}
+        fits = {**fits_of(scene.histories, names_up_to("static")),
+                **fits_of({"skeleton": saved["history"]}, ["skeleton"])}
         return Model(lambda pose: net.run(pose, "skeleton"), sizes.of_network(net, "skeleton"), fits,
                      total_minutes(fits))
 
@@ -197,9 +194,8 @@ ROWS = (
            "weights learned, pivots where they were bound", "pivots"),
     Frozen("fixed_weights", "stage 1 with fixed weights", "ablation",
            "pivots learned, nearest-point weights", "weights"),
-    Full("stage_1", "stage 1", "ours", "static stage", "static"),
-    Full("stages_1_2", "stages 1-2", "ours", "static and skeleton stage", "skeleton"),
-    Full("stages_1_3", "stages 1-3", "ours", "the whole network", "mesh"),
+    *(Full(stage.title.replace(" ", "_").replace("-", "_"), stage.title, "ours", stage.note, stage.name)
+      for stage in stages.STAGES),
     Frozen("full_fixed_weights", "full with fixed weights", "ablation",
            "every stage trained on nearest-point weights", "weights", None),
     SameBudget("same_budget", "stages 1-2, budget of the families", "control",

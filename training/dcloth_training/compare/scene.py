@@ -8,7 +8,7 @@ import torch
 from .. import bundle, dataset, export, reference, rig, safetensors_io, train
 from ..stages.static_stage import StaticStage
 
-NOT_OPTIONS = ("data", "more_data", "out", "export", "threads", "freeze")
+NOT_OPTIONS = ("data", "more_data", "out", "export", "threads", "device", "freeze")
 
 
 def load_full(path, data):

@@ -4,20 +4,17 @@ Learned numbers: everything that training moves, in the form a run needs (weight
 one [n, m], bases multiplied out). Template, bind pose, nearest-point weights and the statistics of
 features are given, not learned.
 """
-from .. import network
+from .. import stages
 
 
-def of_network(net, stages, frozen=None):
+def of_network(net, last, frozen=None):
     """Learned numbers of `net` up to a stage; `frozen`: "pivots" or "weights" were not trained."""
     static, total = net.static, 0
     if frozen != "pivots":
         total += sum(p.numel() for p in static.mlp.parameters())
     if frozen != "weights":
         total += static.initial_weights.numel()
-    depth = network.STAGES.index(stages)
-    for stage in (net.skeleton, net.mesh)[:depth]:
-        total += sum(p.numel() for p in stage.parameters())
-    return total
+    return total + sum(p.numel() for stage in stages.up_to(last)[1:] for p in getattr(net, stage.name).parameters())
 
 
 def matched(family, d, n, hidden, target, most=None):

@@ -4,17 +4,21 @@ import os
 
 import numpy as np
 
+from .. import dataset, evaluate, metrics
 from .keep import write_json
 
-METRICS = {"position_mm": ("mean", "std", "p99", "max"), "normal_deg": ("mean", "std", "p99")}
+METRICS = ("position_mm", "normal_deg")
+# Of evaluate.FIGURES, the columns that the table has.
+COLUMNS = ("E_d mm", "relative error", "motion error mm", "E_n deg", "coarse mm", "middle mm", "fine mm", "energy coarse",
+           "middle", "fine")
 COLOURS = {"scale": "#9a9a9a", "ours": "#1f6fb4", "ablation": "#8fbbe0", "control": "#5f9e6e",
            "family": "#d98b3a"}
 
 
-def average(record, clips):
-    """Each statistic averaged over clips, every clip counting the same."""
-    return {metric: {s: float(np.mean([record["clips"][c][metric][s] for c in clips])) for s in names}
-            for metric, names in METRICS.items()}
+def averages(record, clips):
+    """{"recorded" or "scripted": measures over those clips, every clip counting the same}."""
+    chosen = {clip: record["clips"][clip] for clip in clips}
+    return {source: metrics.over_clips(rows.values()) for source, rows in evaluate.by_source(chosen)}
 
 
 def read_floor(path, clips):
@@ -32,7 +36,7 @@ def read_floor(path, clips):
 
 def collect(records, clips, floor, settings, remarks):
     """The whole table as one JSON value."""
-    rows = [{**r, "average": average(r, clips), "clips": {c: r["clips"][c] for c in clips}}
+    rows = [{**r, "average": averages(r, clips), "clips": {c: r["clips"][c] for c in clips}}
             for r in records]
     return {"clips": clips, "frames": {c: rows[0]["clips"][c]["frames"] for c in clips},
             "floor_mm": floor, "settings": settings, "remarks": remarks, "rows": rows,
@@ -40,7 +44,7 @@ def collect(records, clips, floor, settings, remarks):
 
 
 def better(rows, clips):
-    """Where a row outside ours beats the deepest of ours: [{row, clip or "average", by}]."""
+    """Where a row outside ours beats the deepest of ours: [{row, clip (or "recorded", "scripted"), metric, by}]."""
     ours = [r for r in rows if r["group"] == "ours"]
     if not ours:
         return []
@@ -48,10 +52,9 @@ def better(rows, clips):
     for row in rows:
         if row["group"] == "ours":
             continue
-        for place in ["average", *clips]:
-            mine, other = (r["average"] if place == "average" else r["clips"][place]
-                           for r in (full, row))
-            for metric, names in METRICS.items():
+        for place in [*full["average"], *clips]:
+            mine, other = (r["average"].get(place) or r["clips"][place] for r in (full, row))
+            for metric in METRICS:
                 gain = mine[metric]["mean"] - other[metric]["mean"]
                 if gain > 0:
                     out.append({"row": row["key"], "clip": place, "metric": metric, "by": gain})
@@ -67,18 +70,22 @@ def _mean_floor(floor, clips):
     return f"{np.mean([floor[c] for c in clips]):.2f}" if all(c in floor for c in clips) else "-"
 
 
-def _main_grid(table):
-    clips, floor = table["clips"], table["floor_mm"]
-    head = ["model", "E_d mean ± std, mm", "p99", "E_n mean ± std, deg", "p99", "learned numbers",
-            "training, min"] + (["floor, mm"] if floor else [])
+def _of_source(clips, source):
+    return [clip for clip in clips if dataset.source(clip) == source]
+
+
+def _main_grid(table, source):
+    """Every row's measures over the clips of a source."""
+    floor, clips = table["floor_mm"], _of_source(table["clips"], source)
+    at = [[title for title, _, _ in evaluate.FIGURES].index(column) for column in COLUMNS]
+    head = ["model", *COLUMNS, "p99 mm", "learned numbers", "training, min"] + (["floor, mm"] if floor else [])
     lines = []
     for row in table["rows"]:
-        d, n = (row["average"][m] for m in METRICS)
+        found = row["average"][source]
+        texts = evaluate.figures(found)
         minutes = "-" if row["minutes"] is None else f"{row['minutes']:.1f}"
-        lines.append([row["title"], f"{d['mean']:.2f} ± {d['std']:.2f}", f"{d['p99']:.1f}",
-                      f"{n['mean']:.2f} ± {n['std']:.2f}", f"{n['p99']:.1f}",
-                      f"{row['parameters']:,}", minutes]
-                     + ([_mean_floor(floor, clips)] if floor else []))
+        lines.append([row["title"], *(texts[k] for k in at), f"{found['position_mm']['p99']:.1f}",
+                      f"{row['parameters']:,}", minutes] + ([_mean_floor(floor, clips)] if floor else []))
     return _grid(head, lines)
 
 
@@ -115,15 +122,20 @@ def markdown(table):
         f" {name} {f['epochs']} epochs, best at {f['best_epoch']}"
         f" ({f['validation_mm']:.2f} mm on validation);" for name, f in r["fits"].items()).rstrip(";")
         for r in table["rows"]]
+    mains = []
+    for source in table["rows"][0]["average"]:
+        alive = table["rows"][0]["average"][source]["alive_mm"]
+        mains += [f"## {source.capitalize()} clips (the truth is alive by {alive:.1f} mm)", "", _main_grid(table, source), ""]
     return "\n".join([
         "# Ablation and comparison", "",
-        f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames. E_d: mean vertex "
-        "distance; E_n: mean angle between vertex normals. std is over frames, p99 over vertices and "
-        "frames; each is taken per clip and averaged over clips, every clip counting the same. Learned "
-        "numbers: what training moved and a run stores, weight matrices folded. Training minutes: in the "
-        "loops of optimisation, validation included, all stages of the row together."
-        + (" Floor: what two simulations of a clip disagree on." if table["floor_mm"] else ""), "",
-        _main_grid(table), "", "## E_d per clip, mm (frames in brackets; lowest in bold)", "",
+        f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames that count. E_d: mean vertex "
+        "distance. Alive: mean distance of the truth from its own mean shape; relative error: E_d / alive. E_n: mean angle "
+        "between vertex normals. Coarse, middle, fine: error within waves longer than about 6 edges, between, and shorter "
+        "than about 3; energy: how much the prediction moves there, as a share of the truth. Every clip counts the same; "
+        "recorded and scripted clips are never averaged together. Learned numbers: what training moved and a run stores, "
+        "weight matrices folded. Training minutes: in the loops of optimisation, validation included, all stages of the row "
+        "together." + (" Floor: what two simulations of a clip disagree on." if table["floor_mm"] else ""), "",
+        *mains, "## E_d per clip, mm (frames in brackets; lowest in bold)", "",
         _clip_grid(table, "position_mm"), "", "## E_n per clip, degrees", "",
         _clip_grid(table, "normal_deg"), "", "## Rows better than the deepest of ours", "",
         *_better_text(table), "", "## What the rows are", "", *fits, "",
@@ -131,29 +143,29 @@ def markdown(table):
 
 
 def picture(table, path):
-    """Bars of E_d and E_n with their deviation over frames; the floor as a line."""
+    """Bars of E_d and E_n with their deviation over frames, a row of panels a source; the floor as a line."""
     import matplotlib
     matplotlib.use("Agg")
     from matplotlib import pyplot
-    rows = table["rows"]
-    figure, axes = pyplot.subplots(1, 2, sharey=True, figsize=(10, 0.9 + 0.34 * len(rows)))
-    for axis, (metric, label) in zip(axes, (("position_mm", "$E_d$, mm"),
-                                            ("normal_deg", "$E_n$, degrees"))):
-        for at, row in enumerate(rows):
-            value = row["average"][metric]
-            axis.barh(at, value["mean"], xerr=value["std"], color=COLOURS[row["group"]],
-                      error_kw={"elinewidth": 0.8, "capsize": 2})
-            axis.text(value["mean"] + value["std"], at, f"  {value['mean']:.1f}", va="center",
-                      fontsize=7)
-        axis.set(xlabel=label + " (mean, deviation over frames; held out)", xlim=(0, 1.1 * max(
-            sum(r["average"][metric][s] for s in ("mean", "std")) for r in rows)))
-        axis.grid(axis="x", alpha=0.3)
-    axes[0].set_yticks(range(len(rows)))
-    axes[0].set_yticklabels([row["title"] for row in rows], fontsize=8)
-    axes[0].invert_yaxis()
-    floor = table["floor_mm"]
-    if floor and all(c in floor for c in table["clips"]):
-        axes[0].axvline(np.mean(list(floor.values())), color="black", linewidth=0.8, linestyle="--")
+    rows, sources = table["rows"], list(table["rows"][0]["average"])
+    figure, grid = pyplot.subplots(len(sources), 2, sharey=True, squeeze=False,
+                                   figsize=(10, len(sources) * (0.9 + 0.34 * len(rows))))
+    for axes, source in zip(grid, sources):
+        for axis, (metric, label) in zip(axes, (("position_mm", "$E_d$, mm"), ("normal_deg", "$E_n$, degrees"))):
+            values = [row["average"][source][metric] for row in rows]
+            for at, (row, value) in enumerate(zip(rows, values)):
+                axis.barh(at, value["mean"], xerr=value["std"], color=COLOURS[row["group"]],
+                          error_kw={"elinewidth": 0.8, "capsize": 2})
+                axis.text(value["mean"] + value["std"], at, f"  {value['mean']:.1f}", va="center", fontsize=7)
+            axis.set(xlabel=f"{label} ({source} clips held out; mean, deviation over frames)",
+                     xlim=(0, 1.1 * max(value["mean"] + value["std"] for value in values)))
+            axis.grid(axis="x", alpha=0.3)
+        axes[0].set_yticks(range(len(rows)))
+        axes[0].set_yticklabels([row["title"] for row in rows], fontsize=8)
+        floor, clips = table["floor_mm"], _of_source(table["clips"], source)
+        if floor and all(clip in floor for clip in clips):
+            axes[0].axvline(np.mean([floor[clip] for clip in clips]), color="black", linewidth=0.8, linestyle="--")
+    grid[0][0].invert_yaxis()
     figure.tight_layout()
     figure.savefig(path, dpi=100)
     pyplot.close(figure)

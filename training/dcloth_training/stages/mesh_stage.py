@@ -9,6 +9,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from .. import geometry
+
 
 class _Mean(torch.autograd.Function):
     """a_i = sum_j e_ij x_j and its transpose, both as bags over the padded neighbour table."""
@@ -75,13 +77,32 @@ class GsgruLayer(nn.Module):
         return functional.prelu(self.norm(state @ self.w_o + self.b_o), self.prelu), state
 
 
+class BodyPoints(nn.Module):
+    """The nearest body points of the garment, posed, in the heading frame: one matrix product."""
+
+    def __init__(self, points, joint_weights):
+        super().__init__()
+        points, joint_weights = torch.as_tensor(points), torch.as_tensor(joint_weights)
+        homogeneous = torch.cat([points, torch.ones_like(points[:, :1])], 1)
+        self.register_buffer("mixing", (joint_weights[:, :, None] * homogeneous[:, None])
+                             .reshape(len(points), -1), persistent=False)   # [n, 4 J]
+
+    def forward(self, body_frame):
+        """[B, J, 3, 4] -> [n, B, 3]."""
+        columns = body_frame.permute(1, 3, 0, 2).reshape(self.mixing.shape[1], -1)
+        return (self.mixing @ columns).reshape(len(self.mixing), -1, 3)
+
+
 class MeshStage(nn.Module):
     """Body points in the heading frame [n, B, 3] -> Q [B, k]; delta_M = sum_j Q_j M_j."""
+    NOTE = "Q"
+    TRAINED = ("layers.", "embed.", "mlp.", "basis")
 
     def __init__(self, columns, present, input_mean, input_deviation, width=8, layers=3,
-                 hidden=256, size=64):
+                 hidden=256, size=64, body_points=None):
         super().__init__()
         n = len(columns)
+        self.body_points = body_points
         self.graph = Graph(columns, present)
         self.register_buffer("input_mean", torch.as_tensor(input_mean))
         self.register_buffer("input_deviation", torch.as_tensor(input_deviation))
@@ -91,6 +112,36 @@ class MeshStage(nn.Module):
         self.basis = nn.Parameter(torch.zeros(size, n, 3))
         nn.init.zeros_(self.mlp[2].weight)   # Q = 0: training starts at stage 2's result
         nn.init.zeros_(self.mlp[2].bias)
+
+    @classmethod
+    def fresh(cls, parts, options):
+        return cls(*geometry.padded_neighbours(parts.faces, len(parts.template)), *parts.body_statistics, options.mesh_width,
+                   options.mesh_layers, options.mesh_hidden, options.mesh_size, BodyPoints(*parts.nearest))
+
+    @classmethod
+    def of_bundle(cls, tensors, parts):
+        if tensors.find("mesh.basis") is None:
+            return None
+        layers = len({name.split(".")[2] for name in tensors.names() if name.startswith("mesh.layers.")})
+        stage = cls(*geometry.padded_neighbours(parts.faces, len(parts.template)), tensors.get("mesh.input_mean"),
+                    tensors.get("mesh.input_deviation"), tensors.get("mesh.embed.weight").shape[1], layers,
+                    len(tensors.get("mesh.mlp.0.bias")), len(tensors.get("mesh.basis")))
+        stage = tensors.fill(stage.double(), "mesh.")
+        stage.body_points = BodyPoints(tensors.get("nearest.points"), tensors.get("nearest.joint_weights"))
+        return stage
+
+    def trained(self):
+        return {name: value for name, value in self.state_dict().items() if name.startswith(self.TRAINED)}
+
+    def given(self, fitted):
+        return {"nearest.points": fitted.nearest_points, "nearest.joint_weights": fitted.nearest_weights,
+                "mesh.input_mean": self.input_mean, "mesh.input_deviation": self.input_deviation}
+
+    def play(self, x, pose):
+        states = self.reset(1, x)
+        for frame in pose.body_frame:
+            s, states = self.embedded(self.body_points(frame[None]), states)
+            yield self.coefficients(s)[0]
 
     def reset(self, batch, like):
         shape = len(self.graph.columns), batch, self.embed.in_features

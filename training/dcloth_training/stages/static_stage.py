@@ -7,6 +7,7 @@ PRUNED_DEPTH = 0.05
 
 class StaticStage(nn.Module):
     """D = MLP(x), W = normalise(max(W_I + sum_i W_i, 0)), v = sum_j w_ij A_j (T_i + delta_i)."""
+    TRAINED = ("mlp.", "residual_weights")
 
     def __init__(self, template, pivots, initial_weights, features, width=256, residuals=None):
         super().__init__()
@@ -19,6 +20,22 @@ class StaticStage(nn.Module):
                                                          n, m))
         nn.init.zeros_(self.mlp[2].weight)   # D = 0: training starts at plain skinning
         nn.init.zeros_(self.mlp[2].bias)
+
+    @classmethod
+    def fresh(cls, parts, options):
+        return cls(parts.template, parts.pivots, parts.initial_weights, parts.features, options.static_width)
+
+    @classmethod
+    def of_bundle(cls, tensors, parts):
+        stage = cls(parts.template, parts.pivots, parts.initial_weights, parts.features,
+                    len(tensors.get("static.mlp.0.bias")), len(tensors.get("static.residual_weights")))
+        return tensors.fill(stage.double(), "static.")
+
+    def trained(self):
+        return {name: value for name, value in self.state_dict().items() if name.startswith(self.TRAINED)}
+
+    def given(self, fitted):
+        return {"static.initial_weights": fitted.initial_weights}
 
     def weights(self):
         """[n, m], rows sum to 1."""
