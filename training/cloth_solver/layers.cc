@@ -8,6 +8,7 @@ namespace {
 
 constexpr int kBits = 14;  // of the hash grid
 constexpr float kReach = 1.25f;     // mean edges: layers that touch have vertices nearer than that
+constexpr float kStale = 0.25f;     // of the reach that a vertex may move before it is searched for again
 constexpr float kPrism = 0.2f;      // barycentric weight outside of the triangle up to which a pair keeps its side
 constexpr float kFastest = 0.25f;   // thicknesses a step: a tangle comes undone slowly
 constexpr float kBeyond = 0.05f;  // barycentric weight outside of the triangle that still counts as above it
@@ -73,6 +74,18 @@ bool Layers::Adjacent(int32_t a, int32_t b) const {
 
 bool Layers::Close(int32_t a, int32_t b) const {
   return std::binary_search(ring_.begin() + ring_first_[a], ring_.begin() + ring_first_[a + 1], b);
+}
+
+bool Layers::Due(const std::vector<Vec>& x) const {
+  if (last_.empty()) return true;
+  Vec mean{};
+  for (size_t i = 0; i < x.size(); ++i) mean += x[i] - last_[i];
+  mean = (1 / static_cast<float>(x.size())) * mean;
+  const float most = kStale * reach_;
+  return std::any_of(x.begin(), x.end(), [&, i = size_t{0}](const Vec& at) mutable {
+    const Vec moved = at - last_[i++] - mean;
+    return Dot(moved, moved) > most * most;
+  });
 }
 
 void Layers::Find(const std::vector<Vec>& x) {

@@ -11,6 +11,8 @@ class Layers {
  public:
   Layers(const Mesh& mesh, int32_t vertices);
 
+  // Whether a vertex has moved so far since the last search, beside the cloth's mean, that Find must search again.
+  bool Due(const std::vector<Vec>& x) const;
   // Finds vertices that are near a triangle which is no neighbour of theirs. A pair that is known keeps its side.
   void Find(const std::vector<Vec>& x);
   // Moves vertices and triangles apart where they are nearer than `thickness`, and takes their approach velocity away.

@@ -8,6 +8,7 @@ namespace {
 
 constexpr int kEvery = 4;            // steps between updates of normals and smoothed velocities
 constexpr int kLayersEvery = 3;      // steps between searches for layers that meet
+constexpr float kOpposed = -0.3f;    // cosine between two ways out, below which they oppose each other
 constexpr float kBodyReach = 0.02f;  // m beyond what body and cloth travel in a frame
 
 std::vector<Vec> Vecs(const float* from, int32_t count) {
@@ -26,7 +27,8 @@ Solver::Solver(const cloth_solver_problem& p)
             p.cloth_part ? std::vector<uint32_t>(p.cloth_part, p.cloth_part + p.vertices) : std::vector<uint32_t>(),
             p.vertices),
       layers_(mesh_, p.vertices), pins_(p.pin, p.pin + p.pinned), inverse_mass_(p.vertices), drag_normal_(p.vertices),
-      drag_tangent_(p.vertices), x_(Vecs(p.start, p.vertices)), before_(x_), v_(p.vertices), smoothed_(p.vertices) {
+      drag_tangent_(p.vertices), x_(Vecs(p.start, p.vertices)), before_(x_), v_(p.vertices), smoothed_(p.vertices),
+      pushed_(p.vertices) {
   for (int32_t i = 0; i < p.vertices; ++i) {
     const float density = settings_.density * (p.mass_scale ? p.mass_scale[i] : 1.0f), mass = density * mesh_.area[i];
     inverse_mass_[i] = mass > 0 ? 1 / mass : 0;
@@ -78,7 +80,7 @@ void Solver::Step(float t) {
     Normals(mesh_, x_, normals_);
     Damp();
   }
-  if (settings_.layer_thickness > 0 && step_ % kLayersEvery == 0) layers_.Find(x_);
+  if (settings_.layer_thickness > 0 && step_ % kLayersEvery == 0 && layers_.Due(x_)) layers_.Find(x_);
   ++step_;
   body_.MoveTo(t);
   Predict();
@@ -172,7 +174,11 @@ void Solver::PushOut() {
       if (inverse_mass_[i] == 0) continue;
       const Contact contact = body_.Touch(p, k, x_[i], settings_.thickness);
       if (!contact.near) continue;
-      x_[i] += (settings_.thickness - contact.distance) * contact.normal;
+      // Between two surfaces closer than twice the thickness cloth ends in the middle.
+      Push& last = pushed_[i];
+      const bool between = last.step == step_ && Dot(last.normal, contact.normal) < kOpposed;
+      last = {step_, contact.normal};
+      x_[i] += ((between ? 0.5f : 1.0f) * (settings_.thickness - contact.distance)) * contact.normal;
       const Vec relative = v_[i] - contact.velocity;
       const float across = Dot(relative, contact.normal);
       if (across >= 0) continue;

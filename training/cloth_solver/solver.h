@@ -41,6 +41,11 @@ class Solver {
   std::vector<Vec> x_, before_, v_, normals_, smoothed_, pin_from_, pin_to_;
   Vec origin_;  // of the simulation in the world, so that floats stay small and precise
   Vec wind_from_, wind_to_, wind_;
+  struct Push {
+    int step = -1;
+    Vec normal;
+  };
+  std::vector<Push> pushed_;  // by the body, last
   int step_ = 0;
 };
 

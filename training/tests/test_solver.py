@@ -169,6 +169,21 @@ def test_layers_do_not_pass_through_each_other():
     assert through[upper, 1].max() < through[:len(low), 1].min()
 
 
+def test_between_two_parts_cloth_ends_in_the_middle():
+    """The hollow of a knee: two balls close on a sheet to 5 mm, less than twice the thickness."""
+    ball, ball_faces = icosphere(0.08)
+    points, cloth = sheet(0.1, 0.0125)
+    frames = 40
+    apart = np.linspace(0.1, 0.0825, frames)[:, None, None] * np.array([0, 1, 0])
+    body = solver.Body(np.concatenate([ball_faces, ball_faces + len(ball)]), np.repeat([0, 1], len(ball_faces)).astype(np.int32),
+                       np.concatenate([ball - apart, ball + apart], axis=1))
+    out = solver.run(points, cloth, np.zeros(0, np.int32), np.zeros((frames, 0, 3)), body, np.zeros((frames, 3)),
+                     {**WOOL, "gravity": 0.0})
+    middle = np.argmin(np.linalg.norm(points, axis=1))
+    assert np.abs(out[-5:, middle, 1]).max() < 0.0005     # where sides take turns: 1 mm
+    assert len(crossings.count(out[-1], cloth.faces, body.path[-1], body.faces)[1]) == 0
+
+
 def test_cloth_touches_only_the_parts_it_is_told():
     ball, ball_faces = icosphere(0.08)
     points, cloth = sheet()

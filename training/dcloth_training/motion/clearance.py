@@ -26,8 +26,8 @@ _ARM = (("Arm", "ForeArm", (0.4, 0.55, 0.7, 0.86)), ("ForeArm", "Hand", (0.0, 0.
         ("Hand", None, (0.3, 0.65, 1.0)))
 _HAND_LENGTH = 0.15
 # The same of a leg, below where the thighs touch anyhow.
-_LEG = (("UpLeg", "Leg", (0.45, 0.6, 0.75, 0.9)), ("Leg", "Foot", (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)))
-LEG_GAP, LEG_LARGEST = 0.002, 0.35
+_LEG = (("UpLeg", "Leg", (0.33, 0.45, 0.6, 0.75, 0.9)), ("Leg", "Foot", (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)))
+LEG_GAP, LEG_LARGEST = 0.006, 0.35
 
 
 def _surface_points(skin):

@@ -6,10 +6,13 @@ from takes over.
 """
 import numpy as np
 
+# Limbs are two parts each: cloth in the hollow of a bent knee or elbow is held between both.
 PARTS = (("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head", "LeftShoulder", "RightShoulder"),
-         ("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg", "RightLeg", "RightFoot", "RightToeBase"),
-         ("LeftArm", "LeftForeArm", "LeftHand"), ("RightArm", "RightForeArm", "RightHand"))
-TRUNK, LEFT_LEG, RIGHT_LEG, LEFT_ARM, RIGHT_ARM = (1 << p for p in range(len(PARTS)))
+         ("LeftUpLeg",), ("LeftLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg",), ("RightLeg", "RightFoot", "RightToeBase"),
+         ("LeftArm",), ("LeftForeArm", "LeftHand"), ("RightArm",), ("RightForeArm", "RightHand"))
+LIMB = (0, 1, 1, 2, 2, 3, 3, 4, 4)      # which parts are one limb
+TRUNK, LEFT_LEG, RIGHT_LEG, LEFT_ARM, RIGHT_ARM = (sum(1 << p for p, of in enumerate(LIMB) if of == limb)
+                                                   for limb in range(5))
 ALL = (1 << len(PARTS)) - 1
 MARGIN = 3      # rings of faces beyond the part's own
 
@@ -24,7 +27,8 @@ def cut_parts(figure):
     faces, part = [], []
     for number in range(len(PARTS)):
         inside = owner[nearest] == number
-        other_limb = (owner[nearest] != number) & (owner[nearest] != 0) if number else np.zeros(len(nearest), bool)
+        limb = np.asarray(LIMB)[owner[nearest]]
+        other_limb = (limb != LIMB[number]) & (limb != 0) if number else np.zeros(len(nearest), bool)
         for _ in range(MARGIN):
             grown = inside.copy()
             grown[figure.faces[inside[figure.faces].any(1)]] = True
