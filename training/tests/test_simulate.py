@@ -88,7 +88,7 @@ def test_parts_overlap_and_leave_the_other_limbs_out(body):
         own = set(np.unique(faces[part == number]))
         core = set(np.flatnonzero(np.isin(owner, [skeleton.INDEX[name] for name in names])))
         assert core <= own and len(own) > len(core)
-    right = np.isin(owner, [skeleton.INDEX[name] for name in parts.PARTS[2]])
+    right = np.isin(owner, [skeleton.INDEX[name] for k in (3, 4) for name in parts.PARTS[k]])
     assert not right[np.unique(faces[part == 1])].any()
 
 
