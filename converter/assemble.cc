@@ -7,6 +7,7 @@
 #include "converter/integer_layer.h"
 #include "converter/mesh_graph.h"
 #include "dcloth/dcloth.h"
+#include "kernels/nearest/nearest_order.h"
 
 namespace dcloth::converter {
 namespace {
@@ -136,7 +137,18 @@ BodyParts AssembleBody(const Bundle& bundle, const FoldedBundle& folded) {
   parts.faces = PackIndices("body.faces", StoredType::kU16, {corners / 3, 3}, surface.faces);
   parts.row_starts = PackIndices("body.row_starts", StoredType::kU32, {b + 1}, surface.row_starts);
   parts.columns = PackIndices("body.columns", StoredType::kU16, {corners}, surface.columns);
+  std::vector<uint16_t> order(bundle.vertex_count());
+  kernels::OrderPoints(bundle.template_positions.data(),
+                       surface.touch_classes.empty() ? nullptr : surface.touch_classes.data(), order.size(),
+                       order.data());
+  parts.garment_order = PackIndices("body.garment_order", StoredType::kU16, {static_cast<uint32_t>(order.size())},
+                                    {order.begin(), order.end()});
   if (!surface.touch_classes.empty()) {
+    const auto groups = static_cast<uint32_t>(kernels::CountSiteGroups(surface.touched_by.data(), b));
+    std::vector<uint16_t> sites(groups * kernels::kNearestGroup);
+    kernels::OrderSites(positions.data(), surface.touched_by.data(), b, sites.data());
+    parts.sites = PackIndices("body.sites", StoredType::kU16, {groups, static_cast<uint32_t>(kernels::kNearestGroup)},
+                              {sites.begin(), sites.end()});
     const auto bytes = [](const std::string& name, const std::vector<uint8_t>& values) {
       return PackIndices(name, StoredType::kU8, {static_cast<uint32_t>(values.size())}, {values.begin(), values.end()});
     };
@@ -184,6 +196,7 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const Prec
   parts.tick_rate = static_cast<float>(bundle.tick_rate);
   parts.vertices = n;
   for (const uint32_t joint : folded.joints.joints) parts.joint_names.push_back(bundle.joint_names[joint]);
+  if (!bundle.parents.empty()) parts.parents = KeptParents(bundle, folded.joints);
   parts.hips = static_cast<uint16_t>(folded.joints.kept[bundle.hips]);
   parts.feature_joints = Subset(bundle.feature_joints, folded.joints);
   parts.bones = Subset(bundle.bones, folded.joints);

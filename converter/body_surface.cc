@@ -8,7 +8,7 @@
 #include "converter/error.h"
 #include "converter/fold.h"
 #include "engine/format/limits.h"
-#include "kernels/nearest/nearest.h"
+#include "kernels/nearest/nearest_order.h"
 
 namespace dcloth::converter {
 namespace {
@@ -92,31 +92,15 @@ std::vector<uint32_t> CollidingFaces(const Bundle& bundle, const Touch& touch) {
   return corners;
 }
 
-using Vertex = std::vector<uint32_t>::iterator;
-
-// Halves along the longest side until kernels::kNearestGroup are left: whole groups on the left of each cut.
-void OrderByPlace(const Matrix& positions, Vertex begin, Vertex end) {
-  constexpr auto kGroup = static_cast<std::ptrdiff_t>(kernels::kNearestGroup);
-  const std::ptrdiff_t count = end - begin;
-  if (count <= kGroup) {
-    std::sort(begin, end);  // what nth_element leaves is the library's choice
-    return;
-  }
-  Eigen::RowVector3f low = positions.row(*begin), high = low;
-  for (Vertex v = begin; v != end; ++v) {
-    low = low.cwiseMin(positions.row(*v));
-    high = high.cwiseMax(positions.row(*v));
-  }
-  Eigen::Index axis = 0;
-  (high - low).maxCoeff(&axis);
-  const std::ptrdiff_t groups = (count + kGroup - 1) / kGroup;
-  const Vertex middle = begin + groups / 2 * kGroup;
-  std::nth_element(begin, middle, end, [&](uint32_t a, uint32_t b) {
-    const float x = positions(a, axis), y = positions(b, axis);
-    return x != y ? x < y : a < b;
-  });
-  OrderByPlace(positions, begin, middle);
-  OrderByPlace(positions, middle, end);
+// Each kNearestGroup in a row close together.
+void OrderByPlace(const Matrix& positions, std::vector<uint32_t>* vertices) {
+  if (vertices->size() > format::kMaxBodyVertices) return;  // refused later
+  const Matrix own = positions(*vertices, Eigen::all);
+  std::vector<uint16_t> order(vertices->size());
+  std::iota(order.begin(), order.end(), uint16_t{0});
+  kernels::OrderByPlace(own.data(), order.data(), order.size());
+  const std::vector<uint32_t> before = *vertices;
+  std::transform(order.begin(), order.end(), vertices->begin(), [&](uint16_t i) { return before[i]; });
 }
 
 void AddRings(BodySurface* surface) {
@@ -167,7 +151,7 @@ BodySurface MakeBodySurface(const Bundle& bundle, uint32_t influences) {
   surface.vertices = surface.faces;
   std::sort(surface.vertices.begin(), surface.vertices.end());
   surface.vertices.erase(std::unique(surface.vertices.begin(), surface.vertices.end()), surface.vertices.end());
-  OrderByPlace(bundle.body_positions, surface.vertices.begin(), surface.vertices.end());
+  OrderByPlace(bundle.body_positions, &surface.vertices);
   std::vector<uint32_t> place(static_cast<size_t>(bundle.body_positions.rows()));
   for (size_t i = 0; i < surface.vertices.size(); ++i) place[surface.vertices[i]] = static_cast<uint32_t>(i);
   for (uint32_t& corner : surface.faces) corner = place[corner];

@@ -35,6 +35,7 @@ void ReadMetadata(const SafeFile& file, Bundle* bundle) {
   }
   bundle->tick_rate = PositiveNumber(file, "tick_rate", 1000);
   bundle->joint_names = UniqueNames(file, "joint_names");
+  bundle->parents = Parents(file, "parents", bundle->joint_names.size());
   bundle->hips = IndexOf(file, "hips", file.RequireMetadata("hips"), bundle->joint_names);
   for (const std::string& name : UniqueNames(file, "feature_joints")) {
     bundle->feature_joints.push_back(IndexOf(file, "feature_joints", name, bundle->joint_names));

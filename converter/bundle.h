@@ -59,6 +59,7 @@ struct Bundle {
   std::string garment;
   double tick_rate = 0;  // Hz
   std::vector<std::string> joint_names;
+  std::vector<int32_t> parents;          // [J] indices into joint_names, -1 at the top; empty where not told
   uint32_t hips = 0;                     // index into joint_names
   std::vector<uint32_t> feature_joints;  // indices into joint_names
   RootMotion root_motion = RootMotion::kNone;

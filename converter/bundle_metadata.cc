@@ -56,6 +56,28 @@ std::vector<std::string> UniqueNames(const SafeFile& file, std::string_view key)
   return names;
 }
 
+std::vector<int32_t> Parents(const SafeFile& file, std::string_view key, size_t joints) {
+  const auto text = file.metadata().find(key);
+  if (text == file.metadata().end()) return {};
+  const nlohmann::json list = ParseJson(text->second);
+  const auto is_parent = [&](const nlohmann::json& parent) {
+    if (!parent.is_number_integer()) return false;
+    // As double: a huge unsigned number must not wrap.
+    return parent.get<double>() >= -1 && parent.get<double>() < static_cast<double>(joints);
+  };
+  if (!list.is_array() || list.size() != joints || !std::ranges::all_of(list, is_parent)) {
+    Refuse(file, key, Quoted(text->second),
+           "a JSON list of " + std::to_string(joints) + " indices into joint_names, or -1");
+  }
+  const auto parents = list.get<std::vector<int32_t>>();
+  for (size_t joint = 0; joint < joints; ++joint) {
+    int32_t above = parents[joint];
+    for (size_t steps = 0; above >= 0 && steps < joints; ++steps) above = parents[static_cast<size_t>(above)];
+    if (above >= 0) Refuse(file, key, "with a circle above joint " + std::to_string(joint), "parents that end at -1");
+  }
+  return parents;
+}
+
 double PositiveNumber(const SafeFile& file, std::string_view key, double limit) {
   const std::string& text = file.RequireMetadata(key);
   double value = 0;

@@ -20,6 +20,9 @@ double PositiveNumber(const SafeFile& file, std::string_view key, double limit);
 size_t OneOf(const SafeFile& file, std::string_view key, std::span<const std::string_view> allowed);  // its index
 std::string JsonObject(const SafeFile& file, std::string_view key);  // "{}" where absent
 
+// JSON list of `joints` indices below that number, or -1, that lead up without a circle; empty where absent.
+std::vector<int32_t> Parents(const SafeFile& file, std::string_view key, size_t joints);
+
 // Index of a name that `key` holds among `names`.
 uint32_t IndexOf(const SafeFile& file, std::string_view key, const std::string& name,
                  const std::vector<std::string>& names);

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "converter/error.h"
+#include "engine/format/limits.h"
 
 namespace dcloth::converter {
 
@@ -66,6 +67,17 @@ JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body, const 
                  "at most 256", "use fewer feature joints or bones"});
   }
   return subset;
+}
+
+std::vector<uint16_t> KeptParents(const Bundle& bundle, const JointSubset& subset) {
+  std::vector<uint16_t> parents;
+  for (const uint32_t joint : subset.joints) {
+    int32_t above = bundle.parents[joint];
+    const auto place = [&] { return subset.kept[static_cast<size_t>(above)]; };
+    while (above >= 0 && place() == JointSubset::kDropped) above = bundle.parents[static_cast<size_t>(above)];
+    parents.push_back(static_cast<uint16_t>(above < 0 ? format::kNoParent : place()));
+  }
+  return parents;
 }
 
 Matrix InverseBinds(const Bundle& bundle, std::span<const uint32_t> joints) {

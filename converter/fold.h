@@ -35,6 +35,9 @@ struct JointSubset {
 // `body` may be empty (no mesh stage), and so may `surface` (no skin that collides).
 JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body, const PrunedWeights& surface = {});
 
+// The nearest kept joint above each kept one, as an index into JointSubset::joints, or format::kNoParent.
+std::vector<uint16_t> KeptParents(const Bundle& bundle, const JointSubset& subset);
+
 // B_j^-1 of each joint, three rows of four, [joints, 12].
 Matrix InverseBinds(const Bundle& bundle, std::span<const uint32_t> joints);
 

@@ -18,11 +18,12 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4, kFormatMinorOfAir = 5;
+constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4, kFormatMinorNewest = 5;
 
 // The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
 uint16_t FormatMinor(const ModelParts& parts) {
-  if (parts.root_motion == RootMotion::kAir) return kFormatMinorOfAir;
+  const bool orders = parts.body && parts.body->garment_order;
+  if (parts.root_motion == RootMotion::kAir || orders || !parts.parents.empty()) return kFormatMinorNewest;
   if (parts.body && parts.body->touch_classes) return kFormatMinorOfTouch;
   const auto has_integers = [](const MeshLayerParts& layer) { return layer.weights.has_value(); };
   const bool integers = parts.mesh && std::any_of(parts.mesh->layers.begin(), parts.mesh->layers.end(), has_integers);
@@ -124,7 +125,9 @@ class Writer {
   fb::Offset<format::Character> Character() {
     const auto names = builder_.CreateVectorOfStrings(parts_.joint_names);
     const auto inverse_bind = Tensor(parts_.inverse_bind);
-    return format::CreateCharacter(builder_, names, inverse_bind, parts_.hips);
+    const auto parents =
+        parts_.parents.empty() ? fb::Offset<fb::Vector<uint16_t>>() : builder_.CreateVector(parts_.parents);
+    return format::CreateCharacter(builder_, names, inverse_bind, parts_.hips, parents);
   }
 
   fb::Offset<format::Features> Features() {
@@ -205,8 +208,10 @@ class Writer {
     const auto columns = Tensor(body.columns);
     const auto touch_classes = Tensor(body.touch_classes);
     const auto touched_by = Tensor(body.touched_by);
+    const auto garment_order = Tensor(body.garment_order);
+    const auto sites = Tensor(body.sites);
     return format::CreateBody(builder_, body.influences, positions, joints, weights, faces, row_starts, columns,
-                              body.clearance, body.reach, touch_classes, touched_by);
+                              body.clearance, body.reach, touch_classes, touched_by, garment_order, sites);
   }
 
   const ModelParts& parts_;
@@ -252,7 +257,7 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
   if (parts.body) {
     const BodyParts& body = *parts.body;
     add(body.positions, body.joints, body.weights, body.faces, body.row_starts, body.columns);
-    add_present(body.touch_classes, body.touched_by);
+    add_present(body.touch_classes, body.touched_by, body.garment_order, body.sites);
   }
   return tensors;
 }

@@ -37,7 +37,7 @@ struct SkeletonStageParts {
 struct BodyParts {
   uint8_t influences = 0;
   PackedTensor positions, joints, weights, faces, row_starts, columns;
-  std::optional<PackedTensor> touch_classes, touched_by;
+  std::optional<PackedTensor> touch_classes, touched_by, garment_order, sites;
   float clearance = 0, reach = 0;
 };
 
@@ -46,6 +46,7 @@ struct ModelParts {
   float tick_rate = 0;
   uint32_t vertices = 0;
   std::vector<std::string> joint_names;
+  std::vector<uint16_t> parents;  // format::kNoParent at the top; empty where they are not known
   uint16_t hips = 0;
   std::vector<uint16_t> feature_joints, bones;
   RootMotion root_motion = RootMotion::kNone;

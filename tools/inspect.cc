@@ -16,6 +16,17 @@ struct Options {
   bool json = false;
 };
 
+// Null where the file does not tell.
+Json JointParents(const converter::OpenModel& model) {
+  Json parents = Json::array();
+  for (uint32_t j = 0; j < model.info().joint_count; ++j) {
+    const int32_t parent = dcloth_model_joint_parent(model.model(), j);
+    if (parent == DCLOTH_JOINT_UNKNOWN) return nullptr;
+    parents.push_back(parent);
+  }
+  return parents;
+}
+
 Json Describe(const converter::OpenModel& model, const Options& options) {
   const dcloth_model_info& info = model.info();
   Json stages = Json::array();
@@ -33,7 +44,8 @@ Json Describe(const converter::OpenModel& model, const Options& options) {
           {"vertices", info.vertex_count},
           {"triangles", info.triangle_count},
           {"stages", stages},
-          {"joints", model.joint_names()}};
+          {"joints", model.joint_names()},
+          {"joint_parents", JointParents(model)}};
 }
 
 int Inspect(const Options& options) {

@@ -18,6 +18,7 @@ constexpr uint32_t kMaxVertices = 65535;  // u16 indices
 constexpr uint32_t kMaxTriangles = 1u << 20;
 constexpr uint32_t kMaxEdges = 1u << 24;  // entries of the mesh graph
 constexpr uint32_t kMaxJoints = 256;      // u8 indices
+constexpr uint32_t kNoParent = 0xFFFF;    // Character.parents
 constexpr uint32_t kMaxNameBytes = 255;
 constexpr uint32_t kMaxWidth = 16384;        // hidden units of a perceptron
 constexpr uint32_t kMaxCoefficients = 4096;  // basis size of a stage

@@ -50,6 +50,33 @@ bool VerifyJointNames(const Character& character, Checker* check) {
   return true;
 }
 
+// So that who walks up from a joint arrives.
+bool VerifyParents(const Character& character, Checker* check, ModelView* view) {
+  const flatbuffers::Vector<uint16_t>* const parents = character.parents();
+  view->parents = nullptr;
+  if (parents == nullptr) return true;
+  const Path character_path = {nullptr, "character"};
+  const Path path = {&character_path, "parents"};
+  const uint32_t count = view->joint_count;
+  if (!check->Count({&path, "length"}, parents, parents->size(), count, count)) return false;
+  for (uint32_t j = 0; j < count; ++j) {
+    const Path at = {&path, nullptr, j};
+    const uint8_t* const place = parents->Data() + size_t{j} * 2;
+    if (parents->Get(j) != kNoParent && parents->Get(j) >= count)
+      return check->FailCount(at, place, parents->Get(j), "", "an index into character.joint_names, or 65535");
+  }
+  for (uint32_t j = 0; j < count; ++j) {
+    uint32_t above = parents->Get(j), steps = 0;
+    while (above != kNoParent && steps++ < count) above = parents->Get(above);
+    if (above != kNoParent) {
+      const Path at = {&path, nullptr, j};
+      return check->Fail(at, parents->Data() + size_t{j} * 2, "a circle of joints", "parents that end at 65535");
+    }
+  }
+  view->parents = parents->data();
+  return true;
+}
+
 bool VerifyCharacter(const Character& character, Checker* check, ModelView* view) {
   const Path path = {nullptr, "character"};
   if (!VerifyJointNames(character, check)) return false;
@@ -59,6 +86,7 @@ bool VerifyCharacter(const Character& character, Checker* check, ModelView* view
   if (view->hips >= view->joint_count) {
     return check->FailCount({&path, "hips"}, &character, view->hips, "", "an index into character.joint_names");
   }
+  if (!VerifyParents(character, check, view)) return false;
   return check->Floats({&path, "inverse_bind"}, character.inverse_bind(), {view->joint_count, 12}, &view->inverse_bind);
 }
 

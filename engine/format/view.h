@@ -120,6 +120,7 @@ struct ModelView {
   const char* name;
   const char* precision;
   const void* joint_names;          // read through JointName
+  const uint16_t* parents;          // [joint_count], kNoParent at the top; null where the file has none
   const float* inverse_bind;        // [joint_count, 12]
   const float* template_positions;  // [n, 3]
   const uint16_t* faces;            // [triangle_count, 3]

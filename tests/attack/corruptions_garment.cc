@@ -63,6 +63,22 @@ std::vector<Corruption> GarmentCorruptions() {
        [](M* m) { m->character->joint_names[8] = std::string("\0", 1); }},
       {"hips_beyond_joints", kSemantics, "character.hips: found 9", kJoint, [](M* m) { m->character->hips = 9; }},
       {"hips_all_bits", kSemantics, "character.hips: found 65535", kJoint, [](M* m) { m->character->hips = 65535; }},
+      {"parents_few", kSemantics, "character.parents.length: ", "found 8; allowed: 9",
+       [](M* m) { m->character->parents.assign(8, 65535); }},
+      {"parents_many", kSemantics, "character.parents.length: ", "found 10; allowed: 9",
+       [](M* m) { m->character->parents.assign(10, 65535); }},
+      {"parent_beyond_joints", kSemantics, "character.parents[8]: found 9; allowed: ", "or 65535",
+       [](M* m) {
+         m->character->parents.assign(9, 65535);
+         m->character->parents[8] = 9;
+       }},
+      {"parent_is_itself", kSemantics, "character.parents[3]: ", "found a circle of joints; allowed: parents that end",
+       [](M* m) {
+         m->character->parents.assign(9, 65535);
+         m->character->parents[3] = 3;
+       }},
+      {"parents_in_a_circle", kSemantics, "character.parents[0]: ", "found a circle of joints",
+       [](M* m) { m->character->parents = {1, 2, 0, 65535, 3, 4, 5, 6, 7}; }},
       {"inverse_bind_infinite", kSemantics, "character.inverse_bind[0]: ", "found infinity; allowed: finite numbers",
        [](M* m) { *Data<float>(m, *m->character->inverse_bind) = kInfinity; }},
       {"inverse_bind_last_nan", kSemantics, "character.inverse_bind[107]: ", "found NaN; allowed: finite numbers",

@@ -150,7 +150,8 @@ def write_bundle(path, drop=(), changes=None, width=8):
     tensors.update(changes or {})
     safetensors_file.write(path, tensors, {
         "format": "dcloth-bundle", "format_version": "1", "garment": "cone skirt", "tick_rate": "30",
-        "joint_names": json.dumps(JOINTS), "hips": "hips", "feature_joints": json.dumps(FEATURES), "root_motion": "true",
+        "joint_names": json.dumps(JOINTS), "parents": json.dumps(PARENTS), "hips": "hips",
+        "feature_joints": json.dumps(FEATURES), "root_motion": "true",
         "bones": json.dumps(BONES), "training": "{}"})
 
 

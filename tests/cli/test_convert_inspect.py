@@ -3,6 +3,7 @@ import json
 
 import pytest
 
+import safetensors_file
 import small_garment
 from checks import leftovers, refused
 
@@ -27,7 +28,21 @@ def test_convert_then_inspect(dcloth, files, tmp_path, precision):
     assert seen["model_bytes"] == said["model_bytes"] and seen["instance_bytes"] == said["instance_bytes"]
     assert seen["vertices"] == small_garment.VERTICES and seen["stages"] == ["static", "skeleton", "mesh"]
     assert seen["tick_rate"] == 30 and set(seen["joints"]) <= set(small_garment.JOINTS)
+    names = dict(enumerate(seen["joints"]))
+    above = {j: small_garment.JOINTS[p] for j, p in zip(small_garment.JOINTS, small_garment.PARENTS) if p >= 0}
+    # No joint of this garment stands between two others and is not read.
+    assert {names[j]: names[p] for j, p in enumerate(seen["joint_parents"]) if p >= 0} == \
+        {j: p for j, p in above.items() if j in seen["joints"]}
+    assert sum(p < 0 for p in seen["joint_parents"]) == 1 and len(seen["joint_parents"]) == len(names)
     assert out.read_bytes()[4:8] == b"DCLO"
+
+
+def test_a_bundle_without_parents(dcloth, files, tmp_path):
+    tensors, metadata = safetensors_file.read(files.bundle)
+    del metadata["parents"]
+    safetensors_file.write(tmp_path / "bundle.safetensors", tensors, metadata)
+    assert dcloth("convert", tmp_path / "bundle.safetensors", "-o", tmp_path / "model.dcloth").returncode == 0
+    assert json.loads(dcloth("inspect", tmp_path / "model.dcloth", "--json").stdout)["joint_parents"] is None
 
 
 def test_smaller_precisions_make_smaller_models(dcloth, files, tmp_path):

@@ -93,7 +93,9 @@ def write(path, net, fitted, character, training, garment=None, half=True):
     tensors["template.faces"] = character.faces.astype(np.int32)
     tensors["body.faces"] = character.body_faces.astype(np.int32)
     names = rig.joint_names
+    parents = {} if character.parents is None else {"parents": json.dumps([int(p) for p in character.parents])}
     safetensors_io.write(path, tensors, {
+        **parents,
         "format": "dcloth-bundle", "format_version": "1",
         "garment": garment or os.path.splitext(os.path.basename(path))[0],
         "tick_rate": f"{rig.rate:g}", "joint_names": json.dumps(list(names)),

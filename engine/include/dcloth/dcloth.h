@@ -107,6 +107,8 @@ typedef struct dcloth_model_info {
   const char* name;          /* terminated, lives as long as the model bytes */
   const char* precision;     /* "fp32", "fp16", "int8" or what the converter was asked for */
   const uint16_t* triangles; /* [triangle_count, 3], in the model bytes; counter-clockwise seen from outside */
+  const float* positions;    /* [vertex_count, 3], in the model bytes: the garment in the bind pose of training, in metres,
+                                +Y up, facing +Z, left +X. Since 0.2 */
 } dcloth_model_info;
 
 /* The host's axes and unit. World and joints are the host's; the way into the model's space and back is
@@ -318,6 +320,17 @@ DCLOTH_API dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth
 /* Name of joint `index`, or null past the end. Memory: in the model bytes. Thread: any. Errors: none. Cost: none. */
 DCLOTH_API const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index);
 
+/* What dcloth_model_joint_parent returns instead of an index. */
+enum {
+  DCLOTH_JOINT_TOP = -1,    /* no joint of the model is above this one */
+  DCLOTH_JOINT_UNKNOWN = -2 /* the file does not tell: before format 1.5, or its bundle did not */
+};
+
+/* Returns the index of the nearest joint above joint `index`, or DCLOTH_JOINT_*. A joint in between that the model does
+ * not read is passed over. Walking up from any joint ends at DCLOTH_JOINT_TOP.
+ * Memory: none. Thread: any. Errors: DCLOTH_JOINT_UNKNOWN for null and past the end. Cost: a load. */
+DCLOTH_API int32_t dcloth_model_joint_parent(const dcloth_model* model, uint32_t index);
+
 /* Writes joint `index`'s matrix in the bind pose of training into `matrix`, [16]: joint to world, rows contiguous, in
  * metres, +Y up, facing +Z, left +X. Its last column is where the joint was.
  * Memory: none. Thread: any. Errors: ARGUMENT for null and past the end, SEMANTICS where the model's matrix has no inverse;
@@ -327,6 +340,12 @@ DCLOTH_API dcloth_status dcloth_model_joint_bind(const dcloth_model* model, uint
 /* Vertices of the skin that DCLOTH_OUTPUT_OUTSIDE_BODY keeps cloth out of; 0 where the model holds none, as of format
  * 1.1 and before. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
 DCLOTH_API uint32_t dcloth_model_body_vertex_count(const dcloth_model* model);
+
+/* Fills in an output for this garment: its vertex count, floats packed one after another, and DCLOTH_OUTPUT_OUTSIDE_BODY where
+ * the model holds a body. Pointers are null; set `positions`, and whatever else is wanted, before drawing. Set
+ * output->struct_size first.
+ * Memory: none. Thread: any. Errors: ARGUMENT. Cost: none. */
+DCLOTH_API dcloth_status dcloth_model_output(const dcloth_model* model, dcloth_output* output);
 
 /* 1 where dcloth_cloth_set_wind changes the garment's motion, else 0. Memory: none. Thread: any. Errors: 0 for null.
  * Cost: none. */

@@ -99,6 +99,17 @@ class Model {
   Status JointBind(uint32_t index, float* matrix) const {
     return static_cast<Status>(dcloth_model_joint_bind(model_, index, matrix));
   }
+  // An index, or DCLOTH_JOINT_*.
+  int32_t JointParent(uint32_t index) const { return dcloth_model_joint_parent(model_, index); }
+  // This garment's output with packed floats; see dcloth_model_output. All zero where no model is open.
+  dcloth_output Output(float* positions, float* normals = nullptr) const {
+    dcloth_output output = {};
+    output.struct_size = sizeof(output);
+    if (dcloth_model_output(model_, &output) != DCLOTH_OK) return output;
+    output.positions = positions;
+    output.normals = normals;
+    return output;
+  }
   uint32_t BodyVertexCount() const { return dcloth_model_body_vertex_count(model_); }
   bool ReadsWind() const { return dcloth_model_reads_wind(model_) != 0; }
   size_t ClothStorageSize() const { return dcloth_cloth_storage_size(model_); }

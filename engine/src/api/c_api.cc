@@ -162,12 +162,20 @@ dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info
   filled.name = view.name;
   filled.precision = view.precision;
   filled.triangles = view.faces;
+  filled.positions = view.template_positions;
   dcloth::engine::WriteStruct(filled, info);
   return DCLOTH_OK;
 }
 
 const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index) {
   return model == nullptr ? nullptr : dcloth::format::JointName(ViewOf(model), index);
+}
+
+int32_t dcloth_model_joint_parent(const dcloth_model* model, uint32_t index) {
+  if (model == nullptr || index >= ViewOf(model).joint_count || ViewOf(model).parents == nullptr)
+    return DCLOTH_JOINT_UNKNOWN;
+  const uint16_t parent = ViewOf(model).parents[index];
+  return parent == dcloth::format::kNoParent ? DCLOTH_JOINT_TOP : int32_t{parent};
 }
 
 dcloth_status dcloth_model_joint_bind(const dcloth_model* model, uint32_t index, float* matrix) {
@@ -183,6 +191,18 @@ dcloth_status dcloth_model_joint_bind(const dcloth_model* model, uint32_t index,
 
 uint32_t dcloth_model_body_vertex_count(const dcloth_model* model) {
   return model == nullptr ? 0 : ViewOf(model).body.vertex_count;
+}
+
+dcloth_status dcloth_model_output(const dcloth_model* model, dcloth_output* output) {
+  if (model == nullptr || !dcloth::engine::IsWhole(output)) return DCLOTH_ERROR_ARGUMENT;
+  dcloth_output filled = {};
+  filled.vertex_count = ViewOf(model).vertex_count;
+  filled.position_stride_bytes = filled.normal_stride_bytes = 3 * sizeof(float);
+  filled.tangent_stride_bytes = 4 * sizeof(float);
+  filled.texture_stride_bytes = 2 * sizeof(float);
+  filled.flags = ViewOf(model).body.vertex_count != 0 ? uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY} : 0;
+  dcloth::engine::WriteStruct(filled, output);
+  return DCLOTH_OK;
 }
 
 uint32_t dcloth_model_reads_wind(const dcloth_model* model) {

@@ -43,6 +43,10 @@ namespace DCloth
         /// <summary>In the order of poses of cloths without BindJoints.</summary>
         public string[] JointNames { get; private set; }
 
+        /// <summary>Index of the nearest joint above each one, -1 at the top. Null where the file does not tell: before format
+        /// 1.5, or its bundle did not.</summary>
+        public int[] JointParents { get; private set; }
+
         public int VertexCount { get; private set; }
         public int TriangleCount { get; private set; }
 
@@ -140,8 +144,13 @@ namespace DCloth
             BodyVertexCount = (int)Native.dcloth_model_body_vertex_count(model);
             ClothBytes = (long)(ulong)Native.dcloth_cloth_storage_size(model);
             JointNames = new string[info.joint_count];
+            var parents = new int[info.joint_count];
             for (uint j = 0; j < info.joint_count; ++j)
+            {
                 JointNames[j] = Utf8.Text(Native.dcloth_model_joint_name(model, j));
+                parents[j] = Native.dcloth_model_joint_parent(model, j);
+            }
+            JointParents = Array.IndexOf(parents, Native.DCLOTH_JOINT_UNKNOWN) < 0 ? parents : null;
         }
     }
 }

@@ -44,10 +44,16 @@ namespace DCloth
         public static extern byte* dcloth_model_joint_name(dcloth_model* model, uint index);
 
         [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_model_joint_parent(dcloth_model* model, uint index);
+
+        [DllImport(Library, CallingConvention = C)]
         public static extern int dcloth_model_joint_bind(dcloth_model* model, uint index, float* matrix);
 
         [DllImport(Library, CallingConvention = C)]
         public static extern uint dcloth_model_body_vertex_count(dcloth_model* model);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_model_output(dcloth_model* model, dcloth_output* output);
 
         [DllImport(Library, CallingConvention = C)]
         public static extern uint dcloth_model_reads_wind(dcloth_model* model);

@@ -31,6 +31,8 @@ namespace DCloth
         public const uint DCLOTH_AXIS_MINUS_Y = 3;
         public const uint DCLOTH_AXIS_Z = 4;
         public const uint DCLOTH_AXIS_MINUS_Z = 5;
+        public const int DCLOTH_JOINT_TOP = -1;
+        public const int DCLOTH_JOINT_UNKNOWN = -2;
         public const uint DCLOTH_JOINT_FRAMES_CONVERTED = 0;
         public const uint DCLOTH_JOINT_FRAMES_KEPT = 1;
 

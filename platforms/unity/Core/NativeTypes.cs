@@ -54,6 +54,7 @@ namespace DCloth
         public byte* name;
         public byte* precision;
         public ushort* triangles;
+        public float* positions;
     }
 
     [StructLayout(LayoutKind.Sequential)]

@@ -47,6 +47,8 @@ export const DCLOTH_STEP_SKINNING = 5;
 export const DCLOTH_STEP_NORMALS = 6;
 export const DCLOTH_STEP_PENETRATION = 7;
 export const DCLOTH_STEP_COUNT = 8;
+export const DCLOTH_JOINT_TOP = -1;
+export const DCLOTH_JOINT_UNKNOWN = -2;
 export const DCLOTH_RESTORE_OTHER_MODEL = 1;
 export const DCLOTH_LEVEL_FROZEN = 0;
 export const DCLOTH_LEVEL_STATIC = 1;
@@ -91,7 +93,7 @@ export const dcloth_frame = Object.freeze({
 });
 
 export const dcloth_model_info = Object.freeze({
-  bytes: 44,
+  bytes: 48,
   struct_size: 0,
   joint_count: 4,
   vertex_count: 8,
@@ -103,6 +105,7 @@ export const dcloth_model_info = Object.freeze({
   name: 32,
   precision: 36,
   triangles: 40,
+  positions: 44,
 });
 
 export const dcloth_output = Object.freeze({
@@ -212,8 +215,10 @@ export const dcloth_timer = Object.freeze({
  * @property {(model: number, info: number) => number} dcloth_model_describe
  * @property {(model: number, index: number, matrix: number) => number} dcloth_model_joint_bind
  * @property {(model: number, index: number) => number} dcloth_model_joint_name
+ * @property {(model: number, index: number) => number} dcloth_model_joint_parent
  * @property {(bytes: number, size: number, storage: number, storage_size: number, model: number, error: number)
  *   => number} dcloth_model_open
+ * @property {(model: number, output: number) => number} dcloth_model_output
  * @property {(model: number) => number} dcloth_model_reads_wind
  * @property {() => number} dcloth_model_storage_size
  * @property {(output: number) => bigint} dcloth_output_scratch_size

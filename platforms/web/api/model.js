@@ -55,6 +55,9 @@ export class Model {
     /** In the order of a pose's matrices. */
     this.jointNames = Array.from({ length: this.jointCount }, (_, i) =>
       memory.text(exports.dcloth_model_joint_name(this.address, i)));
+    const parents = this.jointNames.map((_, i) => exports.dcloth_model_joint_parent(this.address, i));
+    /** Index of the nearest joint above each one, -1 at the top; null where the file does not tell. */
+    this.jointParents = parents.includes(abi.DCLOTH_JOINT_UNKNOWN) ? null : parents;
     /** Whether `outsideBody` does anything. */
     this.hasBody = exports.dcloth_model_body_vertex_count(this.address) > 0;
     /** Whether Cloth.setWind changes the garment's motion. */

@@ -45,6 +45,13 @@ TEST(BundleTest, ReadsEveryField) {
   EXPECT_EQ(bundle.mesh->basis(0, 1), basis[1]);
 }
 
+TEST(BundleTest, ParentsMayBeAbsent) {
+  RawFile raw = BuildBundle({});
+  EXPECT_TRUE(ParseRawBundle(raw).parents.empty());
+  raw.metadata["parents"] = "[1, -1, 1, -1, 2, 0]";
+  EXPECT_EQ(ParseRawBundle(raw).parents, (std::vector<int32_t>{1, -1, 1, -1, 2, 0}));
+}
+
 TEST(BundleTest, StagesMayBeAbsent) {
   BundleSpec spec;
   spec.mesh = false;

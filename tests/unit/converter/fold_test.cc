@@ -120,6 +120,19 @@ TEST(FoldTest, KeepsExactlyTheJointsThatAreNeeded) {
   EXPECT_EQ(ChooseJoints(bundle, {}).joints, (std::vector<uint32_t>{0, 1, 7, 9, 10, 11}));
 }
 
+TEST(FoldTest, PassesOverJointsThatAreNotKept) {
+  BundleSpec spec;
+  spec.joints = 12;
+  spec.feature_joints = 2;
+  spec.bones = 3;
+  Bundle bundle = ParseBundle(spec);
+  // Kept are 0, 1, 9, 10, 11. Above 9 stand 8 and 7, then 1; above 10 stands 2 alone; 1 stands above 0.
+  bundle.parents = {1, -1, -1, 0, 0, 0, 0, 1, 7, 8, 2, 9};
+  const JointSubset subset = ChooseJoints(bundle, {});
+  ASSERT_EQ(subset.joints, (std::vector<uint32_t>{0, 1, 9, 10, 11}));
+  EXPECT_EQ(KeptParents(bundle, subset), (std::vector<uint16_t>{1, 65535, 1, 65535, 2}));
+}
+
 TEST(FoldTest, MoreThan256JointsAreRefused) {
   BundleSpec spec;
   spec.joints = 300;

@@ -89,9 +89,14 @@ TEST(WriteModelTest, MinorVersionIsThatOfItsParts) {
     EXPECT_LT(minor(*parts), 4);
     parts->body->touch_classes = PackIndices("body.touch_classes", StoredType::kU8, {1}, {0});
     EXPECT_EQ(minor(*parts), 4);
+    parts->body->garment_order = PackIndices("body.garment_order", StoredType::kU16, {1}, {0});
+    EXPECT_EQ(minor(*parts), 5);
   }
   integers.body.reset();
   EXPECT_EQ(minor(integers), 3);
+  integers.parents.assign(integers.joint_names.size(), 65535);
+  EXPECT_EQ(minor(integers), 5);
+  integers.parents.clear();
   integers.mesh.reset();
   EXPECT_EQ(minor(integers), 2);
 }
