@@ -153,18 +153,4 @@ size_t FrameCount(const PoseTrack& poses, double frame_rate, const std::filesyst
                           .mend = "write the sequence's frame rate into it, or lower --fps"});
 }
 
-FramePlan PlanFrame(size_t frame, double frame_rate, double tick_rate) {
-  const auto ticks_by = [&](size_t f) {
-    return static_cast<size_t>(std::floor(static_cast<double>(f) * tick_rate / frame_rate + kSameTime)) + 1;
-  };
-  FramePlan plan;
-  plan.seconds = static_cast<double>(frame) / frame_rate;
-  plan.first_tick = frame == 0 ? 0 : ticks_by(frame - 1);
-  plan.tick_count = ticks_by(frame) - plan.first_tick;
-  const double since = std::max(0.0, plan.seconds - static_cast<double>(ticks_by(frame) - 1) / tick_rate);
-  plan.blend = static_cast<float>(std::min(1.0, (since + 1 / frame_rate) * tick_rate));
-  if (plan.blend > 1 - kSameTime) plan.blend = 1;
-  return plan;
-}
-
 }  // namespace dcloth::tools

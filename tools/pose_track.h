@@ -44,15 +44,6 @@ class PoseTrack {
 // their end: a sequence can say that it has a frame a year. `source` names it.
 size_t FrameCount(const PoseTrack& poses, double frame_rate, const std::filesystem::path& source);
 
-// Which ticks run before a drawn frame and how far its displacement is between the last two of them. Frames are drawn
-// at f / frame_rate, tick k is due at k / tick_rate and takes the pose of that time.
-struct FramePlan {
-  double seconds = 0;
-  size_t first_tick = 0, tick_count = 0;
-  float blend = 1;  // min(1, (time since the last tick + 1 / frame_rate) * tick_rate)
-};
-FramePlan PlanFrame(size_t frame, double frame_rate, double tick_rate);
-
 }  // namespace dcloth::tools
 
 #endif  // DCLOTH_TOOLS_POSE_TRACK_H_

@@ -63,7 +63,9 @@ std::optional<std::array<float, 3>> ParseWind(const std::string& text) {
 Result Play(const Options& options, const converter::OpenModel& model, const PoseTrack& poses, double fps,
             uint32_t stages) {
   const std::optional<std::array<float, 3>> steady_wind = ParseWind(options.wind);
-  const double tick_rate = TickRate(model);
+  // Slower than ticks, more updates than frames: one that runs more than two ticks would skip some.
+  const auto updates = static_cast<size_t>(std::max(1.0, std::ceil(TickRate(model) / fps - 1e-6)));
+  const double step = 1 / (fps * static_cast<double>(updates));
   Player player(model, stages, converter::PathText(options.sequence));
   std::vector<float> pose(poses.joint_count() * 16);
   Result result;
@@ -72,15 +74,12 @@ Result Play(const Options& options, const converter::OpenModel& model, const Pos
   Progress progress("running");
   player.Reset();
   for (size_t f = 0; f < result.frame_count; ++f) {
-    const FramePlan plan = PlanFrame(f, fps, tick_rate);
-    for (size_t k = 0; k < plan.tick_count; ++k) {
-      const double seconds = static_cast<double>(plan.first_tick + k) / tick_rate;
+    for (size_t update = f == 0 ? updates : 1; update <= updates; ++update) {
+      const double seconds = (static_cast<double>(f) - 1) / fps + static_cast<double>(update) * step;
       poses.At(seconds, pose);
       player.SetWind(steady_wind.value_or(poses.WindAt(seconds)));
-      player.Tick(pose);
+      player.Update(pose, f == 0 ? 0 : static_cast<float>(step), 0, update == updates);
     }
-    poses.At(plan.seconds, pose);
-    player.Skin(pose, plan.blend);
     if (!std::ranges::all_of(player.positions(), [](float x) { return std::isfinite(x); })) {
       throw converter::Error({.path = options.model,
                               .tensor = {},

@@ -87,7 +87,8 @@ def test_stages_build_on_each_other(dcloth, files, tmp_path):
 @pytest.mark.parametrize("stages", ["static", "mesh"])
 def test_60_hz_agrees_with_30_hz_at_rest(dcloth, files, tmp_path, stages):
     """With a pose that stands still only the displacement changes, and skinning is linear in it. Frame 2k is drawn as
-    tick k starts (blend 1/2, between ticks k - 1 and k), frame 2k + 1 half a tick later (blend 1)."""
+    tick k starts, half a tick late (between ticks k - 1 and k), frame 2k + 1 half a tick later, at tick k; between two
+    frames the lag leaks by a thousandth of the time (engine/src/time/frame_clock.h)."""
     still = np.repeat(small_garment.motion(1, 30), 12, axis=0)
     path = tmp_path / "still.safetensors"
     small_garment.write_sequence(path, still, truth=False)
@@ -97,7 +98,8 @@ def test_60_hz_agrees_with_30_hz_at_rest(dcloth, files, tmp_path, stages):
     # A coordinate of at most 2 m passes about 50 float roundings on the way (blend, 4 influences of 4 products).
     bound = 50 * 2.0 * np.finfo(np.float32).eps
     assert np.abs(fast[1::2] - slow[:-1]).max() <= bound
-    assert np.abs(fast[2::2] - (slow[1:] + slow[:-1]) / 2).max() <= bound
+    leaked = 0.5e-3 * np.abs(slow[1:] - slow[:-1]).max()
+    assert np.abs(fast[2::2] - (slow[1:] + slow[:-1]) / 2).max() <= bound + 1.01 * leaked
     if stages == "mesh":
         assert np.abs(np.diff(slow, axis=0)).max() > 1e-4, "the network stands still: the test shows nothing"
 
