@@ -14,8 +14,8 @@ import re
 import subprocess
 import sys
 
-TYPES = {"dcloth_status": "Int32", "uint32_t": "UInt32", "int32_t": "Int32", "uint64_t": "UInt64", "size_t": "UIntPtr", "float": "Single",
-         "char": "Byte", "void": "Void", "uint16_t": "UInt16", "uint8_t": "Byte"}
+TYPES = {"dcloth_status": "Int32", "uint32_t": "UInt32", "int32_t": "Int32", "uint64_t": "UInt64", "size_t": "UIntPtr",
+         "float": "Single", "char": "Byte", "void": "Void", "uint16_t": "UInt16", "uint8_t": "Byte"}
 
 
 def csharp(kind, constants):

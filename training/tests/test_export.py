@@ -1,4 +1,5 @@
 """Bundles: what is written is what runs; a wrong file is refused."""
+import dataclasses
 import json
 
 import numpy as np
@@ -24,6 +25,14 @@ def files(tiny, trained, tmp_path_factory):
 
 def item(tiny):
     return sequence.read(tiny / "dynamic" / "a-held.safetensors")
+
+
+def test_bundle_tells_the_joints_above(tiny, trained, files, tmp_path):
+    net, fitted, character, provenance = export.load_trained(str(trained[1]), str(tiny))
+    parents = np.arange(len(character.joint_names)) - 1    # of a NumPy type, which json refuses
+    bundle.write(tmp_path / "told", net, fitted, dataclasses.replace(character, parents=parents), provenance)
+    assert json.loads(safetensors_io.read(tmp_path / "told")[1]["parents"]) == parents.tolist()
+    assert character.parents is None and "parents" not in safetensors_io.read(files / "half")[1]
 
 
 @pytest.mark.parametrize("stages", network.STAGES)
