@@ -11,7 +11,7 @@ TEXT_COLOUR = (70, 72, 76)
 
 
 @functools.cache
-def _font(size, bold=False):
+def font(size, bold=False):
     from matplotlib import font_manager
     from PIL import ImageFont
     name = font_manager.FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")
@@ -27,7 +27,7 @@ def save(path, image, texts=(), colours=256):
     pixels = Image.fromarray((np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8), "RGB")
     pen = ImageDraw.Draw(pixels)
     for x, y, text, size in texts:
-        pen.text((x, y), text, fill=TEXT_COLOUR, font=_font(abs(size), size < 0))
+        pen.text((x, y), text, fill=TEXT_COLOUR, font=font(abs(size), size < 0))
     few = pixels.quantize(colours, kmeans=2)     # median cut, then refined
     few.save(f"{path}.part", "PNG", optimize=True)
     os.replace(f"{path}.part", path)

@@ -14,7 +14,7 @@ from . import cloth_job, crossings, penetration
 MAX_STRETCH_P99 = 1.6          # edge length over rest length, 99th percentile of a frame
 MAX_SPEED = 40.0               # m/s, any vertex
 MAX_TORN_SHARE = 0.0           # of the frames
-MAX_THROUGH_SHARE = 0.01       # of the frames
+MAX_THROUGH_SHARE = 0.10       # of the frames: cloth pinched in the groin or behind a knee for some frames of a run
 TORN = 4.0                     # an edge stretched so far hangs on both sides of a limb that went through the cloth
 THROUGH = 0.010                # m: cloth so deep under the body is seen to cross it,
 THROUGH_PAIRS = 60             # and so is a limb in a loop of these crossing pairs: a wrist, 17 cm about, in a mesh of 1 cm
