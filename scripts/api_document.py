@@ -12,6 +12,7 @@ import json
 import os
 import re
 import sys
+import textwrap
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -122,11 +123,20 @@ class Page:
             target = family.pop() if len(family) == 1 else None
         return f"[`{word}`](#{target.lower()})" if target else f"`{word}`"
 
-    def text(self, lines):
-        """Paragraphs; a line followed by indented ones is an item, aligned columns stay as they are."""
+    def text(self, lines, parameters=()):
+        """Paragraphs; a line followed by indented ones is an item, lines that begin with one of `parameters` are a list
+        of them, other aligned columns stay as they are."""
         out, i = [], 0
         while i < len(lines):
             line = lines[i]
+            if line.startswith("  ") and line.split()[0] in parameters:
+                rows = []
+                while i < len(lines) and lines[i].startswith("  "):
+                    name, text = re.match(r"  (?: +|(\w+) +)(.*)", lines[i]).groups()
+                    rows.append([name, text]) if name else rows[-1].append(text)
+                    i += 1
+                out += ["", *(f"- `{name}`: {self.prose(' '.join(text))}" for name, *text in rows), ""]
+                continue
             item = [line.strip()]
             if re.match(r" +\S.*\S {2,}\S", line):
                 table = []
@@ -150,6 +160,9 @@ class Page:
         return re.sub(r"\n{3,}", "\n\n", "\n".join(out)).strip().split("\n")
 
     def table(self, head, rows):
+        if any(len(re.sub(r"\]\(.*?\)", "", row[-1])) > 200 for row in rows):  # too wide for a cell
+            return [*(f"- {name} {'= ' + kind if kind.isdigit() else f'({kind})'}" + (f": {text}" if text else "")
+                      for name, kind, text in rows), ""]
         if any(row[-1] for row in rows):
             lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
             return lines + [f"| {' | '.join(row)} |".replace("|  |", "| |") for row in rows] + [""]
@@ -197,7 +210,8 @@ class Page:
         for d in functions:
             out += self.declaration(d)
         if lines:
-            out += [*self.text(lines), ""]
+            parameters = {word for d in functions for word in re.findall(r"(\w+)(?=[,)])", d["function"])}
+            out += [*self.text(lines, parameters), ""]
         for d in declarations:
             if not d["function"]:
                 out += self.declaration(d)
@@ -224,7 +238,18 @@ class Page:
                 out += self.section(*section)
         wanted = {*self.manifest["functions"], *self.manifest["structs"], *self.manifest["constants"]}
         self.faults += [f"{name}: no section" for name in sorted(wanted - self.covered)]
-        return re.sub(r"\n{3,}", "\n\n", "\n".join(out)).rstrip() + "\n"
+        return self.wrapped(re.sub(r"\n{3,}", "\n\n", "\n".join(out)).rstrip()) + "\n"
+
+    def wrapped(self, page):
+        out, code = [], False
+        for line in page.split("\n"):
+            code ^= line.startswith("```")
+            if code or line.startswith("|"):
+                out.append(line)
+            else:
+                out += textwrap.wrap(line, 120, subsequent_indent="  " if line.startswith("- ") else "",
+                                     break_long_words=False, break_on_hyphens=False) or [""]
+        return "\n".join(out)
 
 
 def main(arguments=None):

@@ -21,7 +21,7 @@ from pathlib import Path
 FAULTS = [
     ("  uint32_t column_major;         /*", "  uint64_t column_major;         /*"),
     ("  uint32_t joint_count;          /* dcloth_model_info", "  int32_t joint_count;          /* dcloth_model_info"),
-    ("  uint32_t position_format;      /* DCLOTH_FORMAT_* */\n  uint32_t normal_format;\n",
+    ("  uint32_t position_format;      /* DCLOTH_FORMAT_* */\n  uint32_t normal_format;        /* DCLOTH_FORMAT_* */\n",
      "  uint32_t normal_format;\n  uint32_t position_format;\n"),
     ("  float seconds;         /* since", "  float delta;         /* since"),
     ("  char text[240];", "  char text[248];"),

@@ -1,24 +1,27 @@
-/* dcloth: learned cloth inside a game's frame budget. The C ABI, valid C99; the only header a garment needs
- * (many in one budget: dcloth_scene.h).
+/* dcloth: learned cloth for games. The C ABI, valid C99. One garment needs this header alone; dcloth_scene.h shares one
+ * time budget between many.
  *
- * The way through: open a model from memory you own, ask how much memory one garment needs, lend it, then
- * call dcloth_cloth_update once per frame with the time that has passed, the pose and your vertex buffers.
+ * How to use it: open a model from memory that you own, ask how much memory a cloth needs, lend that memory, then call
+ * dcloth_cloth_update once per frame with the time that has passed, the pose and your vertex buffers.
  *
- * Promises. No function allocates, starts a thread, opens a file, reads a clock, throws or aborts. Model bytes are
- * untrusted: dcloth_model_open checks everything the run path relies on, in every build. Any number of cloths may
- * share one model; calls on different cloths may run on different threads at once, calls on one cloth may not.
+ * Promises. No function allocates memory, starts a thread, opens a file, reads a clock, throws or aborts. Model bytes
+ * are not trusted: every build checks all that the run path relies on. Many cloths may share one model. Calls on
+ * different cloths may run on different threads at the same time; calls on one cloth may not.
  *
- * Rounding mode, flushing of subnormals and trapping exceptions that the host has set neither change a result nor
- * are changed: each call sets them aside, a timer's clock runs in the engine's, and all is restored, sticky flags
- * included (x86, AArch64; WebAssembly has none). Ticks and frames flush subnormals, which else could take minutes.
+ * Floating-point environment. Each call saves yours, uses its own and restores yours, sticky exception flags included.
+ * Your rounding mode, subnormal flushing and traps therefore do not change a result. A timer's clock runs inside the
+ * engine's environment. Ticks and frames flush subnormals, because arithmetic on subnormals can take minutes. This
+ * holds on x86 and AArch64; WebAssembly has no such environment.
  *
- * struct_size is sizeof of the struct in the header that a host was compiled with. A struct only grows at its end: fields
- * that a host does not know read as zero, and those that it has no room for are not written. So a host compiled with the
- * headers of 0.1.0 runs with this library, and one compiled with these with a later one.
- * Any weights pass dcloth_model_open, even NaN: they give NaN vertices until the next reset, never a fault.
+ * struct_size. Set it to sizeof of the struct. Later versions of a struct only add fields at its end. A field that your
+ * header does not have reads as zero; a field that your struct has no room for is not written. Hosts compiled with the
+ * headers of 0.1.0 run with this library, and hosts compiled with this header run with later ones.
  *
- * Units: metres, seconds, radians. Right-handed, +Y up, the character faces +Z with its left along +X in the bind
- * pose; dcloth_cloth_set_space takes any other space. Matrices act on column vectors. SIZE is bytes, COUNT elements. */
+ * Weights may be any bits, even NaN. NaN weights give NaN vertices until the next reset, never a fault.
+ *
+ * Units: metres, seconds, radians. Default axes: right-handed, +Y up, the character faces +Z and its left is +X in the
+ * bind pose; dcloth_cloth_set_space changes them. Matrices act on column vectors. SIZE means bytes, COUNT means
+ * elements. */
 #ifndef DCLOTH_DCLOTH_H_
 #define DCLOTH_DCLOTH_H_
 
@@ -59,21 +62,21 @@ enum {
   DCLOTH_ERROR_FORMAT = 4,     /* not a .dcloth file, truncated, or structurally broken */
   DCLOTH_ERROR_VERSION = 5,    /* a .dcloth file of another major version */
   DCLOTH_ERROR_SEMANTICS = 6,  /* structure intact, content impossible: shapes, indices, scales, ranges */
-  DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, over 1e9 or, by a bind pose, 1e12 m; a wrong joint count; a bind pose without
-                                  inverse. Nothing changes */
+  DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, a value over 1e9 (1e12 m after a bind pose), a wrong joint count, or a
+                                  bind pose without inverse; nothing changes */
   DCLOTH_ERROR_JOINTS = 8,     /* the host's skeleton lacks joints of the model */
   DCLOTH_ERROR_MODEL = 9       /* a saved state of another model */
 };
 
-/* What went wrong, in words: field, found, allowed, mend. Filled only on failure; owned by the caller; may be null
- * everywhere it is asked for, without changing what is checked. */
+/* What went wrong, in words: the field, what was found, what is allowed, how to mend it. Written only on failure. The
+ * caller owns it. Every function that takes one also takes null, and checks the same things. */
 typedef struct dcloth_error {
   uint32_t struct_size;   /* set to sizeof(dcloth_error) before the call */
   dcloth_status status;
-  uint64_t offset_bytes;  /* where in the model's or state's bytes, or UINT64_MAX where no place applies */
+  uint64_t offset_bytes;  /* place in the model's or state's bytes; UINT64_MAX where there is none */
   char text[240];         /* always terminated */
-  /* Parts of `text`: the first byte of each and how many there are, 0 where there is no such part. `what` is a field, a
-   * tensor or a joint; the text may have been too short for the rest. Since 0.2 */
+  /* The parts of `text`: where each starts and how many bytes it has; size 0 means that the part is absent. `what` is
+   * a field, a tensor or a joint. A long text may be cut, and then lacks its last parts. Since 0.2 */
   uint16_t what_at;
   uint16_t what_size;
   uint16_t found_at;
@@ -85,10 +88,11 @@ typedef struct dcloth_error {
 } dcloth_error;
 
 typedef struct dcloth_model dcloth_model; /* read-only view of model bytes */
-typedef struct dcloth_cloth dcloth_cloth; /* one garment on one character: recurrent state and displacement */
+typedef struct dcloth_cloth dcloth_cloth; /* one garment on one character, with its state */
 
-/* Which stages run. A later stage needs the ones before it. Fewer stages are a level of detail: they may change from
- * tick to tick, the change is blended like any motion, and a stage that rested for a tick starts from zero state. */
+/* Which stages of the network run. Each stage needs the ones before it. Fewer stages are a level of detail. They may
+ * change from tick to tick, and the change is blended. A stage that did not run in the last tick starts from zero
+ * state. */
 enum {
   DCLOTH_STAGES_STATIC = 1,
   DCLOTH_STAGES_SKELETON = 3,
@@ -97,28 +101,27 @@ enum {
 
 typedef struct dcloth_model_info {
   uint32_t struct_size;      /* set to sizeof(dcloth_model_info) before the call */
-  uint32_t joint_count;      /* matrices per pose, see dcloth_model_joint_name */
+  uint32_t joint_count;      /* matrices per pose; for their names see dcloth_model_joint_name */
   uint32_t vertex_count;
   uint32_t triangle_count;
   uint32_t stages;           /* the DCLOTH_STAGES_* the model holds */
   float tick_seconds;        /* the network's time step */
   uint32_t format_major;
   uint32_t format_minor;
-  const char* name;          /* terminated, lives as long as the model bytes */
+  const char* name;          /* terminated, in the model bytes */
   const char* precision;     /* "fp32", "fp16", "int8" or what the converter was asked for */
   const uint16_t* triangles; /* [triangle_count, 3], in the model bytes; counter-clockwise seen from outside */
-  const float* positions;    /* [vertex_count, 3], in the model bytes: the garment in the bind pose of training, in metres,
-                                +Y up, facing +Z, left +X. Since 0.2 */
+  const float* positions;    /* [vertex_count, 3], in the model bytes: the garment in the bind pose of training, in
+                                metres and the default axes. Since 0.2 */
 } dcloth_model_info;
 
-/* The host's axes and unit. World and joints are the host's; the way into the model's space and back is
- * part of the matrices that are computed anyway, and costs no time per vertex. "World" may be any frame
- * that does not turn over, a vehicle or the character's own root too: what it does is then no motion for the cloth.
+/* The host's axes and unit, as the character stands in its bind pose. Conversion costs no time per vertex.
  *   glTF, Godot       left +X, up +Y, forward +Z, 1 (the default)
  *   Unity             left -X, up +Y, forward +Z, 1
  *   Unreal (actor)    left -Y, up +Z, forward +X, 0.01
  *   Blender           left +X, up +Z, forward -Y, 1
- * The axes are those of the character in its bind pose. */
+ * "World" may be any frame that stays upright: the scene, a vehicle, the character's own root. The cloth does not
+ * notice how that frame itself moves. */
 enum {
   DCLOTH_AXIS_X = 0,
   DCLOTH_AXIS_MINUS_X = 1,
@@ -128,134 +131,138 @@ enum {
   DCLOTH_AXIS_MINUS_Z = 5
 };
 enum {
-  DCLOTH_JOINT_FRAMES_CONVERTED = 0, /* joints' own axes were turned with the world: most engines */
-  DCLOTH_JOINT_FRAMES_KEPT = 1       /* joints keep the axes of training, only the world is turned */
+  DCLOTH_JOINT_FRAMES_CONVERTED = 0, /* the joints' own axes were converted together with the world: most engines */
+  DCLOTH_JOINT_FRAMES_KEPT = 1       /* the joints keep the axes of training; only the world was converted */
 };
 typedef struct dcloth_space {
   uint32_t struct_size;   /* set to sizeof(dcloth_space) */
-  uint32_t left;          /* DCLOTH_AXIS_* that the character's left points along; the three axes differ */
-  uint32_t up;
-  uint32_t forward;       /* handedness follows from the three */
-  float metres_per_unit;  /* 0.0001 to 1000; of positions in matrices and outputs */
+  uint32_t left;          /* DCLOTH_AXIS_* that the character's left points along; all three axes differ */
+  uint32_t up;            /* DCLOTH_AXIS_* */
+  uint32_t forward;       /* DCLOTH_AXIS_*; the three decide whether the space is left- or right-handed */
+  float metres_per_unit;  /* 0.0001 to 1000, for positions in matrices and outputs */
   uint32_t joint_frames;  /* DCLOTH_JOINT_FRAMES_* */
 } dcloth_space;
 
-/* One pose, sixteen floats a matrix. Matrix j belongs to joint j of the model or, after
- * dcloth_cloth_bind_joints, to the host's joint j. */
+/* One pose: 16 floats for each joint. Without dcloth_cloth_bind_joints, matrix j belongs to joint j of the model; with
+ * it, to joint j of the host. */
 typedef struct dcloth_pose {
   uint32_t struct_size;          /* set to sizeof(dcloth_pose) */
-  uint32_t joint_count;          /* dcloth_model_info.joint_count, or the count of names bound */
-  const float* joint_matrices;   /* [joint_count, 16] joint to world, unscaled, in the host's space */
+  uint32_t joint_count;          /* dcloth_model_info.joint_count, or the number of names that were bound */
+  const float* joint_matrices;   /* [joint_count, 16] joint to world, without scale, in the host's space */
   uint32_t column_major;         /* 0: rows are contiguous; 1: columns are contiguous */
   uint32_t padding;              /* never read */
 } dcloth_pose;
 
 /* One frame of time.
  *
- * The network ticks at its own rate (dcloth_model_info.tick_seconds) on a grid that starts with the first update
- * after a reset. An update runs the ticks that have become due since the last one, each with the pose of its own
- * moment, blended from the poses of the last three updates; then it draws the displacement between the last two
- * ticks on the skeleton of this very pose. The pose is never late; the displacement is late by the shortest time
- * that keeps it smooth (dcloth_cloth_info.lag_seconds): nothing where each frame has its tick, half a tick at twice
- * the tick rate, up to one tick at any other rate. It settles within the first ticks.
+ * The network ticks at its own rate (dcloth_model_info.tick_seconds). Its time grid starts with the first update after
+ * a reset. An update runs the ticks that have become due since the last update. Each tick takes the pose of its own
+ * moment, blended from the poses of the last three updates. The update then draws the displacement between the last two
+ * ticks on the skeleton of the given pose.
  *
- * Hitch: at most DCLOTH_MAX_TICKS ticks run per update, the latest ones. Those before them are skipped and count as
- *   time that passed, so the character's speed stays right.
- * Pause: `seconds` 0 runs no tick; the frame is drawn with the pose given, and the same pose gives the same
- *   vertices.
- * Teleport: DCLOTH_FRAME_JUMPED tells that the character was moved since the last update (a portal, a new world
- *   origin) and keeps the cloth as it hangs: nothing is taken for motion, and the next tick carries on with the last
- *   velocity. A jump that is not announced looks like one tick at the highest speed seen in training.
- * Cut: dcloth_cloth_reset forgets everything; the next update ticks at once, whatever `seconds` says, and draws that
- *   tick.
- * Time that is negative, NaN or infinite is refused with ARGUMENT and the state is untouched; any other is a hitch. */
+ * The pose is never late. The displacement is late by the shortest time that keeps it smooth
+ * (dcloth_cloth_info.lag_seconds): by nothing where every frame has its tick, by half a tick at twice the tick rate, by
+ * at most one tick at any other rate. The lag settles within the first ticks.
+ *
+ * Hitch: an update runs at most DCLOTH_MAX_TICKS ticks, the latest ones. Earlier ticks are skipped but count as time
+ *   that passed, so the character's speed stays right.
+ * Pause: `seconds` 0 runs no tick. The frame is drawn with the pose given, and the same pose gives the same vertices.
+ * Teleport: set DCLOTH_FRAME_JUMPED when the character was moved since the last update (a portal, a new world origin).
+ *   The jump is then not taken for motion, the cloth hangs as before, and the next tick continues with the last
+ *   velocity. A jump without the flag looks like one tick at the highest speed seen in training.
+ * Cut: dcloth_cloth_reset forgets everything. The next update ticks at once, whatever `seconds` says, and draws that
+ * tick.
+ *
+ * A negative, NaN or infinite time is refused with ARGUMENT and changes nothing. A long time is a hitch. */
 #define DCLOTH_MAX_TICKS 2
 enum {
-  /* Spread a tick over the frames until the next one is due, each with a part that follows its length, so that no
-   * frame pays for all of it. The ticks are the same, and late by about (tick_seconds - one frame) more: half a tick
-   * at twice the tick rate, less than one at any. The first tick after a reset still runs whole, and so do ticks
-   * that are due in one frame with another, and those of frames as long as a tick. The flag may change from frame to
-   * frame. */
+  /* Spreads each tick over the frames until the next one is due, so that no frame pays for a whole tick. Each frame
+   * gets a share that follows its length. The ticks are the same, but later: by half a tick at twice the tick rate,
+   * by less than one tick at any rate. Some ticks still run whole: the first after a reset, two that are due in one
+   * frame, and ticks of frames as long as a tick. The flag may change from frame to frame. */
   DCLOTH_FRAME_PIPELINED = 1,
-  DCLOTH_FRAME_JUMPED = 2,
-  /* Experimental: may change before 1.0. The mesh stage runs in every second tick, which saves nearly half of its time; the stages before it run in each.
-   * Its part of the displacement is drawn one tick later than the rest, on a straight way from one run to the next.
-   * The first tick, after a reset too, runs it. For ticks that start now; without DCLOTH_STAGES_MESH it does nothing. */
+  DCLOTH_FRAME_JUMPED = 2, /* the character was moved since the last update; see "Teleport" */
+  /* Experimental: may change before 1.0. The mesh stage runs in every second tick, which saves nearly half of its
+   * time. Its part of the displacement is drawn one tick later than the rest, blended between its runs. It runs in
+   * the first tick after a reset. The flag counts for ticks that start now, and does nothing without
+   * DCLOTH_STAGES_MESH. */
   DCLOTH_FRAME_HALF_RATE_MESH = 4,
-  /* No tick starts in this frame. One that falls due waits for the next frame without the flag, runs there with that
-   * frame's pose, and the grid starts anew with it: so hosts choose in which frame a cloth pays. Meanwhile the newest
-   * displacement is drawn, before the first tick the garment without any. */
+  /* No tick starts in this frame. A tick that becomes due waits for the next frame without the flag and takes that
+   * frame's pose; the time grid starts anew there. Meanwhile the newest displacement is drawn; before the first tick,
+   * none. Use it to choose in which frame a cloth pays. */
   DCLOTH_FRAME_HOLD = 8,
-  /* Experimental: may change before 1.0. Freeze while idle. After half a second (15 ticks) in which no joint moved by more than 0.5 mm or turned by more
-   * than a thousandth, and no vertex by more than 0.05 mm along an axis, neither from tick to tick nor in all, ticks
-   * stop and frames cost drawing only; the last of those ticks costs a basis sum more. The first frame with time whose
-   * pose has moved that far, that jumped, or that asks for other stages has its tick at once. A frame without the flag
-   * wakes too. */
+  /* Experimental: may change before 1.0. Stops ticking while the character is idle; frames then cost drawing alone.
+   * It takes half a second (15 ticks) in which no joint moved by more than 0.5 mm or turned by more than a
+   * thousandth, and no vertex moved by more than 0.05 mm along an axis, neither from tick to tick nor in total. The
+   * last of those ticks costs one more basis sum. The cloth ticks again in the first frame with time in which the
+   * pose has moved that far or jumped, in which other stages are asked for, or which lacks the flag. */
   DCLOTH_FRAME_FREEZE_IDLE = 16
 };
 typedef struct dcloth_frame {
   uint32_t struct_size;  /* set to sizeof(dcloth_frame) */
-  uint32_t stages;       /* one of DCLOTH_STAGES_*, for ticks that start now; all of the model's where it holds fewer */
+  uint32_t stages;       /* DCLOTH_STAGES_* for ticks that start now; stages that the model lacks are ignored */
   float seconds;         /* since the last update: 0 or more, finite */
   uint32_t flags;        /* DCLOTH_FRAME_* or 0 */
-  dcloth_error* error;   /* says why an update was refused; or null. Since 0.2 */
+  dcloth_error* error;   /* where an update writes why it was refused; or null. Since 0.2 */
 } dcloth_frame;
 
 /* What the last update did. */
 typedef struct dcloth_cloth_info {
   uint32_t struct_size;  /* set to sizeof(dcloth_cloth_info) before the call */
-  uint32_t in_work;      /* 1 while a tick is begun and not complete */
-  float lag_seconds;     /* by how much the displacement drawn is older than the pose */
-  float tick_share;      /* network work of the last update in ticks, by estimated cost: 1 is a whole tick of all
-                            its stages */
-  uint32_t frozen;       /* 1 while DCLOTH_FRAME_FREEZE_IDLE lets ticks rest */
-  uint32_t tick_waits;   /* 1 where the next frame with time has a tick, however short it is: the first, or held */
+  uint32_t in_work;      /* 1 while a tick has begun and is not complete */
+  float lag_seconds;     /* how much older the drawn displacement is than the pose */
+  float tick_share;      /* network work of the last update by estimated cost; 1 is a whole tick of all its stages */
+  uint32_t frozen;       /* 1 while DCLOTH_FRAME_FREEZE_IDLE has stopped the ticks */
+  uint32_t tick_waits;   /* 1 if the next update with seconds > 0 starts a tick: the first one, or one that was held */
 } dcloth_cloth_info;
 
-/* Numbers in a vertex buffer. Half floats are IEEE 754 binary16; their steps are 0.5 mm at 0.5 to 1 m from
- * the origin and double with each doubling of the distance, so half positions want an origin near the
- * character that stands still; moving it is a DCLOTH_FRAME_JUMPED. */
+/* Number formats of a vertex buffer. Half floats are IEEE 754 binary16. Their steps are 0.5 mm at 0.5 to 1 m from the
+ * origin and double with each doubling of that distance. Half positions therefore need an origin near the character
+ * that stands still; moving that origin is a DCLOTH_FRAME_JUMPED. */
 enum {
   DCLOTH_FORMAT_FLOAT32 = 0,
   DCLOTH_FORMAT_FLOAT16 = 1
 };
 
-/* What is done to a frame's vertices before they go out. */
+/* What is done to the vertices of a frame before they are written. */
 enum {
-  /* Move vertices that lie under the character's skin, or less than the model's clearance (2 mm) above it, along the
-   * normal of the closest point of the posed skin until they are outside by the clearance. All others stay, and so do
-   * some in poses that no body takes: a frame's search is bounded. Each frame on its own, the network's state knows
-   * nothing of it. Only skin counts that the vertex collided with in training; dcloth_model_body_vertex_count. */
+  /* Pushes vertices out of the body. A vertex under the character's skin, or less than the model's clearance (2 mm)
+   * above it, moves along the normal of the closest skin point until it is outside by the clearance. Other vertices
+   * stay. The search has a budget per frame, so in impossible poses some vertices may stay inside. Each frame stands
+   * alone; the network's state does not change. Only skin that the vertex could touch in training counts. Does
+   * nothing where dcloth_model_body_vertex_count is 0. */
   DCLOTH_OUTPUT_OUTSIDE_BODY = 1
 };
 
-/* Where vertices go. Attribute by attribute: the first vertex's place, the distance to the next one's (at least the
- * attribute's own bytes, a multiple of its number's), the numbers' format. Attributes may interleave in one buffer;
- * nothing between them is read or written. Null attributes are not wanted and cost nothing. A half among the wanted
- * formats needs scratch; it holds nothing between calls, and all cloths of a thread can share it. The buffers are then
- * only written; where all are floats they are read, too: not for GPU memory that is slow to read. */
+/* Where the vertices are written. Each attribute has the address of the first vertex, the distance to the next one and
+ * a number format. The distance is at least the attribute's size and a multiple of its number's size. Attributes may
+ * interleave in one buffer; bytes between them are neither read nor written. A null attribute is skipped at no cost.
+ *
+ * Half-float attributes need scratch memory. It holds nothing between calls, so all cloths of a thread can share it.
+ * With half floats the buffers are only written. With floats alone they are read too: do not point them at GPU memory
+ * that is slow to read. */
 typedef struct dcloth_output {
   uint32_t struct_size;          /* set to sizeof(dcloth_output) */
   uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count */
-  void* positions;               /* 3 numbers, world, host's unit */
+  void* positions;               /* 3 numbers each: world, host's unit */
   uint32_t position_stride_bytes;
   uint32_t normal_stride_bytes;
-  void* normals;                 /* 3 numbers, unit length, outward; or null */
-  void* tangents;                /* 4 numbers: unit, along growing u; w 1 or -1, and the bitangent is
-                                    w cross(normal, tangent). Or null. Wants normals and texture_coordinates */
-  const float* texture_coordinates; /* u, v of each vertex */
+  void* normals;                 /* 3 numbers each: unit length, outward; or null */
+  void* tangents;                /* 4 numbers each: a unit vector along growing u, and w = 1 or -1, where the bitangent
+                                    is w cross(normal, tangent). Needs normals and texture_coordinates. Or null */
+  const float* texture_coordinates; /* u, v of each vertex; read only for tangents */
   uint32_t tangent_stride_bytes;
   uint32_t texture_stride_bytes; /* at least 8 */
   uint32_t position_format;      /* DCLOTH_FORMAT_* */
-  uint32_t normal_format;
-  uint32_t tangent_format;
+  uint32_t normal_format;        /* DCLOTH_FORMAT_* */
+  uint32_t tangent_format;       /* DCLOTH_FORMAT_* */
   uint32_t flags;                /* DCLOTH_OUTPUT_* or 0 */
-  float* bounds;                 /* [6] least x, y, z, then greatest, before rounding to half; or null */
-  void* scratch;                 /* floats; null where dcloth_output_scratch_size is 0 */
-  uint64_t scratch_size;
+  float* bounds;                 /* [6] smallest x, y, z, then largest, before rounding to half; or null */
+  void* scratch;                 /* on a multiple of 4; null where dcloth_output_scratch_size is 0 */
+  uint64_t scratch_size;         /* bytes, at least dcloth_output_scratch_size */
 } dcloth_output;
 
-/* Time spent per stage, in the units of the host's own clock. */
+/* Where the time of a call goes. */
 enum {
   DCLOTH_STEP_POSE = 0,      /* checks, heading frame, features */
   DCLOTH_STEP_STATIC,        /* pivot increments */
@@ -267,195 +274,319 @@ enum {
   DCLOTH_STEP_PENETRATION,   /* runs before normals */
   DCLOTH_STEP_COUNT
 };
-/* Length of an array inside a struct, which never changes: one more step is one more field. */
+/* Length of dcloth_timer.elapsed. It never changes; a further step would be a further field. */
 #define DCLOTH_TIMER_STEPS 8
 typedef struct dcloth_timer {
   uint32_t struct_size;              /* set to sizeof(dcloth_timer) */
-  uint64_t (*now)(void* context);    /* called at step boundaries; null turns timing off */
-  void* context;
-  uint64_t elapsed[DCLOTH_TIMER_STEPS]; /* of each DCLOTH_STEP_*; added to, never reset */
-  /* Called after every piece of a step with its name ("mesh layers", static) and its time; or null. A piece that is run in
-     portions, or interleaved with another, comes several times. */
+  uint64_t (*now)(void* context);    /* the host's clock, in any unit; called between steps. Null: no timing */
+  void* context;                     /* given to `now` and `piece` */
+  uint64_t elapsed[DCLOTH_TIMER_STEPS]; /* by DCLOTH_STEP_*; added to, never reset */
+  /* Called after every piece of a step with its name ("mesh layers", static) and its time; or null. A piece that runs in
+   * portions is reported several times. Since 0.2 */
   void (*piece)(void* context, const char* name, uint64_t elapsed);
 } dcloth_timer;
 
-/* Library version, "0.1.0". Memory: static. Thread: any. Errors: none. Cost: none. */
+/* Returns the library version as text, "0.1.0".
+ * Memory: static.
+ * Thread: any.
+ * Errors: none.
+ * Cost: none. */
 DCLOTH_API const char* dcloth_version(void);
 
-/* Library version as a number, see DCLOTH_VERSION_NUMBER. Memory: none. Thread: any. Errors: none. Cost: none. */
+/* Returns the library version as a number; see DCLOTH_VERSION_NUMBER.
+ * Memory: none.
+ * Thread: any.
+ * Errors: none.
+ * Cost: none. */
 DCLOTH_API uint32_t dcloth_version_number(void);
 
-/* A status as a word: "OK", "ARGUMENT" and so on; "UNKNOWN" for numbers that are none. Memory: static. Thread: any.
- * Errors: none. Cost: none. */
+/* Returns a status as a word: "OK", "ARGUMENT" and so on.
+ *   status  a dcloth_status; any other number gives "UNKNOWN"
+ * Memory: static.
+ * Thread: any.
+ * Errors: none.
+ * Cost: none. */
 DCLOTH_API const char* dcloth_status_name(dcloth_status status);
 
-/* The instruction set that the kernels chose on this CPU, "avx2" for instance. Memory: static. Thread: any.
- * Errors: none. Cost: a load. */
+/* Returns the name of the instruction set that the kernels use on this CPU, for example "avx2".
+ * Memory: static.
+ * Thread: any.
+ * Errors: none.
+ * Cost: a load. */
 DCLOTH_API const char* dcloth_isa_name(void);
 
-/* Chooses the instruction set for the whole process: a name dcloth_isa_name may return on this CPU ("scalar" always),
- * or null for the best; call it while no cloth is running. "reproducible", for lockstep games and replays, gives the
- * same bits from the same model file and calls on x86 with SSE4.2, AArch64 and WebAssembly, in about twice AVX2's time;
- * it flushes no subnormals, as WebAssembly cannot: there, a stranger's model may take minutes for a tick. Between
- * others, for tests alone, vertices differ by less than 0.01 mm (int8: their mean).
- * Memory: none. Thread: one at a time. Errors: ARGUMENT when the CPU or the build lacks it. Cost: none. */
+/* Chooses the instruction set for the whole process. Call it while no cloth is running.
+ *   name  one that dcloth_isa_name may return on this CPU, "scalar" (always there) or "reproducible"; null for the best
+ * "reproducible" is for lockstep games and replays. The same model file and the same calls give the same bits on x86
+ * with SSE4.2, AArch64 and WebAssembly. It takes about twice the time of AVX2. It does not flush subnormals, as
+ * WebAssembly cannot: a tick of a model from an untrusted source may then take minutes. Other names are for tests.
+ * Vertices differ between them by less than 0.01 mm (int8: on average).
+ * Memory: none.
+ * Thread: one at a time.
+ * Errors: ARGUMENT where the CPU or the build lacks it.
+ * Cost: none. */
 DCLOTH_API dcloth_status dcloth_isa_select(const char* name);
 
-/* Bytes of memory dcloth_model_open wants for its view; a constant of the build.
- * Memory: none. Thread: any. Errors: none. Cost: none. */
+/* Returns the bytes of memory that dcloth_model_open needs for its view. It is a constant of the build.
+ * Memory: none.
+ * Thread: any.
+ * Errors: none.
+ * Cost: none. */
 DCLOTH_API size_t dcloth_model_storage_size(void);
 
-/* Checks model bytes and opens a view of them. `bytes` and `storage` stay the caller's and must outlive the model. The
- * bytes must not change meanwhile: they are used where they lie and not checked again, so a file mapped into memory that
- * somebody else writes to is a fault. Both start on DCLOTH_ALIGNMENT; `size` is that of the whole file, a multiple of DCLOTH_ALIGNMENT. On failure *model is
- * untouched.
- * Memory: storage only. Thread: any. Errors: ARGUMENT, ALIGNMENT, MEMORY, FORMAT, VERSION, SEMANTICS.
- * Cost: one pass over indices, scales and biases; weights are not touched. */
+/* Checks model bytes and opens a view of them. The bytes are used in place: they are not copied, and not checked again.
+ *   bytes         the whole .dcloth file, on DCLOTH_ALIGNMENT; must outlive the model and must not change while it is
+ *                 in use, so do not map a file that another program may write to
+ *   size          bytes of the file, a multiple of DCLOTH_ALIGNMENT
+ *   storage       memory for the view, on DCLOTH_ALIGNMENT; must outlive the model
+ *   storage_size  at least dcloth_model_storage_size
+ *   model         receives the model; untouched on failure
+ *   error         receives the reason of a failure; or null
+ * Memory: storage only.
+ * Thread: any.
+ * Errors: ARGUMENT, ALIGNMENT, MEMORY, FORMAT, VERSION, SEMANTICS.
+ * Cost: one pass over indices, scales and biases; weights are not read. */
 DCLOTH_API dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, size_t storage_size,
                                            dcloth_model** model, dcloth_error* error);
 
-/* Describes a model. Memory: none. Thread: any. Errors: ARGUMENT. Cost: none. */
+/* Describes a model.
+ *   info  receives the description; set info->struct_size first
+ * Memory: none.
+ * Thread: any.
+ * Errors: ARGUMENT.
+ * Cost: none. */
 DCLOTH_API dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info* info);
 
-/* Name of joint `index`, or null past the end. Memory: in the model bytes. Thread: any. Errors: none. Cost: none. */
+/* Returns the name of a joint, or null past the end.
+ *   index  0 to dcloth_model_info.joint_count - 1
+ * Memory: in the model bytes.
+ * Thread: any.
+ * Errors: none.
+ * Cost: none. */
 DCLOTH_API const char* dcloth_model_joint_name(const dcloth_model* model, uint32_t index);
 
 /* What dcloth_model_joint_parent returns instead of an index. */
 enum {
-  DCLOTH_JOINT_TOP = -1,    /* no joint of the model is above this one */
-  DCLOTH_JOINT_UNKNOWN = -2 /* the file does not tell: before format 1.5, or its bundle did not */
+  DCLOTH_JOINT_TOP = -1,    /* the model has no joint above this one */
+  DCLOTH_JOINT_UNKNOWN = -2 /* the file does not say: it is older than format 1.5, or its bundle had no parents */
 };
 
-/* Returns the index of the nearest joint above joint `index`, or DCLOTH_JOINT_*. A joint in between that the model does
- * not read is passed over. Walking up from any joint ends at DCLOTH_JOINT_TOP.
- * Memory: none. Thread: any. Errors: DCLOTH_JOINT_UNKNOWN for null and past the end. Cost: a load. */
+/* Returns the index of the nearest joint above a joint, or DCLOTH_JOINT_*. Joints in between that the model does not
+ * have are passed over. Going up from any joint ends at DCLOTH_JOINT_TOP.
+ *   index  0 to dcloth_model_info.joint_count - 1
+ * Memory: none.
+ * Thread: any.
+ * Errors: DCLOTH_JOINT_UNKNOWN for null and past the end.
+ * Cost: a load. */
 DCLOTH_API int32_t dcloth_model_joint_parent(const dcloth_model* model, uint32_t index);
 
-/* Writes joint `index`'s matrix in the bind pose of training into `matrix`, [16]: joint to world, rows contiguous, in
- * metres, +Y up, facing +Z, left +X. Its last column is where the joint was.
- * Memory: none. Thread: any. Errors: ARGUMENT for null and past the end, SEMANTICS where the model's matrix has no inverse;
- * `matrix` is then untouched. Cost: an inverse. */
+/* Writes a joint's matrix in the bind pose of training. Its last column is the joint's position.
+ *   index   0 to dcloth_model_info.joint_count - 1
+ *   matrix  receives [16] joint to world: rows contiguous, metres, the default axes; untouched on failure
+ * Memory: none.
+ * Thread: any.
+ * Errors: ARGUMENT for null and past the end; SEMANTICS where the model's matrix has no inverse.
+ * Cost: an inverse. */
 DCLOTH_API dcloth_status dcloth_model_joint_bind(const dcloth_model* model, uint32_t index, float* matrix);
 
-/* Vertices of the skin that DCLOTH_OUTPUT_OUTSIDE_BODY keeps cloth out of; 0 where the model holds none, as of format
- * 1.1 and before. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
+/* Returns how many vertices the skin has that DCLOTH_OUTPUT_OUTSIDE_BODY keeps cloth out of; 0 where the model holds no
+ * skin, as in format 1.1 and before.
+ * Memory: none.
+ * Thread: any.
+ * Errors: 0 for null.
+ * Cost: none. */
 DCLOTH_API uint32_t dcloth_model_body_vertex_count(const dcloth_model* model);
 
-/* Fills in an output for this garment: its vertex count, floats packed one after another, and DCLOTH_OUTPUT_OUTSIDE_BODY where
- * the model holds a body. Pointers are null; set `positions`, and whatever else is wanted, before drawing. Set
- * output->struct_size first.
- * Memory: none. Thread: any. Errors: ARGUMENT. Cost: none. */
+/* Fills in the output that suits this garment: its vertex count, floats packed one after another, and
+ * DCLOTH_OUTPUT_OUTSIDE_BODY where the model holds a body. All pointers are null: set `positions` and whatever else you
+ * want before drawing.
+ *   output  receives the description; set output->struct_size first
+ * Memory: none.
+ * Thread: any.
+ * Errors: ARGUMENT.
+ * Cost: none. */
 DCLOTH_API dcloth_status dcloth_model_output(const dcloth_model* model, dcloth_output* output);
 
-/* 1 where dcloth_cloth_set_wind changes the garment's motion, else 0. Memory: none. Thread: any. Errors: 0 for null.
+/* Returns 1 if dcloth_cloth_set_wind changes the motion of this garment, else 0.
+ * Memory: none.
+ * Thread: any.
+ * Errors: 0 for null.
  * Cost: none. */
 DCLOTH_API uint32_t dcloth_model_reads_wind(const dcloth_model* model);
 
-/* Exact bytes that one cloth needs. Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
+/* Returns the exact number of bytes that one cloth needs.
+ * Memory: none.
+ * Thread: any.
+ * Errors: 0 for null.
+ * Cost: none. */
 DCLOTH_API size_t dcloth_cloth_storage_size(const dcloth_model* model);
 
-/* Places a cloth in lent memory, reset. On failure *cloth is untouched. Memory: storage only. Thread: any. Errors:
- * ARGUMENT, ALIGNMENT, MEMORY. Cost: clears the memory, and puts 8,000 vertices over a skin in order in 1 ms. */
+/* Places a cloth in lent memory. The cloth is reset.
+ *   model         must outlive the cloth
+ *   storage       memory on DCLOTH_ALIGNMENT; must outlive the cloth
+ *   storage_size  at least dcloth_cloth_storage_size
+ *   cloth         receives the cloth; untouched on failure
+ *   error         receives the reason of a failure; or null
+ * Memory: storage only.
+ * Thread: any.
+ * Errors: ARGUMENT, ALIGNMENT, MEMORY.
+ * Cost: clears the memory; for files before format 1.5 also 1 ms to sort 8,000 vertices over a skin. */
 DCLOTH_API dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size_t storage_size,
                                              dcloth_cloth** cloth, dcloth_error* error);
 
-/* Finds the model's joints among the names of the host's skeleton; poses then hold one matrix per name.
- * Exact match; of equal names the first counts. The error text lists the joints that are missing. Names
- * are not kept. Outlives resets.
- * Memory: none. Thread: owner. Errors: ARGUMENT, JOINTS; the binding before stays. Cost: model joints
- * times names. */
+/* Finds the model's joints by name in the host's skeleton. Poses then hold one matrix per name. The binding outlives
+ * resets.
+ *   names  [count] names of the host's joints; matched exactly, the first of equal names counts. They are not kept
+ *   count  1 or more
+ *   error  receives the reason of a failure, with the joints that are missing; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, JOINTS; the previous binding stays.
+ * Cost: model joints times names. */
 DCLOTH_API dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* names, uint32_t count,
                                                   dcloth_error* error);
 
-/* Chooses the host's space for poses and outputs. Outlives resets.
- * Memory: none. Thread: owner. Errors: ARGUMENT; the space before stays. Cost: none, then and later. */
+/* Chooses the host's space for poses and outputs. It outlives resets.
+ *   space  axes and unit; see dcloth_space
+ *   error  receives the reason of a failure; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT; the previous space stays.
+ * Cost: none, then and later. */
 DCLOTH_API dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error);
 
-/* Takes the character's bind pose as the host has it, where its joints have axes or scale of their own: each is then
- * read by its way from that pose, and joint_frames counts no more. The body stands as, and where, that of training
- * did. Outlives resets, bindings and spaces. Memory: none. Thread: owner. Errors: ARGUMENT, POSE; what was taken before
- * stays. Cost: 0.1 us a joint, in each frame then 0.04 us a joint. */
+/* Takes the character's bind pose from the host, for joints that have axes or a scale of their own. Each joint is then
+ * read relative to its bind matrix, and joint_frames no longer counts. The character stands in the same stance, and at
+ * the same place, as the training figure did in its bind pose. The bind pose outlives resets, bindings and spaces.
+ *   bind   the bind pose, as dcloth_cloth_update takes poses
+ *   error  receives the reason of a failure; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, POSE; the previous bind pose stays.
+ * Cost: 0.1 us a joint; in each frame after it 0.04 us a joint. */
 DCLOTH_API dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose* bind, dcloth_error* error);
 
-/* Sets the wind: how fast the air moves past somebody who stands still. `wind` is [3], in host units a second along the
- * host's axes (metres a second unless dcloth_cloth_set_space says otherwise), at most 100 m/s. It counts for ticks that
- * start from now on and is 0 until it is set. Models without the air in their features ignore it; dcloth_model_reads_wind tells. Outlives resets;
- * saved states do not hold it. Another wind wakes a cloth that DCLOTH_FRAME_FREEZE_IDLE has frozen.
- * Memory: none. Thread: owner. Errors: ARGUMENT; the wind before stays. Cost: none. */
+/* Sets the wind: the velocity of the air relative to the ground. It counts for ticks that start from now on. It is 0
+ * until it is set, and outlives resets; saved states do not hold it. A change wakes a cloth that
+ * DCLOTH_FRAME_FREEZE_IDLE has frozen. Models that do not read the air ignore it; see dcloth_model_reads_wind.
+ *   wind   [3] host units per second along the host's axes, at most 100 m/s
+ *   error  receives the reason of a failure; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT; the previous wind stays.
+ * Cost: none. */
 DCLOTH_API dcloth_status dcloth_cloth_set_wind(dcloth_cloth* cloth, const float* wind, dcloth_error* error);
 
-/* Bytes of scratch that an output's formats and attributes need; reads those and vertex_count alone.
- * Memory: none. Thread: any. Errors: 0 for null. Cost: none. */
+/* Returns the bytes of scratch memory that an output needs. Reads its formats, its attributes and vertex_count alone.
+ * Memory: none.
+ * Thread: any.
+ * Errors: 0 for null.
+ * Cost: none. */
 DCLOTH_API uint64_t dcloth_output_scratch_size(const dcloth_output* output);
 
-/* Forgets all motion: recurrent state, displacement, velocity, time. After a teleport, a cut or a spawn.
+/* Forgets all motion: recurrent state, displacement, velocity and time. Call it after a cut or a spawn.
  * Memory: none. Thread: owner. Errors: ARGUMENT. Cost: clears the state. */
 DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
 
-/* State that survives.
+/* Saved states.
  *
- * Saved bytes hold all that the frames to come depend on, a tick in work included: a cloth that takes them goes on
- * to the bit as the one that was saved would have, on the same instruction set or both on "reproducible". Joint binding,
- * space and wind are the host's and not among them. They are little-endian and laid out the same on every platform and
- * instruction set; their version is 4, and a release that cannot read one refuses it with VERSION.
+ * A saved state holds all that later frames depend on, a tick in work included. A cloth that restores it continues bit
+ * for bit as the saved cloth would have, on the same instruction set or with both on "reproducible". Joint binding,
+ * space, bind pose and wind belong to the host and are not saved. The bytes are little-endian and the same on every
+ * platform. Their version is 4; a release that cannot read a version refuses it with VERSION.
  *
- * Pause: do not update, or save, give the memory back, create and restore later. The first update's `seconds` is the
- *   frame time as if nothing had happened in between; where the character was moved, add DCLOTH_FRAME_JUMPED.
- * Save games are untrusted. Truncated or changed bytes, another version, other models, and numbers that no cloth can
- *   have (NaN, a recurrent state beyond 1, times outside of their range) are refused, whatever the checksum says. A
- *   refused cloth is as it was before; reset it instead.
- * Other model: a state belongs to the model file it was saved with, told by the identity that the converter writes
- *   into the file (before format 1.2 by name and sizes). DCLOTH_RESTORE_OTHER_MODEL takes the state of another file
- *   with the same sizes, between ticks, its mesh stage at full rate: the same network in another precision or rank.
- * Hot swap: open the new file and create its cloth in other memory; bind joints and space as before. Then either
- *   save the old cloth after an update without DCLOTH_FRAME_PIPELINED, restore with DCLOTH_RESTORE_OTHER_MODEL and
- *   go on (the frame that follows is off by what the precisions differ); or, for another network, where that is
- *   refused with MODEL or means nothing, update both for about a second, the new one with `output` null, and then
- *   draw the new one. Give the old memory back after its last call. */
+ * Pause: do not update. Or save, give the memory back, and later create and restore. The first update's `seconds` is
+ *   then the frame time, as if nothing had happened in between. Add DCLOTH_FRAME_JUMPED if the character was moved.
+ * Untrusted save games: truncated or changed bytes, another version, another model, and numbers that no cloth can have
+ *   (NaN, a recurrent state beyond 1, times out of range) are refused. The cloth is then as it was before; reset it
+ *   instead.
+ * Other model: a state belongs to the model file that it was saved with, which is recognised by the identity in the
+ *   file (before format 1.2: by name and sizes). DCLOTH_RESTORE_OTHER_MODEL accepts the state of another file with the
+ *   same sizes: the same network in another precision or rank. The state must be saved between ticks, with the mesh
+ *   stage at full rate.
+ * Hot swap of a model: open the new file, create its cloth in other memory, and bind joints and space as before. For
+ *   the same network, save the old cloth after an update without DCLOTH_FRAME_PIPELINED, restore it into the new one
+ *   with DCLOTH_RESTORE_OTHER_MODEL and continue; the next frame differs by as much as the precisions do. For another
+ *   network, update both for about a second, the new one with `output` null, and then draw the new one. Give the old
+ *   memory back after its last call. */
 enum {
-  DCLOTH_RESTORE_OTHER_MODEL = 1 /* only the sizes have to agree: joints, features, bones, vertices, layers, rate */
+  DCLOTH_RESTORE_OTHER_MODEL = 1 /* only sizes must agree: joints, features, bones, vertices, layers, tick rate */
 };
 
-/* Bytes that dcloth_cloth_save writes now: less than dcloth_cloth_storage_size, fewest between ticks.
- * Memory: none. Thread: owner. Errors: 0 for null. Cost: none. */
+/* Returns the bytes that dcloth_cloth_save writes now: fewer than dcloth_cloth_storage_size, fewest between ticks.
+ * Memory: none.
+ * Thread: owner.
+ * Errors: 0 for null.
+ * Cost: none. */
 DCLOTH_API size_t dcloth_cloth_state_size(const dcloth_cloth* cloth);
 
-/* Writes the state into `state`, `size` bytes at any address, of which dcloth_cloth_state_size are used.
- * Memory: none. Thread: owner. Errors: ARGUMENT, MEMORY, SEMANTICS (weights made NaN: reset); nothing is written
- * then. Cost: a copy and a checksum. */
+/* Saves the state. Nothing is written on failure.
+ *   state  receives the bytes; any address
+ *   size   bytes at `state`, at least dcloth_cloth_state_size
+ *   error  receives the reason of a failure; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, MEMORY; SEMANTICS where NaN weights have spoiled the state (reset it).
+ * Cost: a copy and a checksum. */
 DCLOTH_API dcloth_status dcloth_cloth_save(const dcloth_cloth* cloth, void* state, size_t size, dcloth_error* error);
 
-/* Takes a saved state, `size` bytes at any address. `flags` are DCLOTH_RESTORE_* or 0.
- * Memory: none. Thread: owner. Errors: ARGUMENT, FORMAT, VERSION, MODEL, SEMANTICS; the cloth is untouched. Cost: a
- * checksum, a check of each number and a copy. */
+/* Restores a saved state. The cloth is untouched on failure.
+ *   state  the saved bytes; any address
+ *   size   bytes at `state`
+ *   flags  DCLOTH_RESTORE_* or 0
+ *   error  receives the reason of a failure; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, FORMAT, VERSION, MODEL, SEMANTICS.
+ * Cost: a checksum, a check of each number and a copy. */
 DCLOTH_API dcloth_status dcloth_cloth_restore(dcloth_cloth* cloth, const void* state, size_t size, uint32_t flags,
                                               dcloth_error* error);
 
-/* Runs the ticks that are due and draws: the call for every frame, whatever its rate; see dcloth_frame.
- * `output` may be null for a garment that is not seen. A refused call leaves state and outputs untouched.
- * Memory: none. Thread: owner. Errors: ARGUMENT, POSE; frame->error says why. Cost: due ticks or their share, and
- * dcloth_cloth_skin's. */
+/* Runs the ticks that are due and draws. Call it once per frame, at any frame rate; see dcloth_frame. A refused call
+ * leaves state and outputs untouched.
+ *   pose    the pose that is drawn
+ *   frame   time, stages and flags
+ *   output  where vertices are written; null for a garment that is not seen
+ *   timer   where times are added; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, POSE; frame->error says why.
+ * Cost: the ticks that are due, or their share, and the cost of dcloth_cloth_skin. */
 DCLOTH_API dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_pose* pose, const dcloth_frame* frame,
                                              const dcloth_output* output, dcloth_timer* timer);
 
-/* Describes the last update. Memory: none. Thread: owner. Errors: ARGUMENT. Cost: none. */
+/* Describes the last update.
+ *   info  receives the description; set info->struct_size first
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT.
+ * Cost: none. */
 DCLOTH_API dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info);
 
-/* The next two are update's halves, for hosts with a clock of their own at the tick rate.
- *
- * Advances the network by one tick of dcloth_model_info.tick_seconds with the pose at the tick's end.
- * `stages` is one of DCLOTH_STAGES_*; all of the model's where it holds fewer. A tick that an update left in work is completed
- * first, and update's next tick is due one tick later. A refused pose leaves the state untouched.
- * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: the network; see `dcloth profile`. */
+/* Advances the network by one tick of dcloth_model_info.tick_seconds. With dcloth_cloth_skin it is half of
+ * dcloth_cloth_update, for hosts with a clock of their own at the tick rate. A tick that an update left in work is
+ * completed first, and the next tick of an update is due one tick later. A refused pose leaves the state untouched.
+ *   pose    the pose at the end of the tick
+ *   stages  DCLOTH_STAGES_*; stages that the model lacks are ignored
+ *   timer   where times are added; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, POSE.
+ * Cost: the network; see `dcloth profile`. */
 DCLOTH_API dcloth_status dcloth_cloth_tick(dcloth_cloth* cloth, const dcloth_pose* pose, uint32_t stages,
                                            dcloth_timer* timer);
 
-/* Skins the garment with the pose that is drawn. `blend` in [0, 1] goes from the displacement of the tick
- * before the last one (0) to the last one (1); after a single tick both are that one, before any tick it
- * is zero. Positions and normals may interleave in one vertex buffer. A refused pose leaves the outputs
- * untouched.
- * Memory: none. Thread: owner. Errors: ARGUMENT, POSE. Cost: skinning, and normals and tangents when asked
- * for. */
+/* Draws: skins the garment with a pose. Before the first tick the displacement is zero. A refused pose leaves the
+ * outputs untouched.
+ *   pose    the pose that is drawn
+ *   blend   0 draws the displacement of the tick before the last, 1 that of the last tick, values between blend them;
+ *           after a single tick both are that tick
+ *   output  where vertices are written
+ *   timer   where times are added; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, POSE.
+ * Cost: skinning, and normals and tangents if asked for. */
 DCLOTH_API dcloth_status dcloth_cloth_skin(dcloth_cloth* cloth, const dcloth_pose* pose, float blend,
                                            const dcloth_output* output, dcloth_timer* timer);
 
