@@ -129,8 +129,9 @@ def test_static_tour_rests_in_every_pose(felt):
 
 
 @pytest.fixture(scope="module")
-def hanging(skirt):
-    """The skirt as it is cut, about the body, its rest lengths those of that shape."""
+def hanging(body):
+    """A skirt as it is cut, wide enough to stand clear of the body, its rest lengths those of that shape."""
+    skirt = garment.skirt(body, sector=2.9, spacing=0.0116)
     corner = skirt.vertices[skirt.faces]
     base, side = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     flat = np.zeros((len(corner), 3, 2))       # each triangle laid flat

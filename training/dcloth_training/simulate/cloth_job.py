@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from .. import metrics, raster
 from ..motion import skeleton
 from . import body as parts
-from . import settings, solver
+from . import crossings, settings, solver
 
 PIN_NEIGHBOURS = 4
 ROUNDED = 0.006         # m
@@ -102,7 +102,9 @@ def hung(garment, figure):
     """The garment as it hangs on the figure in bind pose, made symmetric: -> (Garment, m that it moves in the last frame,
     m by which it hung lopsided)."""
     chosen = settings.of(garment.fabric)
-    slowly, _ = _run(skeleton.rest_motion(PUT_ON_FRAMES), figure, garment, {**chosen, **PUT_ON}, garment.vertices, None)
+    apart = not len(crossings.within(garment.vertices, garment.faces))
+    slowly, _ = _run(skeleton.rest_motion(PUT_ON_FRAMES), figure, garment,
+                     {**chosen, **PUT_ON, **({"layer_thickness": chosen["layer_thickness"]} if apart else {})}, garment.vertices, None)
     worn = slowly[-1].astype(np.float64)
     cloth, _ = _run(skeleton.rest_motion(HANG_FRAMES), figure, garment, chosen, worn, None)
     drape = cloth[-1].astype(np.float64)

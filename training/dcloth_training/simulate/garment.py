@@ -70,18 +70,22 @@ def _layout(sewn, panels, gap=0.05):
 # The skirt ----------------------------------------------------------------------------------------------------------
 
 SKIRT = {
-    "spacing": 0.0116,       # m between vertices
+    "spacing": 0.0104,       # m between vertices
     "waist": 1.045,          # height of the waistband's upper edge on a figure of 1.68 m
     "length": 0.58,          # m along the cloth: ends below the knee
-    "sector": 2.9,           # rad of a circle that front and back together are cut from (a half circle: 3.14)
+    "sector": 2.2,           # rad of a circle that front and back together are cut from (a half circle: 3.14)
     "band": 0.022,           # m of waistband
     "ease": 0.006,           # m between waist and waistband
     "hem": 0.025, "hem_layers": 2.2,
+    "pleats": 16,            # sunray pleats, pressed: a line outward and one inward each
+    "pressed": 90.0,         # degrees that a line folds by
+    "opening": 0.10,         # m below the waistband over which it gets there
 }
 
 
 def skirt(figure, **changes):
-    """A flared skirt: front and back cut from circle sectors on the fold, side seams, waistband, turned-up hem."""
+    """A pleated skirt: front and back cut from circle sectors on the fold, side seams, waistband, turned-up hem; sunray
+    pleats pressed along rays of the circle, a line on every fold and seam."""
     cut = {**SKIRT, **changes}
     outline = parts.section(figure, cut["waist"] - 0.5 * cut["band"])
     angles = np.linspace(0, 2 * np.pi, 2000)
@@ -97,18 +101,20 @@ def skirt(figure, **changes):
     def side(turn, first, last):
         return pattern.sample([corner(first, turn), corner(last, turn)], spacing)
 
-    def round_(radius, first, last):
-        count = max(2, round(radius * abs(last - first) / spacing))
+    def round_(radius, first, last, multiple=1):
+        count = multiple * max(2, round(radius * abs(last - first) / spacing / multiple))
         return np.array([corner(radius, t) for t in np.linspace(first, last, count + 1)])
 
     outer = inner + length
-    fold, hem = side(0.0, inner, outer), round_(outer, 0.0, quarter)
+    lines = cut["pleats"] // 2         # of a quarter, the one on its seam included
+    fold, hem = side(0.0, inner, outer), round_(outer, 0.0, quarter, lines)
     seam, waist = side(quarter, outer, inner), round_(inner, quarter, 0.0)
     border = np.concatenate([fold[:-1], hem[:-1], seam[:-1], waist[:-1]])
     band = round_(inner + cut["band"], quarter, 0.0)[1:-1]
+    rays = [side(quarter * k / lines, inner + cut["band"] + spacing, outer - 0.8 * spacing) for k in range(1, lines)]
     panels = []
     for seed in (1, 2):
-        points, faces = pattern.triangulate(border, spacing, [band], seed)
+        points, faces = pattern.triangulate(border, spacing, [band] + rays, seed)
         panels.append((points, faces, False))
     own_fold = np.arange(len(fold))
     own_seam = np.arange(len(fold) + len(hem) - 2, len(fold) + len(hem) + len(seam) - 2)
@@ -116,7 +122,7 @@ def skirt(figure, **changes):
     sewn, mirror = _both_sides(panels, [((0, own_seam), (1, own_seam))], [(0, own_fold), (1, own_fold)])
 
     start = np.zeros((sewn.count, 3))
-    slant = np.zeros(sewn.count)
+    slant, crease = np.zeros(sewn.count), np.zeros(sewn.count)
     lean = np.arcsin(min(1.0, sector / (2 * np.pi)))   # a cone rolled from that sector
     for p in range(4):
         points = panels[p % 2][0]
@@ -132,8 +138,13 @@ def skirt(figure, **changes):
         at = np.stack([r * np.sin(phi) * (1 if p < 2 else -1), cut["waist"] - down * np.cos(lean), r * np.cos(phi)], -1)
         keep = sewn.vertex[p] >= 0
         start[sewn.vertex[p][keep]], slant[sewn.vertex[p][keep]] = at[keep], down[keep]
+        ray = np.abs(np.arctan2(points[:, 0], -points[:, 1])) / quarter * lines
+        on = np.abs(ray - np.round(ray)) * quarter / lines * radius < 1e-4
+        pressed = np.clip((down - cut["band"]) / cut["opening"], 0, 1) * np.radians(cut["pressed"])
+        on &= keep & (down > cut["band"] + 1e-6)
+        crease[sewn.vertex[p][on]] = (np.where(np.round(ray) % 2 == 0, 1, -1) * pressed)[on]
     factor = np.where(slant > length - cut["hem"], cut["hem_layers"], 1.0)
-    cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5)
+    cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5, crease)
     return Garment("skirt", "wool", start, cloth, mirror, slant <= cut["band"] + 1e-6,
                    np.full(sewn.count, parts.TRUNK | parts.LEFT_LEG | parts.RIGHT_LEG, np.uint32),
                    _layout(sewn, panels), LOWER_BODY)
