@@ -102,9 +102,10 @@ def hung(garment, figure):
     """The garment as it hangs on the figure in bind pose, made symmetric: -> (Garment, m that it moves in the last frame,
     m by which it hung lopsided)."""
     chosen = settings.of(garment.fabric)
-    apart = not len(crossings.within(garment.vertices, garment.faces))
-    slowly, _ = _run(skeleton.rest_motion(PUT_ON_FRAMES), figure, garment,
-                     {**chosen, **PUT_ON, **({"layer_thickness": chosen["layer_thickness"]} if apart else {})}, garment.vertices, None)
+    carefully = dict(PUT_ON)
+    if not len(crossings.within(garment.vertices, garment.faces)):    # layers that start apart stay apart
+        carefully["layer_thickness"] = chosen["layer_thickness"]
+    slowly, _ = _run(skeleton.rest_motion(PUT_ON_FRAMES), figure, garment, {**chosen, **carefully}, garment.vertices, None)
     worn = slowly[-1].astype(np.float64)
     cloth, _ = _run(skeleton.rest_motion(HANG_FRAMES), figure, garment, chosen, worn, None)
     drape = cloth[-1].astype(np.float64)
