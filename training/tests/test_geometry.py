@@ -1,5 +1,6 @@
 """Nearest surface points, bones and the mesh graph."""
 import numpy as np
+from scipy.spatial import ConvexHull
 import pytest
 
 from conftest import tube
@@ -61,3 +62,22 @@ def test_graph_holds_each_vertex_and_its_edge_neighbours():
     columns, present = geometry.padded_neighbours(np.array([[0, 1, 2], [2, 1, 3]]), 5)
     assert columns.shape == (5, 4) and present.sum() == 3 + 4 + 4 + 3 + 1
     assert columns[0].tolist() == [0, 1, 2, 0] and present[0].tolist() == [True] * 3 + [False]
+
+
+def test_triangles_of_very_different_sizes_are_searched_exactly():
+    """Against all of them; a fine ball inside of a coarse one, where few centroids decide nothing."""
+    generator = np.random.default_rng(4)
+    fine, coarse = generator.normal(size=(300, 3)), generator.normal(size=(40, 3))
+    vertices = np.concatenate([0.3 * fine / np.linalg.norm(fine, axis=1, keepdims=True),
+                               coarse / np.linalg.norm(coarse, axis=1, keepdims=True)])
+    faces = np.concatenate([ConvexHull(vertices[:300]).simplices, 300 + ConvexHull(vertices[300:]).simplices])
+    points = generator.uniform(-1, 1, (200, 3))
+    found, face, bary = geometry.nearest_on_surface(points, vertices, faces)
+    every = np.tile(np.arange(len(faces)), len(points))
+    corner = vertices[faces][every].transpose(1, 0, 2)
+    weight = geometry.closest_on_triangles(np.repeat(points, len(faces), 0), *corner)
+    away = np.linalg.norm((weight[..., None] * vertices[faces][every]).sum(1) - np.repeat(points, len(faces), 0), axis=1)
+    away = away.reshape(len(points), -1)
+    assert np.array_equal(face, away.argmin(1)) and (face >= len(faces) - 60).any()
+    assert np.array_equal(np.linalg.norm(found - points, axis=1), away.min(1))
+    assert np.allclose((bary[..., None] * vertices[faces[face]]).sum(1), found, atol=1e-12)
