@@ -103,33 +103,35 @@ void AddConvert(CLI::App& app, int& exit_code) {
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("-o,--output", options->model, "the model file to write (.dcloth)")->required();
   command
-      ->add_option("--precision", options->precision,
-                   "fp32, fp16, int8, or auto: per tensor the cheapest of them within --max-error-mm, chosen on "
-                   "--calibrate (else --motion), then as few bones a vertex as that allows")
+      ->add_option(
+          "--precision", options->precision,
+          "fp32, fp16, int8 or auto. auto chooses for each tensor the smallest format that keeps --max-error-mm on\n"
+          "--calibrate (or --motion), then the fewest bones per vertex")
       ->check(CLI::IsMember({"fp32", "fp16", "int8", "auto"}))
       ->capture_default_str();
-  CLI::Option* bound =
-      command
-          ->add_option("--max-error-mm", options->max_error_mm,
-                       "largest allowed distance of any vertex to the fp32 model with all stages and its whole "
-                       "basis, on --motion and --calibrate; exit 1 when missed")
-          ->check(NumberAboveZero());
+  CLI::Option* bound = command
+                           ->add_option("--max-error-mm", options->max_error_mm,
+                                        "largest allowed distance of any vertex from the fp32 model with all stages "
+                                        "and the full basis, measured on\n"
+                                        "--motion and --calibrate; exit 1 if it is exceeded")
+                           ->check(NumberAboveZero());
   command
       ->add_option("--motion", options->motion,
-                   "a sequence to measure on: the model, and each tensor alone; may be repeated")
+                   "a sequence on which the model, and each tensor alone, is measured; may be repeated")
       ->allow_extra_args(false);
   command
       ->add_option("--calibrate", options->calibration,
-                   "a sequence that a reduced basis may be fitted to, measured on too; may be repeated")
+                   "a sequence that a smaller basis is fitted to; it is measured too; may be repeated")
       ->allow_extra_args(false);
-  command->add_option("--rank", options->rank,
-                      "rows of the displacement basis: exact, full, auto (the fewest within --max-error-mm on "
-                      "--calibrate) or a number; auto where both are given, else exact");
+  command->add_option(
+      "--rank", options->rank,
+      "rows of the displacement basis: exact, full, a number, or auto (as few as keep --max-error-mm on\n"
+      "--calibrate). Default: auto if both are given, else exact");
   command->add_option(
       "--stages", options->stages,
-      "the last stage that the model holds: static, skeleton or mesh; all of the bundle's when not given, "
-      "which errors are against all the same");
-  command->add_option("--report", options->report, "write the figures as JSON to this file too");
+      "the last stage to store: static, skeleton or mesh. Default: all of the bundle. Errors are measured against\n"
+      "all stages in any case");
+  command->add_option("--report", options->report, "also write the figures as JSON to this file");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, bound, &exit_code] {
     options->bounded = bound->count() > 0;

@@ -193,42 +193,46 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("evaluate", "Measure speed and error of a bundle on sequences");
   command->footer(
-      "tick_ms is tick plus skin with normals on one thread, with the caches emptied before every tick; tick_warm_ms "
-      "is the\n"
-      "same back to back. Rows: rigid hips (the garment fixed to the hips), plain skinning (nearest-point weights, no "
-      "network),\n"
-      "the last precision stopped after each earlier stage (\"int8/static\"), each precision with all stages, the last "
-      "one kept\noutside the body (\"int8/outside\") where the bundle's skin collides. Errors are to the truth: "
-      "recorded "
-      "and scripted\n"
-      "clips (\"procedural/...\") are two tables, the first 12 frames of a clip do not count, and \"of alive\" is the "
-      "error as a\nshare of the truth's own motion. fp32 is the difference to the float32 engine. A variant is "
-      "dominated "
-      "where another is\nneither slower (cold p50) nor less exact (E_d, steps of 0.01 mm), and better in one. --pareto "
-      "adds the rest of\nprecision x rank x stages: \"int8@64/skeleton\" is a basis of 64 rows, stopped after the "
-      "skeleton stage.");
+      "tick_ms is one tick plus skinning with normals, on one thread, with caches emptied before every tick. "
+      "tick_warm_ms is\n"
+      "the same without emptying. Errors are distances to the truth. Recorded and scripted clips (\"procedural/...\") "
+      "have a table\n"
+      "each. The first 12 frames of a clip do not count. \"of alive\" is the error divided by the truth's own motion. "
+      "fp32 is the\n"
+      "difference to the float32 engine.\n"
+      "Rows: the garment fixed rigidly to the hips; plain skinning (weights of the nearest body point, no network); "
+      "the last\n"
+      "precision stopped after each earlier stage (\"int8/static\"); each precision with all stages; and the last "
+      "precision kept\n"
+      "outside of the body (\"int8/outside\"), if the bundle's skin collides.\n"
+      "A variant is dominated if another one is neither slower (cold p50) nor less accurate (E_d, in steps of 0.01 "
+      "mm), and is\n"
+      "better in one of them. --pareto adds all combinations of precision, rank and stages: \"int8@64/skeleton\" has a "
+      "basis of 64\n"
+      "rows and stops after the skeleton stage.");
   command->add_option("BUNDLE", options->bundle, "a training bundle (.safetensors)")->required();
   command->add_option("SEQ", options->sequences, "sequences (.safetensors)")->required();
-  command
-      ->add_option("--precision", options->precisions, "fp32, fp16 or int8; may be repeated; all three when not given")
+  command->add_option("--precision", options->precisions, "fp32, fp16 or int8; may be repeated. Default: all three")
       ->allow_extra_args(false)
       ->check(CLI::IsMember({"fp32", "fp16", "int8"}));
   command->add_flag("--pareto", options->pareto,
-                    "every precision x rank x stages, with the variants that others dominate marked");
+                    "also measure all combinations of precision, rank and stages, and mark the dominated ones");
   command
       ->add_option("--rank", options->ranks,
-                   "with --pareto: rows of the displacement basis to measure beside as many as it needs; may be "
-                   "repeated; its halves, quarters and eighths when not given")
+                   "with --pareto: rows of a smaller displacement basis to measure; may be repeated. Default: a half, "
+                   "a quarter and\n"
+                   "an eighth of the full basis")
       ->allow_extra_args(false)
       ->check(NumberWithin(1, std::numeric_limits<uint32_t>::max()))
       ->needs("--pareto");
   command
       ->add_option("--calibrate", options->calibration,
-                   "with --pareto: a sequence that smaller bases are fitted to, other than SEQ; may be repeated")
+                   "with --pareto: a sequence that smaller bases are fitted to; may be repeated. Do not use one of SEQ")
       ->allow_extra_args(false)
       ->needs("--pareto");
   command->add_flag("--json", options->json, "one JSON object on stdout");
-  command->add_option("--html", options->html, "write a self-contained page: table, plots and the garment in 3D");
+  command->add_option("--html", options->html,
+                      "also write a self-contained page with the table, plots and the garment in 3D");
   command->callback([options, &exit_code] {
     if (options->precisions.empty()) options->precisions = {"fp32", "fp16", "int8"};
     exit_code = RunEvaluate(*options);

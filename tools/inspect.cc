@@ -85,7 +85,7 @@ int Inspect(const Options& options) {
 
 void AddInspect(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("inspect", "Say what a model file holds");
+  CLI::App* command = app.add_subcommand("inspect", "Show what a model file contains");
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->callback([options, &exit_code] { exit_code = Inspect(*options); });

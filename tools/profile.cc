@@ -192,31 +192,36 @@ void AddProfile(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("profile", "Measure what a frame costs on one core");
   command->footer(
-      "A frame is the ticks that are due or their part, then skinning with normals. The sequence repeats until "
-      "--frames are measured,\nafter one uncounted pass. With truth in the sequence the error of the drawn frames "
-      "stands beside the times.");
+      "A frame is what one dcloth_cloth_update does: the ticks that are due, or their share, then skinning with "
+      "normals. The\n"
+      "sequence repeats until --frames are measured, after one pass that is not counted. If the sequence has truth, "
+      "the error of\n"
+      "the drawn frames is printed below the times.");
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
-  command->add_option("--budget-ms", options->budget_ms, "exit 1 when any frame takes longer")
-      ->check(NumberAboveZero());
+  command->add_option("--budget-ms", options->budget_ms, "exit 1 if any frame takes longer")->check(NumberAboveZero());
   command->add_option("--fps", options->fps, "drawn frames per second")
       ->check(NumberWithin(1, 1000))
       ->capture_default_str();
-  command->add_option("--frames", options->frames, "measure at least so many; the sequence is always played out")
+  command
+      ->add_option("--frames", options->frames,
+                   "measure at least this many frames; the sequence is always played to its end")
       ->check(NumberWithin(1, 1'000'000))
       ->capture_default_str();
-  command->add_option("--core", options->core, "the core to stay on; the last allowed one when not given")
+  command->add_option("--core", options->core, "the core to stay on. Default: the last one allowed")
       ->check(NumberWithin(0, 65535));
-  command->add_flag("--pipelined", options->pipelined, "spread each tick over the frames until the next");
-  command->add_flag("--cold", options->cold, "empty the caches before every frame, outside the timed part");
-  command->add_flag("--contend", options->contend, "a thread on another core wants memory and arithmetic too");
+  command->add_flag("--pipelined", options->pipelined, "spread each tick over the frames until the next one");
+  command->add_flag("--cold", options->cold, "empty the caches before every frame, outside of the timed part");
+  command->add_flag("--contend", options->contend,
+                    "run a second thread that uses memory and arithmetic on another core");
   command
       ->add_flag("--project", options->project,
-                 "what the frame would cost on devices not at hand: counted work over published figures, a projection")
+                 "also print a projection, not a measurement, for devices that are not here: counted work and "
+                 "published figures")
       ->needs("--cold")
       ->excludes("--pipelined");
   command->add_flag("--json", options->json, "one JSON object on stdout");
-  command->add_option("--trace", options->trace, "write a Chrome trace (.json)");
+  command->add_option("--trace", options->trace, "also write a Chrome trace (.json)");
   command->callback([options, &exit_code] { exit_code = RunProfile(*options); });
 }
 

@@ -182,22 +182,25 @@ int Run(const Options& options) {
 
 void AddRun(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("run", "Run a model over a sequence and write where the cloth goes");
+  CLI::App* command = app.add_subcommand("run", "Play a sequence and write the cloth's motion");
   command->add_option("MODEL", options->model, "a .dcloth file")->required();
   command->add_option("SEQ", options->sequence, "a sequence (.safetensors)")->required();
   command->add_option("-o,--output", options->output, "OUT.safetensors, OUT.pc2, OUT.mdd or OUT.html")->required();
-  command->add_option("--mesh", options->mesh,
-                      "also write the garment's mesh (.obj, first frame): what a point cache is applied to");
+  command->add_option(
+      "--mesh", options->mesh,
+      "also write the garment's mesh (.obj) in the first frame, for tools that apply a point cache to a mesh");
   command
       ->add_option("--fps", options->fps,
-                   "frames per second to draw; the model's tick rate when not given. Frame f is at f / R, tick k at\n"
-                   "k / tick rate; displacement blends by min(1, (time since the tick + 1 / R) * tick rate)")
+                   "drawn frames per second. Default: the model's tick rate. Frames are drawn as in a game: up to one "
+                   "tick late\n"
+                   "if the rate is not the tick rate")
       ->check(NumberWithin(1, 1000));
-  command->add_option("--stages", options->stages, "static, skeleton or mesh; all the model holds when not given")
+  command->add_option("--stages", options->stages, "static, skeleton or mesh. Default: all that the model holds")
       ->check(CLI::IsMember({"static", "skeleton", "mesh"}));
-  command->add_option("--wind", options->wind,
-                      "X,Y,Z in metres a second: a steady wind in place of the sequence's, for models that read it\n"
-                      "(write --wind=-5,0,0 where the first number is negative)");
+  command->add_option(
+      "--wind", options->wind,
+      "X,Y,Z in metres per second: a steady wind instead of the sequence's, for models that read it. Write\n"
+      "--wind=-5,0,0 if the first number is negative");
   command->callback([options, &exit_code] { exit_code = Run(*options); });
 }
 

@@ -57,11 +57,11 @@ int WriteBody(const Options& options) {
 
 void AddBody(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("body", "Take the skinned body out of a character (glTF, FBX), for training");
+  CLI::App* command = app.add_subcommand("body", "Extract the skinned body of a character (glTF, FBX) for training");
   command->add_option("CHARACTER", options->character, "a .glb, .gltf or .fbx file")->required();
   command->add_option("-o,--output", options->output, "the body to write (.safetensors)")->required();
   command->add_option("--map", options->map, "JSON: {\"joint of the garment\": \"node of the file\", ...}");
-  command->add_option("--mesh", options->meshes, "a skinned mesh to take; may be repeated; all when not given")
+  command->add_option("--mesh", options->meshes, "a skinned mesh to take; may be repeated. Default: all")
       ->allow_extra_args(false);
   AddSpaceOptions(command, &options->space);
   command->callback([options, &exit_code] { exit_code = WriteBody(*options); });

@@ -94,12 +94,13 @@ void AddPoses(CLI::App& app, int& exit_code) {
   command->add_option("ANIMATION", options->animation, "a .glb, .gltf, .fbx or .bvh file")->required();
   command->add_option("-o,--output", options->output, "the sequence to write (.safetensors)")->required();
   command->add_option("--map", options->map, "JSON: {\"joint of the garment\": \"node of the file\", ...}");
-  command->add_option("--model", options->model,
-                      "whose joints are wanted: a .dcloth model, or a bundle or character (.safetensors), which also\n"
-                      "say how each joint's axes lie in the bind pose; every bone when not given");
-  command->add_option("--fps", options->fps, "frames per second; the model's tick rate when not given, else 30")
+  command->add_option(
+      "--model", options->model,
+      "the joints to write: those of a .dcloth model, or of a bundle or character (.safetensors), which also say how\n"
+      "each joint's axes lie in the bind pose. Default: every bone");
+  command->add_option("--fps", options->fps, "frames per second. Default: the model's tick rate, or 30")
       ->check(NumberWithin(1, 1000));
-  command->add_option("--clip", options->clip, "name or number (from 0) of the clip, where a file holds several");
+  command->add_option("--clip", options->clip, "name or number (from 0) of the clip, if the file has several");
   AddSpaceOptions(command, &options->space);
   command->callback([options, &exit_code] { exit_code = Poses(*options); });
 }

@@ -5,13 +5,13 @@ namespace dcloth::tools {
 void AddSpaceOptions(CLI::App* command, SpaceOptions* options) {
   command->add_option(
       "--unit", options->unit,
-      "the file's unit: m, cm, mm, in, ft or metres in a unit; as the file says when not given, metres\n"
-      "where it does not (BVH)");
+      "the file's unit: m, cm, mm, in, ft, or metres per unit. Default: what the file says; metres if it says\n"
+      "nothing (BVH)");
   command
       ->add_option(
           "--up", options->up,
-          "the file's up axis; as the file says when not given, y where it does not (BVH). z: Blender's axes,\n"
-          "the character faces -Y")
+          "the file's up axis. Default: what the file says; y if it says nothing (BVH). z means Blender's axes: the\n"
+          "character faces -Y")
       ->check(CLI::IsMember({"y", "z"}));
 }
 
