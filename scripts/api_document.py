@@ -16,7 +16,7 @@ import textwrap
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-HEADERS = ["dcloth.h", "dcloth_scene.h"]
+HEADERS = ["dcloth.h", "dcloth_fit.h", "dcloth_scene.h"]
 CONTRACT = ["Memory", "Thread", "Errors", "Cost"]
 DECLARATION = re.compile(r"""
   (?P<define>^\#define\ (?P<defined>DCLOTH_\w+)\ +\d+$)

@@ -40,7 +40,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   Arena arena(storage);
   auto* cloth = arena.Take<Cloth>(1);
   Cloth placed = {};
-  placed.model = &model;
+  placed.model = placed.trained = &model;
   placed.rig = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count),
                 arena.Take<Affine>(model.joint_count), false};
   placed.skin_joints = arena.Take<Affine>(model.joint_count);

@@ -24,9 +24,12 @@ constexpr uint32_t kTickSlots = 3;
 constexpr double kFastestWind = 100;  // m/s
 
 struct Cloth {
-  const format::ModelView* model;
-  HostRig rig;    // outlives resets
-  float wind[3];  // the host's units a second along its axes; outlives resets
+  const format::ModelView* model;    // what is drawn: `trained`, or its cut moved onto another body (fit.h)
+  const format::ModelView* trained;  // as created
+  bool fitted;                       // to a character; `rig` and `model` are then that fit's
+  Space told_space;                  // of a fitted cloth, without the character's scale
+  HostRig rig;                       // outlives resets
+  float wind[3];                     // the host's units a second along its axes; outlives resets
   RootMotion root;
   FrameClock clock;
   TickWork work;

@@ -71,7 +71,8 @@ def javascript(manifest):
 
 
 def asserts(manifest):
-    lines = ['#include "dcloth/dcloth_scene.h"', f"_Static_assert(sizeof(void*) == {POINTER_BYTES}, \"pointers\");"]
+    lines = ['#include "dcloth/dcloth_fit.h"', '#include "dcloth/dcloth_scene.h"',
+             f"_Static_assert(sizeof(void*) == {POINTER_BYTES}, \"pointers\");"]
     for name, struct in manifest["structs"].items():
         placed, size = layout(struct["fields"], manifest["constants"])
         lines.append(f'_Static_assert(sizeof({name}) == {size}, "{name}");')

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dcloth/dcloth_fit.h"
 #include "dcloth/dcloth_scene.h"
 
 enum { FRAMES = 60 };
@@ -93,6 +94,28 @@ static int run(dcloth_cloth* cloth, const dcloth_model_info* info, float* matric
   return result;
 }
 
+/* A character of which the garment can make nothing is refused, with a word on why. */
+static int run_fit(const dcloth_model* model, dcloth_cloth* cloth, const float* matrices) {
+  const char* names[1];
+  dcloth_character character;
+  dcloth_fit fit;
+  dcloth_error error;
+  memset(&character, 0, sizeof(character));
+  memset(&fit, 0, sizeof(fit));
+  memset(&error, 0, sizeof(error));
+  error.struct_size = sizeof(error);
+  fit.struct_size = sizeof(fit);
+  names[0] = "LeftUpLeg";
+  character.struct_size = sizeof(character);
+  character.joint_count = 1;
+  character.joint_names = names;
+  character.bind_matrices = matrices;
+  return dcloth_role_of_name(names[0]) != DCLOTH_ROLE_LEFT_UPPER_LEG ||
+         strcmp(dcloth_role_name(DCLOTH_ROLE_LEFT_UPPER_LEG), "left upper leg") != 0 ||
+         dcloth_fit_storage_size(model, &character) != 0 ||
+         dcloth_cloth_fit(cloth, &character, NULL, 0, &fit, &error) != DCLOTH_ERROR_JOINTS || error.text[0] == 0;
+}
+
 /* The same frames, as planned by a scene of one character whose every tick fits. */
 static int run_scene(dcloth_cloth* cloth, const dcloth_model_info* info, float* matrices) {
   const dcloth_pose pose = {sizeof(dcloth_pose), info->joint_count, matrices, 0, 0};
@@ -174,7 +197,7 @@ int main(int argc, char** argv) {
   matrices = malloc(16 * sizeof(float) * info.joint_count);
   vertices = calloc(info.vertex_count, sizeof(vertex));
   result = matrices == NULL || vertices == NULL || run(cloth, &info, matrices, vertices) ||
-           run_scene(cloth, &info, matrices);
+           run_scene(cloth, &info, matrices) || run_fit(model, cloth, matrices);
   printf("dcloth %s (%s): %s, %u vertices, %d frames: %s\n", dcloth_version(), dcloth_isa_name(), info.name,
          (unsigned)info.vertex_count, FRAMES, result == 0 ? "fine" : "failed");
   free(matrices);

@@ -107,6 +107,11 @@ bool ReadFrame(const dcloth_frame& given, const ModelView& model, dcloth_frame* 
   return true;
 }
 
+// Of what a fit has decided.
+bool RefuseFitted(const char* what, Diagnostic* diagnostic) {
+  return Refuse(what, nullptr, "a cloth that dcloth_cloth_fit has fitted", "one that is not fitted", diagnostic);
+}
+
 }  // namespace
 
 extern "C" {
@@ -237,6 +242,10 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
                     "a cloth and the names of the host's joints", "");
     return diagnostic.status();
   }
+  if (ClothOf(cloth)->fitted) {
+    RefuseFitted("names", &diagnostic);
+    return diagnostic.status();
+  }
   dcloth::engine::HostRig& rig = ClothOf(cloth)->rig;
   if (!dcloth::engine::MatchJoints(*ClothOf(cloth)->model, names, count, rig.joint_map, &diagnostic))
     return diagnostic.status();
@@ -247,6 +256,10 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
 dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error) {
   const FloatEnvironment environment;
   Diagnostic diagnostic(error);
+  if (cloth != nullptr && ClothOf(cloth)->fitted) {
+    RefuseFitted("space", &diagnostic);
+    return diagnostic.status();
+  }
   if (cloth == nullptr || !dcloth::engine::IsWhole(space) ||
       !dcloth::engine::MakeSpace(dcloth::engine::ReadStruct(*space), &ClothOf(cloth)->rig.space)) {
     diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "no such space",
@@ -264,6 +277,8 @@ dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose*
   dcloth_pose pose;
   if (cloth == nullptr) {
     Refuse("cloth", nullptr, "a null pointer", "a cloth", &diagnostic);
+  } else if (ClothOf(cloth)->fitted) {
+    RefuseFitted("bind", &diagnostic);
   } else if (ReadPose(bind, &pose, &diagnostic)) {
     dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, pose, &ClothOf(cloth)->rig, &diagnostic);
   }

@@ -10,26 +10,6 @@ namespace {
 // Times the largest matrix of a pose, it stays far from what a float cannot square.
 constexpr double kLargest = 1e6;
 
-// By cofactors. False where that, or rounding, leaves numbers beyond kLargest.
-bool Invert(const Affine& a, Affine* inverse) {
-  bool usable = true;
-  const auto cofactor = [&a](int r0, int r1, int c0, int c1) {
-    return a.m[r0][c0] * a.m[r1][c1] - a.m[r0][c1] * a.m[r1][c0];
-  };
-  for (int r = 0; r < 3; ++r) {
-    const int r1 = (r + 1) % 3, r2 = (r + 2) % 3;
-    for (int c = 0; c < 3; ++c) inverse->m[r][c] = cofactor((c + 1) % 3, (c + 2) % 3, r1, r2);
-  }
-  const double volume = a.m[0][0] * inverse->m[0][0] + a.m[0][1] * inverse->m[1][0] + a.m[0][2] * inverse->m[2][0];
-  for (int r = 0; r < 3; ++r) {
-    double* row = inverse->m[r];
-    for (int c = 0; c < 3; ++c) row[c] /= volume;
-    row[3] = -(row[0] * a.m[0][3] + row[1] * a.m[1][3] + row[2] * a.m[2][3]);
-    for (int c = 0; c < 4; ++c) usable &= row[c] >= -kLargest && row[c] <= kLargest;
-  }
-  return usable;
-}
-
 constexpr uint32_t kMissing = UINT32_MAX;
 
 uint32_t Find(const char* name, const char* const* names, uint32_t count) {
@@ -58,6 +38,25 @@ void ListMissing(const format::ModelView& model, const char* const* names, uint3
 }
 
 }  // namespace
+
+bool Invert(const Affine& a, Affine* inverse) {
+  bool usable = true;
+  const auto cofactor = [&a](int r0, int r1, int c0, int c1) {
+    return a.m[r0][c0] * a.m[r1][c1] - a.m[r0][c1] * a.m[r1][c0];
+  };
+  for (int r = 0; r < 3; ++r) {
+    const int r1 = (r + 1) % 3, r2 = (r + 2) % 3;
+    for (int c = 0; c < 3; ++c) inverse->m[r][c] = cofactor((c + 1) % 3, (c + 2) % 3, r1, r2);
+  }
+  const double volume = a.m[0][0] * inverse->m[0][0] + a.m[0][1] * inverse->m[1][0] + a.m[0][2] * inverse->m[2][0];
+  for (int r = 0; r < 3; ++r) {
+    double* row = inverse->m[r];
+    for (int c = 0; c < 3; ++c) row[c] /= volume;
+    row[3] = -(row[0] * a.m[0][3] + row[1] * a.m[1][3] + row[2] * a.m[2][3]);
+    for (int c = 0; c < 4; ++c) usable &= row[c] >= -kLargest && row[c] <= kLargest;
+  }
+  return usable;
+}
 
 bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostRig* rig,
                   format::Diagnostic* diagnostic) {

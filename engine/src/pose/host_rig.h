@@ -15,6 +15,9 @@
 
 namespace dcloth::engine {
 
+// By cofactors. False where a number of the inverse leaves the range of poses.
+bool Invert(const Affine& a, Affine* inverse);
+
 // Takes P_j^-1 of every joint of the model into the binding; refused, it changes nothing.
 bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostRig* rig,
                   format::Diagnostic* diagnostic);

@@ -129,5 +129,18 @@ namespace DCloth
 
         [DllImport(Library, CallingConvention = C)]
         public static extern int dcloth_scene_get(dcloth_scene* scene, uint index, dcloth_scene_choice* choice);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_cloth_fit(dcloth_cloth* cloth, dcloth_character* character, void* storage,
+                                                  UIntPtr storage_size, dcloth_fit* fit, dcloth_error* error);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern UIntPtr dcloth_fit_storage_size(dcloth_model* model, dcloth_character* character);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern byte* dcloth_role_name(uint role);
+
+        [DllImport(Library, CallingConvention = C)]
+        public static extern uint dcloth_role_of_name(byte* name);
     }
 }

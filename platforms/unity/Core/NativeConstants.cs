@@ -66,5 +66,37 @@ namespace DCloth
         public const uint DCLOTH_LEVEL_MESH = 4;
         public const int DCLOTH_LEVEL_COUNT = 5;
         public const int DCLOTH_SCENE_LEVELS = 5;
+
+        public const int DCLOTH_FIT_ROLES = 32;
+        public const int DCLOTH_ROLE_NONE = 0;
+        public const int DCLOTH_ROLE_HIPS = 1;
+        public const int DCLOTH_ROLE_SPINE = 2;
+        public const int DCLOTH_ROLE_CHEST = 3;
+        public const int DCLOTH_ROLE_UPPER_CHEST = 4;
+        public const int DCLOTH_ROLE_NECK = 5;
+        public const int DCLOTH_ROLE_HEAD = 6;
+        public const int DCLOTH_ROLE_LEFT_SHOULDER = 7;
+        public const int DCLOTH_ROLE_LEFT_UPPER_ARM = 8;
+        public const int DCLOTH_ROLE_LEFT_LOWER_ARM = 9;
+        public const int DCLOTH_ROLE_LEFT_HAND = 10;
+        public const int DCLOTH_ROLE_RIGHT_SHOULDER = 11;
+        public const int DCLOTH_ROLE_RIGHT_UPPER_ARM = 12;
+        public const int DCLOTH_ROLE_RIGHT_LOWER_ARM = 13;
+        public const int DCLOTH_ROLE_RIGHT_HAND = 14;
+        public const int DCLOTH_ROLE_LEFT_UPPER_LEG = 15;
+        public const int DCLOTH_ROLE_LEFT_LOWER_LEG = 16;
+        public const int DCLOTH_ROLE_LEFT_FOOT = 17;
+        public const int DCLOTH_ROLE_LEFT_TOES = 18;
+        public const int DCLOTH_ROLE_RIGHT_UPPER_LEG = 19;
+        public const int DCLOTH_ROLE_RIGHT_LOWER_LEG = 20;
+        public const int DCLOTH_ROLE_RIGHT_FOOT = 21;
+        public const int DCLOTH_ROLE_RIGHT_TOES = 22;
+        public const int DCLOTH_FIT_STAND_IN = 1;
+        public const int DCLOTH_FIT_PROPORTIONS = 2;
+        public const int DCLOTH_FIT_STANCE = 4;
+        public const int DCLOTH_FIT_GIRTH = 8;
+        public const int DCLOTH_FIT_GAP = 16;
+        public const int DCLOTH_FIT_PENETRATION = 32;
+        public const int DCLOTH_FIT_FACING = 64;
     }
 }

@@ -163,4 +163,41 @@ namespace DCloth
         public float microseconds;
         public float stale_seconds;
     }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_character
+    {
+        public uint struct_size;
+        public uint joint_count;
+        public byte** joint_names;
+        public uint* joint_roles;
+        public float* bind_matrices;
+        public uint column_major;
+        public uint body_vertex_count;
+        public float* body_positions;
+        public uint* body_joints;
+        public float* body_weights;
+        public uint* body_triangles;
+        public uint body_influences;
+        public uint body_triangle_count;
+    }
+
+    [StructLayout(LayoutKind.Sequential)]
+    public unsafe struct dcloth_fit
+    {
+        public uint struct_size;
+        public uint warnings;
+        public float scale;
+        public float bone_scale;
+        public float waist_ratio;
+        public float hips_ratio;
+        public float gap_mm;
+        public float penetration_mm;
+        public float penetrating_share;
+        public float stance_degrees;
+        public uint stance_role;
+        public uint stand_in_role;
+        public fixed float ratios[Native.DCLOTH_FIT_ROLES];
+        public fixed int joints[Native.DCLOTH_FIT_ROLES];
+    }
 }

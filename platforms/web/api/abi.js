@@ -8,6 +8,7 @@ export const DCLOTH_VERSION_NUMBER = 1000;
 export const DCLOTH_ALIGNMENT = 64;
 export const DCLOTH_MAX_TICKS = 2;
 export const DCLOTH_TIMER_STEPS = 8;
+export const DCLOTH_FIT_ROLES = 32;
 export const DCLOTH_SCENE_LEVELS = 5;
 export const DCLOTH_OK = 0;
 export const DCLOTH_ERROR_ARGUMENT = 1;
@@ -50,12 +51,59 @@ export const DCLOTH_STEP_COUNT = 8;
 export const DCLOTH_JOINT_TOP = -1;
 export const DCLOTH_JOINT_UNKNOWN = -2;
 export const DCLOTH_RESTORE_OTHER_MODEL = 1;
+export const DCLOTH_ROLE_NONE = 0;
+export const DCLOTH_ROLE_HIPS = 1;
+export const DCLOTH_ROLE_SPINE = 2;
+export const DCLOTH_ROLE_CHEST = 3;
+export const DCLOTH_ROLE_UPPER_CHEST = 4;
+export const DCLOTH_ROLE_NECK = 5;
+export const DCLOTH_ROLE_HEAD = 6;
+export const DCLOTH_ROLE_LEFT_SHOULDER = 7;
+export const DCLOTH_ROLE_LEFT_UPPER_ARM = 8;
+export const DCLOTH_ROLE_LEFT_LOWER_ARM = 9;
+export const DCLOTH_ROLE_LEFT_HAND = 10;
+export const DCLOTH_ROLE_RIGHT_SHOULDER = 11;
+export const DCLOTH_ROLE_RIGHT_UPPER_ARM = 12;
+export const DCLOTH_ROLE_RIGHT_LOWER_ARM = 13;
+export const DCLOTH_ROLE_RIGHT_HAND = 14;
+export const DCLOTH_ROLE_LEFT_UPPER_LEG = 15;
+export const DCLOTH_ROLE_LEFT_LOWER_LEG = 16;
+export const DCLOTH_ROLE_LEFT_FOOT = 17;
+export const DCLOTH_ROLE_LEFT_TOES = 18;
+export const DCLOTH_ROLE_RIGHT_UPPER_LEG = 19;
+export const DCLOTH_ROLE_RIGHT_LOWER_LEG = 20;
+export const DCLOTH_ROLE_RIGHT_FOOT = 21;
+export const DCLOTH_ROLE_RIGHT_TOES = 22;
+export const DCLOTH_FIT_STAND_IN = 1;
+export const DCLOTH_FIT_PROPORTIONS = 2;
+export const DCLOTH_FIT_STANCE = 4;
+export const DCLOTH_FIT_GIRTH = 8;
+export const DCLOTH_FIT_GAP = 16;
+export const DCLOTH_FIT_PENETRATION = 32;
+export const DCLOTH_FIT_FACING = 64;
 export const DCLOTH_LEVEL_FROZEN = 0;
 export const DCLOTH_LEVEL_STATIC = 1;
 export const DCLOTH_LEVEL_SKELETON = 2;
 export const DCLOTH_LEVEL_HALF_RATE_MESH = 3;
 export const DCLOTH_LEVEL_MESH = 4;
 export const DCLOTH_LEVEL_COUNT = 5;
+
+export const dcloth_character = Object.freeze({
+  bytes: 52,
+  struct_size: 0,
+  joint_count: 4,
+  joint_names: 8,
+  joint_roles: 12,
+  bind_matrices: 16,
+  column_major: 20,
+  body_vertex_count: 24,
+  body_positions: 28,
+  body_joints: 32,
+  body_weights: 36,
+  body_triangles: 40,
+  body_influences: 44,
+  body_triangle_count: 48,
+});
 
 export const dcloth_cloth_info = Object.freeze({
   bytes: 24,
@@ -81,6 +129,24 @@ export const dcloth_error = Object.freeze({
   allowed_size: 266,
   mend_at: 268,
   mend_size: 270,
+});
+
+export const dcloth_fit = Object.freeze({
+  bytes: 304,
+  struct_size: 0,
+  warnings: 4,
+  scale: 8,
+  bone_scale: 12,
+  waist_ratio: 16,
+  hips_ratio: 20,
+  gap_mm: 24,
+  penetration_mm: 28,
+  penetrating_share: 32,
+  stance_degrees: 36,
+  stance_role: 40,
+  stand_in_role: 44,
+  ratios: 48,
+  joints: 176,
 });
 
 export const dcloth_frame = Object.freeze({
@@ -198,6 +264,8 @@ export const dcloth_timer = Object.freeze({
  * @property {(model: number, storage: number, storage_size: number, cloth: number, error: number)
  *   => number} dcloth_cloth_create
  * @property {(cloth: number, info: number) => number} dcloth_cloth_describe
+ * @property {(cloth: number, character: number, storage: number, storage_size: number, fit: number, error: number)
+ *   => number} dcloth_cloth_fit
  * @property {(cloth: number) => number} dcloth_cloth_reset
  * @property {(cloth: number, state: number, size: number, flags: number, error: number) => number} dcloth_cloth_restore
  * @property {(cloth: number, state: number, size: number, error: number) => number} dcloth_cloth_save
@@ -209,6 +277,7 @@ export const dcloth_timer = Object.freeze({
  * @property {(model: number) => number} dcloth_cloth_storage_size
  * @property {(cloth: number, pose: number, stages: number, timer: number) => number} dcloth_cloth_tick
  * @property {(cloth: number, pose: number, frame: number, output: number, timer: number) => number} dcloth_cloth_update
+ * @property {(model: number, character: number) => number} dcloth_fit_storage_size
  * @property {() => number} dcloth_isa_name
  * @property {(name: number) => number} dcloth_isa_select
  * @property {(model: number) => number} dcloth_model_body_vertex_count
@@ -222,6 +291,8 @@ export const dcloth_timer = Object.freeze({
  * @property {(model: number) => number} dcloth_model_reads_wind
  * @property {() => number} dcloth_model_storage_size
  * @property {(output: number) => bigint} dcloth_output_scratch_size
+ * @property {(role: number) => number} dcloth_role_name
+ * @property {(name: number) => number} dcloth_role_of_name
  * @property {(character_count: number, storage: number, storage_size: number, scene: number, error: number)
  *   => number} dcloth_scene_create
  * @property {(scene: number, index: number, choice: number) => number} dcloth_scene_get

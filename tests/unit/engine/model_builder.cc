@@ -45,13 +45,15 @@ void AddSkeleton(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers, 
   std::vector<float> inverse;
   for (uint32_t j = 0; j < spec.joints; ++j) {
     const double turn = writer->Uniform(-3, 3), c = std::cos(turn), s = std::sin(turn);
-    const std::array<double, 3> p = {writer->Uniform(-0.4, 0.4), writer->Uniform(0.1, 1.5), writer->Uniform(-0.2, 0.2)};
+    std::array<double, 3> p = {writer->Uniform(-0.4, 0.4), writer->Uniform(0.1, 1.5), writer->Uniform(-0.2, 0.2)};
+    if (!spec.skeleton_joints.empty()) p = spec.skeleton_joints[j].second;
     numbers->joint_positions.push_back(p);
     const double rows[12] = {c, 0, -s, -(c * p[0] - s * p[2]), 0, 1, 0, -p[1], s, 0, c, -(s * p[0] + c * p[2])};
     for (const double value : rows) inverse.push_back(static_cast<float>(value));
-    character->joint_names.push_back("joint_" + std::to_string(j));
+    character->joint_names.push_back(spec.skeleton_joints.empty() ? "joint_" + std::to_string(j)
+                                                                  : spec.skeleton_joints[j].first);
   }
-  numbers->hips = spec.joints / 2;
+  numbers->hips = spec.skeleton_joints.empty() ? spec.joints / 2 : 0;
   character->hips = static_cast<uint16_t>(numbers->hips);
   character->inverse_bind = writer->Floats({spec.joints, 12}, inverse, &numbers->inverse_bind);
 }

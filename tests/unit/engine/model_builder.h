@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dcloth_objects.h"
@@ -42,6 +43,8 @@ struct ModelSpec {
   bool body = false;   // the egg of test_body.h, small
   bool touch = false;  // with a body: three classes that touch all, its upper half and nothing of it
   uint32_t seed = 1;
+  // Names and places of the joints in the bind pose, in place of `joints` random ones; the first is the hips.
+  std::vector<std::pair<std::string, std::array<double, 3>>> skeleton_joints;
 };
 
 struct Linear {

@@ -1,0 +1,508 @@
+#include "engine/src/body/body_fit.h"
+
+#include <cmath>
+#include <cstring>
+#include <initializer_list>
+
+namespace dcloth::engine {
+namespace {
+
+using format::Diagnostic;
+using format::kNoOffset;
+using format::ModelView;
+using format::Path;
+
+// All lengths in the figure's metres.
+constexpr float kNoHeight = -1e9f;
+constexpr double kReach = 0.12;        // of skin over or under the figure's
+constexpr double kBeside = 0.013;      // between a vertex's normal and a sample
+constexpr double kSampleStep = 0.012;  // between samples of a triangle
+constexpr int kMostSteps = 64;         // along an edge of a triangle
+constexpr double kClothReach = 0.04, kClothBeside = 0.010;
+constexpr double kOnSkin = 0.010;      // cloth this near to the figure's skin lies on it
+constexpr double kFollows = 0.08;      // distance at which cloth follows the skin by half
+constexpr double kClothSearch = 0.25;  // further from the skin cloth stays
+constexpr uint32_t kCells = 4096;
+constexpr double kCell = 0.06;
+constexpr int kFillSteps = 40, kSmoothSteps = 3, kClothSmoothSteps = 6;
+constexpr double kMostGirth = 1.18, kLeastGirth = 0.85;  // that the scale takes up; the rest is moved
+
+enum Region : uint8_t { kTrunkRegion, kLeftArm, kRightArm, kLeftLeg, kRightLeg };
+
+uint8_t RegionOf(uint32_t role) {
+  if (role >= DCLOTH_ROLE_LEFT_UPPER_ARM && role <= DCLOTH_ROLE_LEFT_HAND) return kLeftArm;
+  if (role >= DCLOTH_ROLE_RIGHT_UPPER_ARM && role <= DCLOTH_ROLE_RIGHT_HAND) return kRightArm;
+  if (role >= DCLOTH_ROLE_LEFT_UPPER_LEG && role <= DCLOTH_ROLE_LEFT_TOES) return kLeftLeg;
+  return role >= DCLOTH_ROLE_RIGHT_UPPER_LEG ? kRightLeg : kTrunkRegion;
+}
+
+// The trunk ends in the legs nowhere in particular; the other leg and an arm that hangs are other parts.
+bool Meet(uint8_t a, uint8_t b) {
+  return a == b || (a == kTrunkRegion && b >= kLeftLeg) || (b == kTrunkRegion && a >= kLeftLeg);
+}
+
+uint32_t CellOf(int64_t x, int64_t y, int64_t z) {
+  const uint64_t mixed = static_cast<uint64_t>(x) * 73856093u ^ static_cast<uint64_t>(y) * 19349663u ^
+                         static_cast<uint64_t>(z) * 83492791u;
+  return static_cast<uint32_t>(mixed % kCells);
+}
+int64_t CellAt(double x) {
+  const auto cell = static_cast<int64_t>(x / kCell);  // towards zero
+  return x < 0 ? cell - 1 : cell;
+}
+
+void FillCells(const float* positions, uint32_t count, uint32_t* cells, uint32_t* next) {
+  for (uint32_t i = 0; i < kCells; ++i) cells[i] = UINT32_MAX;
+  for (uint32_t v = 0; v < count; ++v) {
+    const float* at = positions + size_t{3} * v;
+    uint32_t* head = cells + CellOf(CellAt(static_cast<double>(at[0])), CellAt(static_cast<double>(at[1])),
+                                    CellAt(static_cast<double>(at[2])));
+    next[v] = *head;
+    *head = v;
+  }
+}
+
+// Calls visit(v) for all that lie within `reach`, for some further and for some twice.
+template <typename Visit>
+void VisitNear(const uint32_t* cells, const uint32_t* next, const double (&at)[3], double reach, Visit visit) {
+  int64_t low[3], high[3];
+  for (int a = 0; a < 3; ++a) low[a] = CellAt(at[a] - reach), high[a] = CellAt(at[a] + reach);
+  for (int64_t x = low[0]; x <= high[0]; ++x) {
+    for (int64_t y = low[1]; y <= high[1]; ++y) {
+      for (int64_t z = low[2]; z <= high[2]; ++z) {
+        for (uint32_t v = cells[CellOf(x, y, z)]; v != UINT32_MAX; v = next[v]) visit(v);
+      }
+    }
+  }
+}
+
+// Skin at `p` counts for the vertices that have it beside their normal.
+void Raise(const PlacedSurface& surface, const uint32_t* cells, const double (&p)[3], uint8_t region, double reach,
+           double beside) {
+  VisitNear(cells, surface.next, p, reach, [&](uint32_t v) {
+    if (!Meet(region, surface.regions[v])) return;
+    const float *at = surface.positions + size_t{3} * v, *n = surface.normals + size_t{3} * v;
+    const double d[3] = {p[0] - static_cast<double>(at[0]), p[1] - static_cast<double>(at[1]),
+                         p[2] - static_cast<double>(at[2])};
+    const double height =
+        d[0] * static_cast<double>(n[0]) + d[1] * static_cast<double>(n[1]) + d[2] * static_cast<double>(n[2]);
+    if (height <= static_cast<double>(surface.heights[v]) || height > reach || height < -reach) return;
+    if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - height * height > beside * beside) return;
+    surface.heights[v] = static_cast<float>(height);
+  });
+}
+
+struct Corner {
+  double at[3];
+  uint8_t region;
+};
+
+Corner CornerAt(const dcloth_character& character, const Space& space, const uint8_t* regions, uint32_t v) {
+  float host[3];
+  std::memcpy(host, character.body_positions + size_t{3} * v, sizeof(host));
+  Corner corner = {};
+  VectorFromHost(space, host, corner.at);
+  float weights[5] = {};
+  for (uint32_t k = 0; k < character.body_influences; ++k) {
+    const size_t i = size_t{v} * character.body_influences + k;
+    weights[regions[character.body_joints[i]]] += character.body_weights[i];
+  }
+  for (uint8_t r = 1; r < 5; ++r) {
+    if (weights[r] > weights[corner.region]) corner.region = r;
+  }
+  return corner;
+}
+
+// All of the skin, as samples about kSampleStep apart where it has triangles.
+void RaiseAll(const dcloth_character& character, const Space& space, const uint8_t* regions,
+              const PlacedSurface& surface, uint32_t* cells, double reach, double beside) {
+  FillCells(surface.positions, surface.count, cells, surface.next);
+  for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = kNoHeight;
+  if (character.body_triangles == nullptr) {
+    for (uint32_t v = 0; v < character.body_vertex_count; ++v) {
+      const Corner corner = CornerAt(character, space, regions, v);
+      Raise(surface, cells, corner.at, corner.region, reach, 2 * beside);
+    }
+    return;
+  }
+  for (size_t t = 0; t < character.body_triangle_count; ++t) {
+    Corner c[3];
+    for (size_t k = 0; k < 3; ++k) c[k] = CornerAt(character, space, regions, character.body_triangles[3 * t + k]);
+    double longest = 0;
+    for (size_t k = 0; k < 3; ++k) {
+      double squared = 0;
+      for (int a = 0; a < 3; ++a) {
+        const double d = c[k].at[a] - c[(k + 1) % 3].at[a];
+        squared += d * d;
+      }
+      longest = squared > longest ? squared : longest;
+    }
+    const double wanted = std::sqrt(longest) / kSampleStep;
+    const int steps = wanted < kMostSteps ? static_cast<int>(wanted) + 1 : kMostSteps;
+    for (int i = 0; i <= steps; ++i) {
+      for (int j = 0; i + j <= steps; ++j) {
+        const double u = static_cast<double>(i) / steps, w = static_cast<double>(j) / steps;
+        double p[3];
+        for (int a = 0; a < 3; ++a) p[a] = c[0].at[a] + u * (c[1].at[a] - c[0].at[a]) + w * (c[2].at[a] - c[0].at[a]);
+        Raise(surface, cells, p, c[u > 0.5 ? 1 : w > 0.5 ? 2 : 0].region, reach, beside);
+      }
+    }
+  }
+}
+
+void ComputeNormals(const kernels::KernelTable& kernels, const float* positions, const uint16_t* faces,
+                    uint32_t face_count, uint32_t count, float* normals) {
+  kernels::NormalsJob job = {};
+  job.positions = positions;
+  job.position_stride_bytes = job.normal_stride_bytes = 3 * sizeof(float);
+  job.triangles = faces;
+  job.normals = normals;
+  job.vertices = count;
+  job.triangle_count = face_count;
+  kernels.normals(job);
+}
+
+// The joints that hold a vertex of body or garment.
+struct Holds {
+  const uint8_t* indices;
+  const float* weights;
+  const uint16_t* bones;  // of the garment: index -> joint; else null
+  uint32_t influences;
+
+  template <typename Visit>
+  void operator()(size_t v, Visit visit) const {
+    for (size_t k = v * influences; k < (v + 1) * influences; ++k)
+      visit(bones != nullptr ? bones[indices[k]] : indices[k], weights[k]);
+  }
+};
+
+void PlaceVertices(const float* bind, const Holds& holds, const float* places, const uint8_t* regions_of_joints,
+                   const PlacedSurface& surface) {
+  for (size_t v = 0; v < surface.count; ++v) {
+    float out[3] = {}, weights[5] = {};
+    const float* x = bind + 3 * v;
+    holds(v, [&](size_t joint, float weight) {
+      const float* f = places + 12 * joint;
+      for (size_t r = 0; r < 3; ++r)
+        out[r] += weight * (f[4 * r] * x[0] + f[4 * r + 1] * x[1] + f[4 * r + 2] * x[2] + f[4 * r + 3]);
+      weights[regions_of_joints[joint]] += weight;
+    });
+    std::memcpy(surface.positions + 3 * v, out, sizeof(out));
+    surface.regions[v] = kTrunkRegion;
+    for (uint8_t r = 1; r < 5; ++r) {
+      if (weights[r] > weights[surface.regions[v]]) surface.regions[v] = r;
+    }
+  }
+}
+
+// One step of averaging over a mesh's edges: sums [count] and counts [count] of the neighbours that `counts_as` allows.
+template <typename Counts>
+void SumNeighbours(const uint16_t* faces, size_t face_count, size_t count, const float* values, Counts counts_as,
+                   float* sums, uint32_t* counts) {
+  std::memset(sums, 0, count * sizeof(float));
+  std::memset(counts, 0, count * sizeof(uint32_t));
+  for (size_t f = 0; f < 3 * face_count; f += 3) {
+    for (size_t k = 0; k < 3; ++k) {
+      const size_t to = faces[f + k];
+      for (size_t other = 1; other < 3; ++other) {
+        const size_t from = faces[f + (k + other) % 3];
+        if (!counts_as(from)) continue;
+        sums[to] += values[from];
+        ++counts[to];
+      }
+    }
+  }
+}
+
+// How far each body vertex moves: to the skin beside it; where there is none, as its neighbours do.
+void FindPushes(const format::BodyView& body, const BodyFitMemory& memory) {
+  const size_t b = body.vertex_count;
+  float* pushes = memory.pushes;
+  for (size_t v = 0; v < b; ++v) pushes[v] = memory.body.heights[v];
+  for (int step = 0; step < kFillSteps; ++step) {
+    SumNeighbours(
+        body.faces, body.face_count, b, pushes, [&](size_t v) { return pushes[v] > kNoHeight; }, memory.sums,
+        memory.counts);
+    for (size_t v = 0; v < b; ++v) {
+      if (pushes[v] == kNoHeight && memory.counts[v] != 0)
+        pushes[v] = memory.sums[v] / static_cast<float>(memory.counts[v]);
+    }
+  }
+  for (size_t v = 0; v < b; ++v) {
+    if (pushes[v] == kNoHeight) pushes[v] = 0;
+  }
+  for (int step = 0; step < kSmoothSteps; ++step) {
+    SumNeighbours(
+        body.faces, body.face_count, b, pushes, [](size_t) { return true; }, memory.sums, memory.counts);
+    for (size_t v = 0; v < b; ++v) {
+      if (memory.counts[v] != 0)
+        pushes[v] = 0.5f * pushes[v] + 0.5f * memory.sums[v] / static_cast<float>(memory.counts[v]);
+    }
+  }
+  // Skin never stands out of the surface that stands for it.
+  for (size_t v = 0; v < b; ++v) {
+    if (memory.body.heights[v] > pushes[v]) pushes[v] = memory.body.heights[v];
+  }
+}
+
+// Mean radius of a slice of the trunk after the push over before; 0 where the body has no such slice. `low` and `high`
+// are heights over the hip joints on the figure, in metres.
+double GirthRatio(const RigFit& fit, double scale, const BodyFitMemory& memory, double low, double high) {
+  double sum[2] = {}, count = 0, radius = 0, push = 0;
+  const Vector middle = fit.character_middle;
+  const double length = fit.trunk_ratio / scale;
+  const auto local = [&](size_t v, double(&at)[3]) {
+    const float* p = memory.body.positions + 3 * v;
+    const double d[3] = {static_cast<double>(p[0]) - middle.x / scale, static_cast<double>(p[1]) - middle.y / scale,
+                         static_cast<double>(p[2]) - middle.z / scale};
+    for (int c = 0; c < 3; ++c)
+      at[c] =
+          fit.character_frame.m[0][c] * d[0] + fit.character_frame.m[1][c] * d[1] + fit.character_frame.m[2][c] * d[2];
+    return at[1] / length >= low && at[1] / length <= high &&
+           (memory.body.regions[v] == kTrunkRegion || memory.body.regions[v] >= kLeftLeg);
+  };
+  double at[3];
+  for (size_t v = 0; v < memory.body.count; ++v) {
+    if (!local(v, at)) continue;
+    sum[0] += at[0], sum[1] += at[2], count += 1;
+  }
+  if (count < 8) return 0;
+  for (size_t v = 0; v < memory.body.count; ++v) {
+    if (!local(v, at)) continue;
+    const double x = at[0] - sum[0] / count, z = at[2] - sum[1] / count;
+    radius += std::sqrt(x * x + z * z);
+    push += static_cast<double>(memory.pushes[v]);
+  }
+  return (radius + push) / radius;
+}
+
+// The regions of the character's joints: by their role, else by that of the joint with a role that is nearest.
+void FindRegions(const dcloth_character& character, const RigFit& fit, uint8_t* regions) {
+  for (uint32_t j = 0; j < character.joint_count; ++j) {
+    const Affine bind = FromHost(fit.space, CharacterBind(character, j));
+    double nearest = 1e300;
+    regions[j] = kTrunkRegion;
+    const auto consider = [&](const Vector& at, uint8_t region) {
+      const double x = at.x - bind.m[0][3], y = at.y - bind.m[1][3], z = at.z - bind.m[2][3];
+      const double squared = x * x + y * y + z * z;
+      if (squared >= nearest) return;
+      nearest = squared;
+      regions[j] = region;
+    };
+    for (uint32_t role = 1; role < kRoleCount; ++role) {
+      if (fit.character.joint[role] >= 0) consider(fit.character.at[role], RegionOf(role));
+    }
+    for (uint32_t i = 0; i < fit.character.trunk_count; ++i) consider(fit.character.trunk_at[i], kTrunkRegion);
+  }
+}
+
+Holds GarmentHolds(const ModelView& model) {
+  const format::StaticStageView& stage = model.static_stage;
+  return {stage.influence_bones, stage.influence_weights, stage.bones, stage.influences};
+}
+
+Holds BodyHolds(const ModelView& model) {
+  return {model.body.joints, model.body.weights, nullptr, model.body.influences};
+}
+
+void PlaceAll(const ModelView& model, const RigFit& fit, double scale, const BodyFitMemory& memory,
+              uint8_t (&regions)[format::kMaxJoints]) {
+  for (uint32_t j = 0; j < model.joint_count; ++j) {
+    const PlacedJoint placed = PlaceJoint(model, fit, scale, j);
+    StoreFloats(placed.place, memory.places + size_t{12} * j);
+    regions[j] = memory.joint_regions[placed.host];
+  }
+}
+
+// The body at `scale` in the character's bind pose, and how far each vertex is from its skin.
+void WrapBody(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
+              const RigFit& fit, double scale, const BodyFitMemory& memory) {
+  uint8_t regions[format::kMaxJoints];
+  PlaceAll(model, fit, scale, memory, regions);
+  PlaceVertices(model.body.positions, BodyHolds(model), memory.places, regions, memory.body);
+  ComputeNormals(kernels, memory.body.positions, model.body.faces, model.body.face_count, model.body.vertex_count,
+                 memory.body.normals);
+  Space space = fit.space;
+  space.metres_per_unit /= scale;
+  RaiseAll(character, space, memory.joint_regions, memory.body, memory.cells, kReach, kBeside);
+  FindPushes(model.body, memory);
+}
+
+// Cloth follows the skin that it lies over: all the way on it, half at kFollows. `sums` and `counts` are used up.
+void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
+  const format::BodyView& body = model.body;
+  const size_t n = model.vertex_count;
+  // Where skin and cloth were at bind; normals of the body at bind are in body.normals, moves go into garment.normals.
+  FillCells(body.positions, body.vertex_count, memory.cells, memory.body.next);
+  float* moves = memory.garment.normals;
+  for (size_t g = 0; g < n; ++g) {
+    const float* x = model.template_positions + 3 * g;
+    const double at[3] = {static_cast<double>(x[0]), static_cast<double>(x[1]), static_cast<double>(x[2])};
+    double nearest = 1e300;
+    uint32_t best = UINT32_MAX;
+    const auto consider = [&](uint32_t v) {
+      if (!Meet(memory.garment.regions[g], memory.body.regions[v])) return;
+      const float* p = body.positions + size_t{3} * v;
+      double squared = 0;
+      for (int a = 0; a < 3; ++a) squared += (static_cast<double>(p[a]) - at[a]) * (static_cast<double>(p[a]) - at[a]);
+      if (squared < nearest) nearest = squared, best = v;
+    };
+    for (double reach = kCell; reach <= kClothSearch; reach *= 2) {
+      VisitNear(memory.cells, memory.body.next, at, reach, consider);
+      if (nearest <= reach * reach) break;
+    }
+    float move[3] = {};
+    // The plane distance to the skin tells what lies on it; penetration is measured over those.
+    memory.garment.heights[g] = 1;
+    if (best != UINT32_MAX) {
+      const float *p = body.positions + size_t{3} * best, *normal = memory.body.normals + size_t{3} * best;
+      double height = 0;
+      for (int a = 0; a < 3; ++a) height += (at[a] - static_cast<double>(p[a])) * static_cast<double>(normal[a]);
+      memory.garment.heights[g] = static_cast<float>(height);
+      const double follow = 1 / (1 + nearest / (kFollows * kFollows));
+      for (int a = 0; a < 3; ++a) move[a] = static_cast<float>(follow) * memory.pushes[best] * normal[a];
+    }
+    std::memcpy(moves + 3 * g, move, sizeof(move));
+  }
+  // Moves of neighbours over different parts of the skin flow into each other.
+  for (int step = 0; step < kClothSmoothSteps; ++step) {
+    for (size_t a = 0; a < 3; ++a) {
+      float* axis = memory.garment.positions;  // one component of all, then their sums
+      for (size_t g = 0; g < n; ++g) axis[g] = moves[3 * g + a];
+      SumNeighbours(
+          model.faces, model.triangle_count, n, axis, [](size_t) { return true; }, memory.sums, memory.counts);
+      for (size_t g = 0; g < n; ++g) {
+        if (memory.counts[g] != 0)
+          moves[3 * g + a] = 0.5f * axis[g] + 0.5f * memory.sums[g] / static_cast<float>(memory.counts[g]);
+      }
+    }
+  }
+  for (size_t i = 0; i < 3 * n; ++i) memory.template_positions[i] = model.template_positions[i] + moves[i];
+}
+
+// Distance of the garment as it was cut to the skin. `on_skin` [n] holds distances to the figure's skin in training.
+void MeasureGarment(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
+                    const RigFit& fit, double scale, const BodyFitMemory& memory, dcloth_fit* report) {
+  for (size_t g = 0; g < model.vertex_count; ++g) memory.sums[g] = memory.garment.heights[g];
+  uint8_t regions[format::kMaxJoints];
+  PlaceAll(model, fit, scale, memory, regions);
+  PlaceVertices(memory.template_positions, GarmentHolds(model), memory.places, regions, memory.garment);
+  ComputeNormals(kernels, memory.garment.positions, model.faces, model.triangle_count, model.vertex_count,
+                 memory.garment.normals);
+  Space space = fit.space;
+  space.metres_per_unit /= scale;
+  RaiseAll(character, space, memory.joint_regions, memory.garment, memory.cells, kClothReach, kClothBeside);
+  double gap = 0, on_skin = 0, near = 0, under = 0, deepest = 0;
+  for (size_t g = 0; g < model.vertex_count; ++g) {
+    const auto height = static_cast<double>(memory.garment.heights[g]);
+    if (memory.garment.heights[g] > kNoHeight) {
+      near += 1;
+      under += height > 0.001 / scale ? 1 : 0;
+      deepest = height > deepest ? height : deepest;
+    }
+    if (memory.sums[g] > static_cast<float>(kOnSkin)) continue;
+    on_skin += 1;
+    gap += memory.garment.heights[g] == kNoHeight ? kClothReach : height < 0 ? -height : 0;
+  }
+  report->gap_mm = on_skin != 0 ? static_cast<float>(1000 * scale * gap / on_skin) : 0;
+  report->penetration_mm = static_cast<float>(1000 * scale * deepest);
+  report->penetrating_share = near != 0 ? static_cast<float>(under / near) : 0;
+  if (report->gap_mm > 15) report->warnings |= DCLOTH_FIT_GAP;
+  if (report->penetration_mm > 5) report->warnings |= DCLOTH_FIT_PENETRATION;
+}
+
+PlacedSurface PlaceSurface(uint32_t count, Arena* arena) {
+  PlacedSurface surface = {};
+  surface.count = count;
+  surface.positions = arena->Take<float>(size_t{3} * count);
+  surface.normals = arena->Take<float>(size_t{3} * count);
+  surface.heights = arena->Take<float>(count);
+  surface.regions = arena->Take<uint8_t>(count);
+  surface.next = arena->Take<uint32_t>(count);
+  return surface;
+}
+
+}  // namespace
+
+BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Arena* arena) {
+  const uint32_t n = model.vertex_count, b = model.body.vertex_count, larger = n > b ? n : b;
+  BodyFitMemory memory = {};
+  memory.view = arena->Take<ModelView>(1);
+  memory.template_positions = arena->Take<float>(size_t{3} * n);
+  memory.body_positions = arena->Take<float>(size_t{3} * b);
+  memory.joint_regions = arena->Take<uint8_t>(host_joint_count);
+  memory.places = arena->Take<float>(size_t{12} * model.joint_count);
+  memory.cells = arena->Take<uint32_t>(kCells);
+  memory.garment = PlaceSurface(n, arena);
+  memory.body = PlaceSurface(b, arena);
+  memory.pushes = arena->Take<float>(b);
+  memory.sums = arena->Take<float>(larger);
+  memory.counts = arena->Take<uint32_t>(larger);
+  return memory;
+}
+
+bool CheckBody(const dcloth_character& character, Diagnostic* diagnostic) {
+  const auto refuse = [&](const char* field, int64_t index, const char* found, const char* allowed, const char* mend) {
+    const Path parent = {nullptr, "character"}, path = {&parent, field, index};
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, found, allowed, mend);
+  };
+  for (size_t i = 0; i < size_t{3} * character.body_vertex_count; ++i) {
+    const float x = character.body_positions[i];
+    if (!(x >= -kMaxPoseMagnitude && x <= kMaxPoseMagnitude))
+      return refuse("body_positions", static_cast<int64_t>(i), "NaN or a number beyond 1e9", "finite numbers", "");
+  }
+  for (size_t i = 0; i < size_t{character.body_vertex_count} * character.body_influences; ++i) {
+    if (character.body_joints[i] >= character.joint_count)
+      return refuse("body_joints", static_cast<int64_t>(i), "a joint past the last one", "less than joint_count", "");
+    const float weight = character.body_weights[i];
+    if (!(weight >= 0 && weight <= kMaxPoseMagnitude))
+      return refuse("body_weights", static_cast<int64_t>(i), "a weight below 0, NaN or infinity", "0 or more", "");
+  }
+  for (size_t i = 0; character.body_triangles != nullptr && i < size_t{3} * character.body_triangle_count; ++i) {
+    if (character.body_triangles[i] >= character.body_vertex_count)
+      return refuse("body_triangles", static_cast<int64_t>(i), "a vertex past the last one",
+                    "less than body_vertex_count", "");
+  }
+  return true;
+}
+
+void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
+             const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report) {
+  FindRegions(character, fit, memory.joint_regions);
+  if (model.body.vertex_count != 0) {
+    WrapBody(kernels, model, character, fit, *scale, memory);
+    const double waist = GirthRatio(fit, *scale, memory, 0.15, 0.22);
+    const double hips = GirthRatio(fit, *scale, memory, -0.03, 0.05);
+    report->waist_ratio = static_cast<float>(waist);
+    report->hips_ratio = static_cast<float>(hips);
+    for (const double ratio : {waist, hips}) {
+      if (ratio != 0 && (ratio < 0.8 || ratio > 1.25)) report->warnings |= DCLOTH_FIT_GIRTH;
+    }
+    // Half of the girth goes into the scale, which keeps the cut's look; the rest moves with the skin.
+    const double girth = waist != 0 && hips != 0 ? 0.5 * (waist + hips) : waist != 0 ? waist : hips;
+    if (girth != 0) {
+      const double taken = 0.5 + 0.5 * girth;
+      *scale *= taken < kLeastGirth ? kLeastGirth : taken > kMostGirth ? kMostGirth : taken;
+      report->scale = static_cast<float>(*scale);
+      WrapBody(kernels, model, character, fit, *scale, memory);
+    }
+    // Regions of the garment, then the normals of the figure's skin at bind in place of the character's.
+    uint8_t regions[format::kMaxJoints];
+    PlaceAll(model, fit, *scale, memory, regions);
+    PlaceVertices(model.template_positions, GarmentHolds(model), memory.places, regions, memory.garment);
+    ComputeNormals(kernels, model.body.positions, model.body.faces, model.body.face_count, model.body.vertex_count,
+                   memory.body.normals);
+    MoveGarment(model, memory);
+    for (size_t i = 0; i < size_t{3} * model.body.vertex_count; ++i)
+      memory.body_positions[i] = model.body.positions[i] + memory.pushes[i / 3] * memory.body.normals[i];
+  } else {
+    std::memcpy(memory.template_positions, model.template_positions, size_t{3} * model.vertex_count * sizeof(float));
+    for (size_t g = 0; g < model.vertex_count; ++g) memory.garment.heights[g] = 1;
+  }
+  MeasureGarment(kernels, model, character, fit, *scale, memory, report);
+  *memory.view = model;
+  memory.view->template_positions = memory.template_positions;
+  if (model.body.vertex_count != 0) memory.view->body.positions = memory.body_positions;
+}
+
+}  // namespace dcloth::engine

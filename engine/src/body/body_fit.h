@@ -1,0 +1,53 @@
+// A garment's cut and the surface that it is kept out of, moved onto another body.
+//
+// The character's skin is sampled. Each vertex of the figure's body, laid into the character's bind pose, moves along
+// its normal to the outermost sample beside it; cloth moves with the skin below it, less the further away it is.
+// Rejected: the character's own triangles as the surface of the push-out, whose number has no bound and whose parts no
+// class of the garment is known for.
+#ifndef DCLOTH_ENGINE_SRC_BODY_BODY_FIT_H_
+#define DCLOTH_ENGINE_SRC_BODY_BODY_FIT_H_
+
+#include "engine/format/diagnostic.h"
+#include "engine/src/base/lent_memory.h"
+#include "engine/src/pose/rig_fit.h"
+#include "kernels/kernels.h"
+
+namespace dcloth::engine {
+
+// Vertices of a surface in the character's bind pose, in the figure's metres.
+struct PlacedSurface {
+  float* positions;  // [count, 3]
+  float* normals;    // [count, 3]
+  float* heights;  // [count] outermost skin beside the vertex over it, along the normal; kNoHeight where there is none
+  uint8_t* regions;  // [count]
+  uint32_t* next;    // [count] of the same cell
+  uint32_t count;
+};
+
+struct BodyFitMemory {
+  format::ModelView* view;    // the model with the next two in place of its own
+  float* template_positions;  // [n, 3]
+  float* body_positions;      // [b, 3]
+  // Scratch of the fit.
+  uint8_t* joint_regions;  // [host joints]
+  float* places;           // [joint_count, 12] F
+  uint32_t* cells;         // heads of lists
+  PlacedSurface garment, body;
+  float* pushes;     // [b]
+  float* sums;       // [larger of n and b]
+  uint32_t* counts;  // [larger of n and b]
+};
+
+BodyFitMemory PlaceBodyFit(const format::ModelView& model, uint32_t host_joint_count, Arena* arena);
+
+// Numbers, indices and weights of the character's body.
+bool CheckBody(const dcloth_character& character, format::Diagnostic* diagnostic);
+
+// Fills memory's view, which leads into `memory`, `scale` and the report's fields that a body decides. Cost: 0.1 to 0.5
+// s.
+void FitBody(const kernels::KernelTable& kernels, const format::ModelView& model, const dcloth_character& character,
+             const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_BODY_BODY_FIT_H_
