@@ -154,6 +154,11 @@ void ReadBody(TensorReader* reader, Bundle* bundle) {
     bundle->body_parts = reader->TakeMasks("body.parts", b, "[b]");
     bundle->touches = reader->TakeMasks("template.touches", bundle->vertex_count(), "[n]");
   }
+  if (reader->Has("body.colours")) {
+    bundle->body_colours = reader->TakeGeometry("body.colours", b, 3, "[b, 3]");
+    const bool within = (bundle->body_colours.array() >= 0 && bundle->body_colours.array() <= 1).all();
+    if (!within) reader->Refuse("body.colours", "numbers outside of 0 to 1", "sRGB colours, 0 to 1");
+  }
   if (!reader->Has("body.collides")) return;
   bundle->body_collides = reader->TakeVector("body.collides", b, "[b]");
   for (Eigen::Index i = 0; i < bundle->body_collides.size(); ++i) {

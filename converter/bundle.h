@@ -72,6 +72,7 @@ struct Bundle {
   Matrix body_positions;              // [b, 3]
   Faces body_faces;
   Matrix body_joint_weights;  // [b, J]
+  Matrix body_colours;        // [b, 3] sRGB, 0 to 1; empty where the bundle does not say
   Vector body_collides;       // [b] 0 or 1; empty where the bundle does not say
   // Bit masks: cloth touches skin where they share a bit. Both empty where the bundle does not say.
   std::vector<uint32_t> touches;     // [n]

@@ -87,6 +87,7 @@ void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
                     {"faces", blobs.Add(report.body->faces)},
                     {"joints", blobs.Add(report.body->joints)},
                     {"weights", blobs.Add(report.body->weights)}};
+    if (!report.body->colours.empty()) json["body"]["colours"] = blobs.Add(report.body->colours);
   }
   const std::vector<int32_t> parents = SpatialParents(report.triangles, report.vertex_count);
   for (const ReportSequence& sequence : report.sequences) {

@@ -20,6 +20,7 @@ struct ReportBody {
   std::vector<uint32_t> faces;   // [f, 3]
   std::vector<uint16_t> joints;  // [b, 4]
   std::vector<float> weights;    // [b, 4], rows sum to 1
+  std::vector<uint8_t> colours;  // [b, 3] sRGB; empty: one colour for all
 };
 
 struct ReportSequence {

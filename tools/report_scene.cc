@@ -12,6 +12,9 @@ ReportBody BodyOf(const converter::Bundle& bundle) {
   ReportBody body;
   body.positions.assign(bundle.body_positions.data(), bundle.body_positions.data() + bundle.body_positions.size());
   body.faces.assign(bundle.body_faces.data(), bundle.body_faces.data() + bundle.body_faces.size());
+  for (const float colour : bundle.body_colours.reshaped<Eigen::RowMajor>()) {
+    body.colours.push_back(static_cast<uint8_t>(std::lround(255 * colour)));
+  }
   const auto joints = static_cast<size_t>(bundle.body_joint_weights.cols());
   std::vector<uint16_t> order(joints);
   for (auto v = 0 * bundle.body_joint_weights.rows(); v < bundle.body_joint_weights.rows(); ++v) {

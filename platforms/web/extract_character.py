@@ -8,6 +8,7 @@ import struct
 import sys
 
 TENSORS = ("body.positions", "body.faces", "body.joint_weights", "character.bind")
+OPTIONAL = ("body.colours",)
 
 
 def main():
@@ -23,7 +24,7 @@ def main():
         sys.exit(f"extract_character: {source} lacks {', '.join(missing)}; mend: export the bundle with its character")
     metadata = {key: header["__metadata__"][key] for key in ("garment", "joint_names")}
     taken, parts, at = {"__metadata__": metadata}, [], 0
-    for name in TENSORS:
+    for name in TENSORS + tuple(name for name in OPTIONAL if name in header):
         entry = header[name]
         begin, end = entry["data_offsets"]
         parts.append(data[8 + size + begin:8 + size + end])

@@ -74,6 +74,7 @@ async function loadBody() {
     faces: new Uint32Array(await readBlob(b.faces)),
     joints: new Uint16Array(await readBlob(b.joints)),
     weights: new Float32Array(await readBlob(b.weights)),
+    colours: b.colours ? Float32Array.from(new Uint8Array(await readBlob(b.colours)), (c) => (c / 255) ** 2.2) : null,
   };
 }
 

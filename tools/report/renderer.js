@@ -16,6 +16,7 @@ class Renderer {
     this.depth = this.program(DEPTH_VERTEX, DEPTH_FRAGMENT);
     this.createShadowMap();
     this.createColorMap();
+    gl.vertexAttrib3f(3, 1, 1, 1);  // what meshes without colours of their own are painted with
     this.quad = gl.createVertexArray();
     gl.bindVertexArray(this.quad);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -71,8 +72,8 @@ class Renderer {
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
   }
 
-  // A mesh whose vertices change every frame; `faces` do not.
-  createMesh(count, faces) {
+  // A mesh whose vertices change every frame; `faces` and `colours` (three linear floats a vertex) do not.
+  createMesh(count, faces, colours = null) {
     const gl = this.gl;
     const mesh = {
       positions: new Float32Array(count * 3), normals: new Float32Array(count * 3), scalars: new Float32Array(count * 2),
@@ -87,6 +88,12 @@ class Renderer {
       gl.vertexAttribPointer(i, i < 2 ? 3 : 2, gl.FLOAT, false, 0, 0);
       mesh.buffers.push(buffer);
     });
+    if (colours) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ARRAY_BUFFER, colours, gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(3);
+      gl.vertexAttribPointer(3, 3, gl.FLOAT, false, 0, 0);
+    }
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
     gl.bindVertexArray(null);

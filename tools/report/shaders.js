@@ -4,14 +4,17 @@ const MESH_VERTEX = `#version 300 es
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 scalars;  // error in mm, fold depth
+layout(location = 3) in vec3 paint;    // linear; white where a mesh has one colour
 uniform mat4 view_projection;
 uniform mat4 light_projection;
 out vec3 world;
 out vec3 world_normal;
 out vec4 light_position;
 out vec2 scalar;
+out vec3 painted;
 void main() {
   world = position;
+  painted = paint;
   world_normal = normal;
   scalar = scalars;
   light_position = light_projection * vec4(position + 0.006 * normal, 1.0);  // off the surface: no self-shadowing stripes
@@ -52,6 +55,7 @@ in vec3 world;
 in vec3 world_normal;
 in vec4 light_position;
 in vec2 scalar;
+in vec3 painted;
 uniform vec3 eye;
 uniform int material;  // 0 cloth, 1 body, 2 cloth coloured by error
 uniform float error_scale;
@@ -76,7 +80,7 @@ void main() {
   vec3 ambient = mix(earth, sky, n.y * 0.5 + 0.5);
   float fold = (outside ? 1.0 : -1.0) * scalar.y;
   float cavity = material == 1 ? 1.0 : clamp(1.0 - 2.2 * fold, 0.5, 1.3);
-  vec3 albedo = outside || material == 1 ? outer_color : inner_color;
+  vec3 albedo = painted * (outside || material == 1 ? outer_color : inner_color);
   float sheen = material == 0 ? 0.42 : 0.10;
   if (material == 2) {
     albedo = pow(texture(color_map, vec2(clamp(scalar.x / error_scale, 0.002, 0.998), 0.5)).rgb, vec3(2.2));

@@ -23,7 +23,7 @@ class Viewer {
     for (const key of ['yaw', 'pitch', 'distance']) if (Number.isFinite(state[key])) this.camera[key] = state[key];
     this.edges = meshEdges(garment.faces);
     this.cloths = [0, 1].map(() => this.renderer.createMesh(garment.count, garment.faces));
-    this.bodyMesh = body ? this.renderer.createMesh(body.count, body.faces)
+    this.bodyMesh = body ? this.renderer.createMesh(body.count, body.faces, body.colours)
                          : this.renderer.createMesh(report.sticks.length * 6, stickMesh(report.sticks));
     this.truth = new Float32Array(garment.count * 3);
     this.folds = new Float32Array(garment.count);
@@ -110,7 +110,7 @@ class Viewer {
       return {
         x: i / names.length, width: 1 / names.length,
         meshes: [
-          {mesh: this.bodyMesh, material: 1, outer: this.body ? BODY_COLOR : STICK_COLOR, inner: BODY_COLOR},
+          {mesh: this.bodyMesh, material: 1, outer: !this.body ? STICK_COLOR : this.body.colours ? [1, 1, 1] : BODY_COLOR, inner: BODY_COLOR},
           {mesh: this.cloths[i], material: state.color === 'error' && truthTrack && !isTruth ? 2 : 0,
            outer: isTruth ? TRUTH_OUTER : CLOTH_OUTER, inner: isTruth ? TRUTH_INNER : CLOTH_INNER},
         ],

@@ -75,6 +75,8 @@ def write(path, net, fitted, character, training, garment=None, half=True):
     plain = {"template.positions": character.template, "character.bind": character.bind,
              "body.positions": character.body_vertices,
              "body.joint_weights": character.body_weights}
+    if character.body_colours is not None:
+        plain["body.colours"] = character.body_colours
     for name in ("mean", "deviation", "low", "high"):
         plain[f"features.{name}"] = getattr(net.standardise, name)
     for _, module in _held(net):

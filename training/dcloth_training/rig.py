@@ -38,6 +38,7 @@ class Character:
     # Bit masks of parts of the body: cloth touches skin where they share a bit. None: all of the body.
     touches: np.ndarray = field(repr=False, default=None)       # [n]
     body_parts: np.ndarray = field(repr=False, default=None)    # [b]
+    body_colours: np.ndarray = field(repr=False, default=None)  # [b, 3] sRGB, 0 to 1, for pictures; None: one for all
 
 
 def mirrored_joints(names):
@@ -84,7 +85,7 @@ def read_character(path):
             json.loads(metadata["parents"]) if "parents" in metadata else None,
             metadata.get("hips", "Hips"),
             tuple(json.loads(metadata["feature_joints"])) if "feature_joints" in metadata else skeleton.LOWER_BODY,
-            *_masks(tensors))
+            *_masks(tensors), tensors.get("body_colours"))
     except (KeyError, ValueError) as error:
         raise safetensors_io.SafetensorsError(
             f"{path}: not a character: {error}; expected what simulate/run.py writes") from None

@@ -21,8 +21,9 @@ export class Character {
     this.disc = new Disc();
     this.moving = new THREE.Group();
     this.moving.position.y = HEIGHT;
+    const painted = mannequin.geometry.hasAttribute("color");
     this.skin = mannequin.createSkin(new THREE.MeshPhysicalMaterial({
-      color: 0xd9cfc3, roughness: 0.62, clearcoat: 0.15, clearcoatRoughness: 0.6 }));
+      color: painted ? 0xffffff : 0xd9cfc3, vertexColors: painted, roughness: 0.62, clearcoat: 0.15, clearcoatRoughness: 0.6 }));
     this.geometry = new THREE.BufferGeometry()
       .setAttribute("position", new THREE.BufferAttribute(this.cloth.positions, 3).setUsage(THREE.DynamicDrawUsage))
       .setAttribute("normal", new THREE.BufferAttribute(this.cloth.normals, 3).setUsage(THREE.DynamicDrawUsage))

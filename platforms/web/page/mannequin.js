@@ -23,6 +23,11 @@ export class Mannequin {
       .setAttribute("skinIndex", new THREE.BufferAttribute(index, INFLUENCES))
       .setAttribute("skinWeight", new THREE.BufferAttribute(weight, INFLUENCES))
       .setIndex(new THREE.BufferAttribute(new Uint32Array(tensors["body.faces"].data), 1));
+    const colours = tensors["body.colours"];
+    if (colours) {
+      const linear = Float32Array.from(colours.data, (c) => c ** 2.2);
+      this.geometry.setAttribute("color", new THREE.BufferAttribute(linear, 3));
+    }
     this.geometry.computeVertexNormals();
     this.inverses = this.jointNames.map((_, j) =>
       new THREE.Matrix4().fromArray(tensors["character.bind"].data, 16 * j).transpose().invert());

@@ -134,6 +134,19 @@ TEST(BundleTest, TheMarkIsZeroOrOne) {
   EXPECT_TRUE(Mentions(Refusal(raw), "body.collides", "11", "12"));
 }
 
+TEST(BundleTest, TheSkinMayHaveColours) {
+  RawFile raw = BuildBundle({});
+  EXPECT_EQ(ParseRawBundle(raw).body_colours.size(), 0);
+  raw.Replace("body.colours", {12, 3}, std::vector<float>(36, 0.25f));
+  EXPECT_EQ(ParseRawBundle(raw).body_colours, Matrix::Constant(12, 3, 0.25f));
+  for (const float wrong : {-0.01f, 1.01f}) {
+    raw.SetFloat("body.colours", 35, wrong);
+    EXPECT_TRUE(Mentions(Refusal(raw), "body.colours", "outside of 0 to 1"));
+  }
+  raw.Replace("body.colours", {11, 3}, std::vector<float>(33, 0.25f));
+  EXPECT_TRUE(Mentions(Refusal(raw), "body.colours", "11", "12"));
+}
+
 TEST(BundleTest, MasksAreReadBothOrNone) {
   RawFile raw = BuildBundle({});
   raw.SetMasks("body.parts", std::vector<int32_t>(12, 0x7FFFFFFF));
