@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "converter/body_surface.h"
-#include "kernels/nearest/nearest.h"
+#include "kernels/nearest/nearest_order.h"
 #include "tests/unit/converter/body_wall.h"
 
 namespace dcloth::converter {
@@ -17,28 +17,16 @@ namespace {
 using dcloth::testing::Corners;
 using dcloth::testing::WithWall;
 
-// Halved along the longest side, a whole number of groups on the left: the same cuts by whole sorts.
-std::vector<uint32_t> Ordered(const Matrix& positions, std::vector<uint32_t> vertices) {
-  const size_t groups = (vertices.size() + kernels::kNearestGroup - 1) / kernels::kNearestGroup;
-  std::sort(vertices.begin(), vertices.end());
-  if (groups < 2) return vertices;
-  int longest = 0;
-  float length = -1;
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto [low, high] = std::minmax_element(vertices.begin(), vertices.end(), [&](uint32_t a, uint32_t b) {
-      return positions(a, axis) < positions(b, axis);
-    });
-    if (positions(*high, axis) - positions(*low, axis) <= length) continue;
-    length = positions(*high, axis) - positions(*low, axis);
-    longest = axis;
-  }
-  std::stable_sort(vertices.begin(), vertices.end(),
-                   [&](uint32_t a, uint32_t b) { return positions(a, longest) < positions(b, longest); });
-  const auto middle = vertices.begin() + static_cast<std::ptrdiff_t>(groups / 2 * kernels::kNearestGroup);
-  std::vector<uint32_t> left = Ordered(positions, {vertices.begin(), middle});
-  const std::vector<uint32_t> right = Ordered(positions, {middle, vertices.end()});
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
+// In the kernel's own order, which its tests hold to whole sorts.
+std::vector<uint32_t> Ordered(const Matrix& positions, const std::vector<uint32_t>& vertices) {
+  std::vector<float> own;
+  for (const uint32_t v : vertices) own.insert(own.end(), {positions(v, 0), positions(v, 1), positions(v, 2)});
+  std::vector<uint16_t> order(vertices.size());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<uint16_t>(i);
+  kernels::OrderByPlace(own.data(), order.data(), order.size());
+  std::vector<uint32_t> out;
+  for (const uint16_t i : order) out.push_back(vertices[i]);
+  return out;
 }
 
 // Points on a coarse lattice, so that many are equally far along, and faces of any three; a joint that is no bone

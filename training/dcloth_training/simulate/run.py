@@ -53,7 +53,8 @@ def put_on(folder, name):
     safetensors_io.write(path, {
         "joint_bind": skeleton.bind_matrices().astype(np.float32),
         "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces.astype(np.int32),
-        "body_weights": body.weights.astype(np.float32), "body_colours": body.colours.astype(np.float32), "body_collider": (masks > 0).astype(np.uint8),
+        "body_weights": body.weights.astype(np.float32), "body_colours": body.colours.astype(np.float32),
+        "body_collider": (masks > 0).astype(np.uint8),
         "cloth_template": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
         "cloth_rest_length": cloth_job.rest_lengths(worn).astype(np.float32), "cloth_uv": worn.uv,
         "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8), "cloth_touches": worn.touches.astype(np.int32),
