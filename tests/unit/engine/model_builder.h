@@ -44,7 +44,7 @@ struct ModelSpec {
   bool touch = false;  // with a body: three classes that touch all, its upper half and nothing of it
   uint32_t seed = 1;
   // Names and places of the joints in the bind pose, in place of `joints` random ones; the first is the hips.
-  std::vector<std::pair<std::string, std::array<double, 3>>> skeleton_joints;
+  std::vector<std::pair<std::string, std::array<double, 3>>> skeleton_joints = {};
 };
 
 struct Linear {
