@@ -16,6 +16,7 @@ void AddInspect(CLI::App& app, int& exit_code);
 void AddRun(CLI::App& app, int& exit_code);
 void AddProfile(CLI::App& app, int& exit_code);
 void AddEvaluate(CLI::App& app, int& exit_code);
+void AddDress(CLI::App& app, int& exit_code);
 
 }  // namespace dcloth::tools
 

@@ -29,7 +29,7 @@ struct Options {
   bool bounded = false;
   std::vector<std::filesystem::path> motion, calibration;
   std::string rank, stages;
-  bool json = false;
+  bool json = false, verbose = false;
 };
 
 int RunConvert(const Options& options) {
@@ -90,7 +90,7 @@ int RunConvert(const Options& options) {
   if (options.json) {
     PrintJson(report);
   } else {
-    PrintConvertTables(result.report, options.model);
+    PrintConvertTables(result.report, options.model, options.verbose);
   }
   return kExitGood;
 }
@@ -133,6 +133,8 @@ void AddConvert(CLI::App& app, int& exit_code) {
       "all stages in any case");
   command->add_option("--report", options->report, "also write the figures as JSON to this file");
   command->add_flag("--json", options->json, "one JSON object on stdout");
+  command->add_flag("--verbose", options->verbose,
+                    "every tensor: range, bytes, what storing it lost and what it costs");
   command->callback([options, bound, &exit_code] {
     options->bounded = bound->count() > 0;
     exit_code = RunConvert(*options);

@@ -175,14 +175,14 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
   return json;
 }
 
-void PrintConvertTables(const converter::ConvertReport& report, const std::filesystem::path& model) {
-  PrintTensors(report);
+void PrintConvertTables(const converter::ConvertReport& report, const std::filesystem::path& model, bool verbose) {
+  if (verbose) PrintTensors(report);
   std::printf(
-      "\n%s: %s, stages up to %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not "
+      "%s%s: %s, stages up to %s, %.3f MB; %.1f KiB per instance; %u joints from the host, %u of the bundle not "
       "needed\n",
-      converter::PathText(model).c_str(), report.precision.c_str(), converter::StagesName(report.stages),
-      static_cast<double>(report.model_bytes) / 1e6, static_cast<double>(report.instance_bytes) / 1024,
-      report.joint_count, report.dropped_joints);
+      verbose ? "\n" : "", converter::PathText(model).c_str(), report.precision.c_str(),
+      converter::StagesName(report.stages), static_cast<double>(report.model_bytes) / 1e6,
+      static_cast<double>(report.instance_bytes) / 1024, report.joint_count, report.dropped_joints);
   std::printf("influences cut to %u: %.2e of a vertex's weight on average, %.2e at worst\n",
               report.influences.influences, report.influences.removed_mean, report.influences.removed_worst);
   PrintRank(report.rank);
@@ -192,8 +192,13 @@ void PrintConvertTables(const converter::ConvertReport& report, const std::files
                 t.precision.c_str(), t.rank, t.error.position_mm.mean, t.error.position_mm.p99,
                 t.error.position_mm.max);
   }
-  PrintAuto(report);
-  PrintRanking(report);
+  if (verbose) {
+    PrintAuto(report);
+    PrintRanking(report);
+  } else if (report.automatic) {
+    std::printf("formats within %g mm: %.4f mm; --verbose shows the format of each tensor and why\n",
+                report.automatic->bound_mm, report.automatic->error_mm);
+  }
 }
 
 }  // namespace dcloth::tools

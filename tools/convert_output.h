@@ -15,7 +15,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
                  const std::filesystem::path& model);
 
 // Every tensor with what storing it lost, the model's figures, and the tensors ranked by millimetres.
-void PrintConvertTables(const converter::ConvertReport& report, const std::filesystem::path& model);
+void PrintConvertTables(const converter::ConvertReport& report, const std::filesystem::path& model, bool verbose);
 
 }  // namespace dcloth::tools
 

@@ -36,6 +36,7 @@ int Run(int argc, char** argv) {
     AddRun(app, exit_code);
     AddProfile(app, exit_code);
     AddEvaluate(app, exit_code);
+    AddDress(app, exit_code);
     AddPoses(app, exit_code);
     AddBody(app, exit_code);
     const std::vector<std::string> arguments = Utf8Arguments(argc, argv);
@@ -44,8 +45,8 @@ int Run(int argc, char** argv) {
     } catch (const CLI::RequiredError& error) {
       // The parser asks for a command before it looks at a misspelt one.
       if (!arguments.empty() && app.get_subcommands().empty()) {
-        const std::string text =
-            "no command '" + arguments.front() + "'; there are convert, inspect, run, profile, evaluate, poses, body";
+        const std::string text = "no command '" + arguments.front() +
+                                 "'; there are convert, inspect, run, profile, evaluate, dress, poses, body";
         return Fail(text.c_str(), kExitBadInput);
       }
       app.exit(error);

@@ -1,4 +1,5 @@
 // `dcloth run`: a model over a sequence at any frame rate, written as positions, a point cache or a page to look at.
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -11,6 +12,7 @@
 
 #include "converter/error.h"
 #include "converter/file.h"
+#include "converter/model_geometry.h"
 #include "converter/sequence.h"
 #include "tools/commands.h"
 #include "tools/html_report.h"
@@ -93,9 +95,27 @@ Result Play(const Options& options, const converter::OpenModel& model, const Pos
   return result;
 }
 
-// `skeleton` holds every joint of the sequence: a model asks for the few that it needs, which make no figure.
-void WritePage(const Options& options, const converter::OpenModel& model, const PoseTrack& skeleton, double fps,
+// B_j^-1 of each joint.
+std::vector<Eigen::Matrix4d> InverseBinds(const converter::OpenModel& model) {
+  using RowMajor = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
+  std::vector<Eigen::Matrix4d> inverses;
+  for (uint32_t j = 0; j < model.info().joint_count; ++j) {
+    RowMajor bind;
+    if (dcloth_model_joint_bind(model.model(), j, bind.data()) != DCLOTH_OK) return {};
+    inverses.emplace_back(bind.cast<double>().inverse());
+  }
+  return inverses;
+}
+
+// The model's own body, where it holds one; else sticks between all joints of the sequence, as a model asks for the few
+// that it needs, which make no figure.
+void WritePage(const Options& options, const converter::OpenModel& model, const converter::Sequence& poses, double fps,
                const Result& result) {
+  using RowMajor = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
+  converter::ModelGeometry geometry = converter::GeometryOf(model.bytes());
+  const std::vector<Eigen::Matrix4d> inverses = InverseBinds(model);
+  const bool body = !geometry.body.empty() && !inverses.empty();
+  const PoseTrack skeleton(poses, body ? model.joint_names() : poses.joint_names);
   const size_t n = model.info().vertex_count, frame_size = n * 3, joints = skeleton.joint_count();
   Report report;
   report.title = model.info().name;
@@ -105,7 +125,15 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
   report.joint_count = joints;
   report.triangles.assign(model.triangles().begin(), model.triangles().end());
   report.vertex_count = n;
-  report.sticks = SticksOf(skeleton);
+  if (body) {
+    report.body = ReportBody{.positions = std::move(geometry.body),
+                             .faces = std::move(geometry.body_triangles),
+                             .joints = std::move(geometry.body_joints),
+                             .weights = std::move(geometry.body_weights),
+                             .colours = {}};
+  } else {
+    report.sticks = SticksOf(skeleton);
+  }
   ReportSequence sequence;
   sequence.name = converter::PathText(options.sequence.stem());
   sequence.fps = fps;
@@ -121,6 +149,10 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
     AppendFrame(positions, LastOrigin(sequence), &track);
     skeleton.At(static_cast<double>(f) / fps, pose);
     for (size_t j = 0; j < joints; ++j) {
+      if (body) {
+        Eigen::Map<RowMajor> joint(pose.data() + 16 * j);
+        joint = (joint.cast<double>() * inverses[j]).cast<float>().eval();
+      }
       sequence.joints.insert(sequence.joints.end(), pose.begin() + static_cast<ptrdiff_t>(16 * j),
                              pose.begin() + static_cast<ptrdiff_t>(16 * j + 12));
     }
@@ -128,6 +160,24 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
   sequence.tracks.push_back(std::move(track));
   report.sequences.push_back(std::move(sequence));
   WriteHtmlReport(options.output, report);
+}
+
+// Animations of artists' files are no sequences yet.
+void RefuseAnimation(const Options& options) {
+  std::string extension = options.sequence.extension().string();
+  for (char& c : extension) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  for (const char* kind : {".glb", ".gltf", ".vrm", ".fbx", ".bvh"}) {
+    if (extension != kind) continue;
+    const std::string name = converter::PathText(options.sequence), stem = converter::PathText(options.sequence.stem());
+    throw converter::Error({.path = options.sequence,
+                            .tensor = {},
+                            .found = "an animation file (" + extension + ")",
+                            .expected = "a sequence (.safetensors)",
+                            .mend = "make one: dcloth poses " + name + " -o " + stem + ".safetensors --model " +
+                                    converter::PathText(options.model) + "; for a character of its own: dcloth dress"});
+  }
 }
 
 int Run(const Options& options) {
@@ -145,6 +195,7 @@ int Run(const Options& options) {
                             .expected = ".safetensors, .pc2, .mdd or .html",
                             .mend = "name the output accordingly"});
   }
+  RefuseAnimation(options);
   const converter::OpenModel model = OpenModelFile(options.model);
   const uint32_t stages = options.stages.empty() ? model.info().stages : ParseStages(options.stages);
   const converter::Sequence sequence = converter::ReadSequence(options.sequence);
@@ -154,8 +205,8 @@ int Run(const Options& options) {
   const size_t n = model.info().vertex_count;
   std::optional<converter::PreparedFile> mesh;
   if (!options.mesh.empty()) {
-    const auto first = std::span(result.positions).first(n * 3);
-    const std::string text = ObjText(model.info().name, first, model.triangles());
+    const converter::ModelGeometry geometry = converter::GeometryOf(model.bytes());
+    const std::string text = ObjText(model.info().name, geometry.template_positions, model.triangles());
     mesh.emplace(options.mesh, std::as_bytes(std::span(text)));
   }
   if (extension == ".pc2") {
@@ -163,7 +214,7 @@ int Run(const Options& options) {
   } else if (extension == ".mdd") {
     WriteMdd(options.output, result.positions, result.frame_count, n, fps);
   } else if (extension == ".html") {
-    WritePage(options, model, PoseTrack(sequence, sequence.joint_names), fps, result);
+    WritePage(options, model, sequence, fps, result);
   } else {
     converter::WriteRunOutput(options.output, {.garment = model.info().name,
                                                .fps = fps,
@@ -188,7 +239,7 @@ void AddRun(CLI::App& app, int& exit_code) {
   command->add_option("-o,--output", options->output, "OUT.safetensors, OUT.pc2, OUT.mdd or OUT.html")->required();
   command->add_option(
       "--mesh", options->mesh,
-      "also write the garment's mesh (.obj) in the first frame, for tools that apply a point cache to a mesh");
+      "also write the garment's mesh (.obj) in the bind pose, for tools that apply a point cache to a mesh");
   command
       ->add_option("--fps", options->fps,
                    "drawn frames per second. Default: the model's tick rate. Frames are drawn as in a game: up to one "

@@ -96,7 +96,7 @@ def test_auto_says_what_it_chose_and_why(dcloth, files, tmp_path):
         assert 0 < json.loads(checked.stdout)["auto"]["checked_mm"] <= bound
     else:
         refused(checked, "not calibrated on", code=1)
-    text = dcloth(*arguments).stdout
+    text = dcloth(*arguments, "--verbose").stdout
     for word in ("as int8 would make it", "the cheapest there is", "not checked on other motion"):
         assert word in text
     assert int8["auto"] is None
@@ -134,6 +134,8 @@ def test_models_may_stop_early(dcloth, files, tmp_path, drop, stages):
 
 def test_tables_for_people(dcloth, files, tmp_path):
     text = dcloth("convert", files.bundle, "-o", tmp_path / "m", "--precision", "int8").stdout
+    assert len(text.splitlines()) <= 5 and "basis" in text and "i8" not in text
+    text = dcloth("convert", files.bundle, "-o", tmp_path / "m", "--precision", "int8", "--verbose").stdout
     assert "basis" in text and "i8" in text
     assert "MB" in text and "per instance" in text
     text = dcloth("inspect", files.model).stdout
@@ -151,7 +153,8 @@ def test_report_ranks_tensors_by_what_they_cost(dcloth, files, tmp_path):
     small_garment.write_bundle(bundle, changes={"mesh.mlp.0.weight": 1000 * hidden,
                                                 "mesh.mlp.2.weight": (shrink * coefficients).astype("float32"),
                                                 "mesh.basis": (basis / (1000 * shrink)).astype("float32")})
-    result = dcloth("convert", bundle, "-o", out, "--precision", "fp16", "--calibrate", files.walk, "--report", report)
+    result = dcloth("convert", bundle, "-o", out, "--precision", "fp16", "--calibrate", files.walk, "--report", report,
+                    "--verbose")
     assert result.returncode == 0, result.stderr
     said = json.loads(report.read_text())
     named = {t["name"]: t for t in said["tensors"]}
@@ -190,7 +193,8 @@ def test_a_model_without_its_last_stages(dcloth, files, tmp_path):
 
 
 def test_without_motion_millimetres_are_not_invented(dcloth, files, tmp_path):
-    result = dcloth("convert", files.bundle, "-o", tmp_path / "m", "--precision", "int8", "--report", tmp_path / "r")
+    result = dcloth("convert", files.bundle, "-o", tmp_path / "m", "--precision", "int8", "--report", tmp_path / "r",
+                    "--verbose")
     assert "not measured" in result.stdout and "--motion" in result.stdout
     said = json.loads((tmp_path / "r").read_text())
     assert said["ranking"] is None and all(t["cost_mm"] is None for t in said["tensors"])

@@ -109,11 +109,16 @@ def test_map_and_model(dcloth, importing, files, tmp_path):
                "thigh_r": "RightUpLeg", "shin_r": "RightLeg"}
     (tmp_path / "map.json").write_text(json.dumps(mapping))
     out = tmp_path / "s.safetensors"
-    matrices, names, _ = poses(dcloth, out, "walker.glb", "--model", files.model, "--map", tmp_path / "map.json")
+    matrices, names, _ = poses(dcloth, out, "walker.glb", "--model", files.model, "--map", tmp_path / "map.json",
+                               "--unit", "1.1")    # as tall as the garment's figure
     assert set(small_garment.FEATURES) <= set(names) <= set(small_garment.JOINTS) and len(matrices) == 20
-    alone, bones, _ = poses(dcloth, tmp_path / "a.safetensors", "walker.glb")
+    alone, bones, _ = poses(dcloth, tmp_path / "a.safetensors", "walker.glb", "--unit", "1.1")
     for joint in names:
-        assert np.array_equal(matrices[:, names.index(joint)], alone[:, bones.index(mapping[joint])]), joint
+        assert np.array_equal(matrices[:, names.index(joint), :3, 3], alone[:, bones.index(mapping[joint]), :3, 3]), joint
+    # The bundle asks for no more than its model, and both tell how the joints' axes lie.
+    same, asked, _ = poses(dcloth, tmp_path / "b.safetensors", "walker.glb", "--model", files.bundle, "--map",
+                           tmp_path / "map.json", "--unit", "1.1")
+    assert asked == names and np.abs(same - matrices).max() < 1e-6
     assert dcloth("run", files.model, out, "-o", tmp_path / "p.safetensors").returncode == 0
 
 
@@ -157,7 +162,7 @@ def test_what_is_no_animation(dcloth, importing, tmp_path):
     out = tmp_path / "s.safetensors"
     (tmp_path / "a.obj").write_text("v 0 0 0\n")
     (tmp_path / "empty.glb").write_bytes(b"")
-    refused(dcloth("poses", tmp_path / "a.obj", "-o", out), ".glb, .gltf, .fbx or .bvh")
+    refused(dcloth("poses", tmp_path / "a.obj", "-o", out), ".glb, .gltf, .vrm, .fbx or .bvh")
     refused(dcloth("poses", tmp_path / "empty.glb", "-o", out), "empty.glb")
     refused(dcloth("poses", tmp_path / "none.fbx", "-o", out), "none.fbx")
     refused(dcloth("body", DATA / "walker.bvh", "-o", out), "no skinned surface")

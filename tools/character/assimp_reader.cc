@@ -29,13 +29,13 @@ std::string Lower(std::string text) {
 
 std::string FormatOf(const std::filesystem::path& path) {
   const std::string extension = Lower(path.extension().string());
-  if (extension == ".glb" || extension == ".gltf") return "glTF";
+  if (extension == ".glb" || extension == ".gltf" || extension == ".vrm") return "glTF";
   if (extension == ".fbx") return "FBX";
   if (extension == ".bvh") return "BVH";
   throw converter::Error({.path = path,
                           .tensor = {},
                           .found = "a name ending '" + extension + "'",
-                          .expected = ".glb, .gltf, .fbx or .bvh",
+                          .expected = ".glb, .gltf, .vrm, .fbx or .bvh",
                           .mend = "export the character as glTF, FBX or BVH"});
 }
 
@@ -232,7 +232,18 @@ CharacterFile AssimpReader::Read(bool meshes) {
 
 CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   const std::string format = FormatOf(path);
-  CheckGlbLengths(path, converter::ReadFile(path, uint64_t{1} << 30));  // their errors say more than assimp's
+  const converter::AlignedBytes bytes = converter::ReadFile(path, uint64_t{1} << 30);
+  CheckGlbLengths(path, bytes);  // their errors say more than assimp's
+  const GltfFacts facts = format == "glTF" ? ReadGltfFacts(bytes) : GltfFacts{};
+  for (const std::string& name : facts.required) {
+    if (name != "KHR_draco_mesh_compression" && name != "EXT_meshopt_compression") continue;
+    throw converter::Error({.path = path,
+                            .tensor = {},
+                            .found = "a mesh compressed with " + name,
+                            .expected = "a glTF file without compression",
+                            .mend = "export it without, or take it out: npx @gltf-transform/cli copy IN.glb OUT.glb"});
+  }
+  const bool vrm = Lower(path.extension().string()) == ".vrm";
   MemoryLimit limit;
   Assimp::Importer importer;
   importer.SetIOHandler(new FolderFileSystem(path.parent_path(), &limit));  // the importer owns it
@@ -241,9 +252,15 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_LIGHTS, false);
   // BVH: no made-up mesh that shows the bones.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
+  // Pivots are multiplied into the keys: kept apart, nodes without curves of their own lose pre-rotation and place.
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_PRESERVE_PIVOTS, false);
   // Animation curves that never change still place their joint.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_OPTIMIZE_EMPTY_ANIMATION_CURVES, false);
-  const aiScene* const scene = importer.ReadFile(path.string(), meshes ? unsigned{aiProcess_Triangulate} : 0);
+  const unsigned steps = meshes ? unsigned{aiProcess_Triangulate} : 0;
+  if (vrm) limit.Allow(bytes.size());
+  // assimp goes by a file's ending; VRM is binary glTF, whole in one file.
+  const aiScene* const scene = vrm ? importer.ReadFileFromMemory(bytes.data(), bytes.size(), steps, "glb")
+                                   : importer.ReadFile(path.string(), steps);
   limit.Lift();
   if (scene == nullptr) {
     const std::string reason = importer.GetErrorString();
@@ -256,7 +273,9 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
                             .expected = "a sound " + format + " file",
                             .mend = "export it again"});
   }
-  return AssimpReader(*scene, format, path).Read(meshes);
+  CharacterFile file = AssimpReader(*scene, format, path).Read(meshes);
+  file.roles = facts.roles;
+  return file;
 }
 
 }  // namespace dcloth::tools

@@ -56,13 +56,14 @@ struct CharacterFile {
   std::vector<CharacterNode> nodes;
   std::vector<CharacterClip> clips;
   std::vector<SkinnedMesh> meshes;
-  std::optional<double> metres_per_unit;  // where the file says so
-  Eigen::Matrix3d upright;                // the file's axes to +Y up, +Z front
+  std::vector<std::pair<std::string, uint32_t>> roles;  // node, DCLOTH_ROLE_*: where the file says so (VRM)
+  std::optional<double> metres_per_unit;                // where the file says so
+  Eigen::Matrix3d upright;                              // the file's axes to +Y up, +Z front
 };
 
-// Reads .gltf, .glb, .fbx or .bvh; other files are opened only where the first one names them and only in its folder.
-// What comes back is checked: finite numbers, keys in order, counts, depth, names. `meshes` false leaves meshes out.
-// Throws converter::Error; also in a build without assimp.
+// Reads .gltf, .glb, .vrm, .fbx or .bvh; other files are opened only where the first one names them and only in its
+// folder. What comes back is checked: finite numbers, keys in order, counts, depth, names. `meshes` false leaves meshes
+// out. Throws converter::Error; also in a build without assimp.
 CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes);
 
 }  // namespace dcloth::tools

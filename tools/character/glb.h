@@ -3,14 +3,26 @@
 #define DCLOTH_TOOLS_CHARACTER_GLB_H_
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <span>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace dcloth::tools {
 
 // Throws converter::Error where `bytes` begin like a binary glTF file and a length in them is more than the file holds.
 // Looks at nothing else; other files pass.
 void CheckGlbLengths(const std::filesystem::path& path, std::span<const std::byte> bytes);
+
+// What binary or plain glTF says beyond what assimp hands on. Empty for what is no glTF or no JSON: assimp tells more
+// of it.
+struct GltfFacts {
+  std::vector<std::pair<std::string, uint32_t>> roles;  // node's name, DCLOTH_ROLE_*: VRM 0 and 1
+  std::vector<std::string> required;                    // extensions without which the file cannot be read
+};
+GltfFacts ReadGltfFacts(std::span<const std::byte> bytes);
 
 }  // namespace dcloth::tools
 

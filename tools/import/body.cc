@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "converter/error.h"
 #include "converter/safetensors.h"
@@ -10,6 +11,7 @@
 #include "tools/import/in_child.h"
 #include "tools/import/space_options.h"
 #include "tools/path_check.h"
+#include "tools/progress.h"
 
 namespace dcloth::tools {
 namespace {
@@ -33,10 +35,13 @@ int WriteBody(const Options& options) {
   files.Writes("-o", options.output);
   files.Check();
   if (const auto code = InChild(options.character)) return *code;
+  std::optional<Progress> reading(std::in_place, "reading " + converter::PathText(options.character));
+  reading->Step(0, 1);
   const JointMap map = options.map.empty() ? JointMap{} : ReadJointMap(options.map);
   const CharacterFile file = ReadCharacter(options.character, true);
   const Skeleton skeleton = SkeletonOf(file, map, {}, options.space);
   const SkinnedBody body = SkinnedBodyOf(file, options.meshes, skeleton);
+  reading.reset();
   using converter::SafeType;
   const uint64_t b = body.positions.size() / 3, joint_count = skeleton.nodes.size();
   const std::array<converter::SafeTensor, 4> tensors = {{

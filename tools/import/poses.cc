@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "converter/error.h"
 #include "converter/safetensors.h"
@@ -13,6 +14,7 @@
 #include "tools/import/target.h"
 #include "tools/number_check.h"
 #include "tools/path_check.h"
+#include "tools/progress.h"
 
 namespace dcloth::tools {
 namespace {
@@ -56,6 +58,8 @@ int Poses(const Options& options) {
   files.Writes("-o", options.output);
   files.Check();
   if (const auto code = InChild(options.animation)) return *code;
+  std::optional<Progress> reading(std::in_place, "reading " + converter::PathText(options.animation));
+  reading->Step(0, 1);
   const Target target = options.model.empty() ? Target{} : ReadTarget(options.model);
   const JointMap map = options.map.empty() ? JointMap{} : ReadJointMap(options.map);
   const CharacterFile file = ReadCharacter(options.animation, false);
@@ -64,6 +68,7 @@ int Poses(const Options& options) {
   const Retarget retarget(file, skeleton, target.bind);
   const double fps = options.fps > 0 ? options.fps : target.tick_rate > 0 ? target.tick_rate : kDefaultRate;
   const ClipMatrices matrices = SampleClip(file, clip, skeleton, retarget, fps);
+  reading.reset();
   const std::array<converter::SafeTensor, 1> tensors = {{{"joint_matrices",
                                                           converter::SafeType::kF32,
                                                           {matrices.frame_count, skeleton.nodes.size(), 4, 4},

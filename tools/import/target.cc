@@ -3,6 +3,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "converter/assemble.h"
+#include "converter/bundle.h"
 #include "converter/bundle_metadata.h"
 #include "converter/error.h"
 #include "converter/safetensors.h"
@@ -16,6 +18,17 @@ Target ReadTarget(const std::filesystem::path& path) {
     const converter::OpenModel model = OpenModelFile(path);
     target.joint_names = model.joint_names();
     target.tick_rate = TickRate(model);
+    for (uint32_t j = 0; j < model.info().joint_count; ++j) {
+      Eigen::Matrix<float, 4, 4, Eigen::RowMajor> bind;
+      if (dcloth_model_joint_bind(model.model(), j, bind.data()) != DCLOTH_OK) {
+        throw converter::Error({.path = path,
+                                .tensor = {},
+                                .found = "no bind matrix for joint '" + target.joint_names[j] + "'",
+                                .expected = "invertible bind matrices",
+                                .mend = "convert the bundle again"});
+      }
+      target.bind.emplace_back(bind.cast<double>());
+    }
     return target;
   }
   const converter::SafeFile file = converter::SafeFile::Read(path);
@@ -42,7 +55,15 @@ Target ReadTarget(const std::filesystem::path& path) {
                               .mend = {}});
     }
   }
-  return target;
+  if (!bundle) return target;
+  // Of a bundle only the joints that its models read.
+  Target read;
+  read.tick_rate = target.tick_rate;
+  for (const uint32_t joint : converter::FoldBundle(converter::ReadBundle(path), 8, 8).joints.joints) {
+    read.joint_names.push_back(target.joint_names[joint]);
+    read.bind.push_back(target.bind[joint]);
+  }
+  return read;
 }
 
 }  // namespace dcloth::tools

@@ -72,7 +72,7 @@ enum {
   DCLOTH_FIT_PROPORTIONS = 2,  /* a bone is shorter than 0.75 or longer than 1.33 of the scaled figure's */
   DCLOTH_FIT_STANCE = 4,       /* a limb stands more than 60 degrees (arm) or 25 (leg) from the figure's */
   DCLOTH_FIT_GIRTH = 8,        /* waist or hips are under 0.8 or over 1.25 of the scaled figure's */
-  DCLOTH_FIT_GAP = 16,         /* parts that lie on the figure's skin are over 15 mm off this one on average */
+  DCLOTH_FIT_GAP = 16,         /* its closest parts are over 15 mm further from the skin than on the figure */
   DCLOTH_FIT_PENETRATION = 32, /* skin stands more than 5 mm out of the garment somewhere */
   DCLOTH_FIT_FACING = 64       /* no toes, no skin of the feet: a swap of left and right would not be noticed */
 };
@@ -85,7 +85,7 @@ typedef struct dcloth_fit {
   float bone_scale;           /* by bones alone: legs and trunk over the figure's */
   float waist_ratio;          /* radius of the waist over that of the figure at bone_scale; 0 without a body */
   float hips_ratio;           /* the same of the hips */
-  float gap_mm;               /* mean distance to the skin, at rest, where the garment lies on the figure's; 0 without a body */
+  float gap_mm;               /* mean distance to the skin at rest of the parts closest to it; 0 without a body */
   float penetration_mm;       /* how far skin stands out of the garment at rest at the worst vertex; 0 without a body */
   float penetrating_share;    /* of vertices near the skin, with skin more than 1 mm outside of them */
   float stance_degrees;       /* largest turn of a limb between the figure's bind pose and the character's */

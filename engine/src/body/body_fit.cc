@@ -19,7 +19,7 @@ constexpr double kBeside = 0.013;      // between a vertex's normal and a sample
 constexpr double kSampleStep = 0.012;  // between samples of a triangle
 constexpr int kMostSteps = 64;         // along an edge of a triangle
 constexpr double kClothReach = 0.04, kClothBeside = 0.010;
-constexpr double kOnSkin = 0.010;      // cloth this near to the figure's skin lies on it
+constexpr double kOnSkin = 0.010;      // over what is closest to the figure's skin; counts as lying on it
 constexpr double kFollows = 0.08;      // distance at which cloth follows the skin by half
 constexpr double kClothSearch = 0.25;  // further from the skin cloth stays
 constexpr uint32_t kCells = 4096;
@@ -392,7 +392,11 @@ void MeasureGarment(const kernels::KernelTable& kernels, const ModelView& model,
   Space space = fit.space;
   space.metres_per_unit /= scale;
   RaiseAll(character, space, memory.joint_regions, memory.garment, memory.cells, kClothReach, kClothBeside);
-  double gap = 0, on_skin = 0, near = 0, under = 0, deepest = 0;
+  double gap = 0, figure_gap = 0, on_skin = 0, near = 0, under = 0, deepest = 0;
+  float nearest = 1;
+  for (size_t g = 0; g < model.vertex_count; ++g) {
+    if (memory.sums[g] < nearest) nearest = memory.sums[g] < 0 ? 0 : memory.sums[g];
+  }
   for (size_t g = 0; g < model.vertex_count; ++g) {
     const auto height = static_cast<double>(memory.garment.heights[g]);
     if (memory.garment.heights[g] > kNoHeight) {
@@ -400,14 +404,15 @@ void MeasureGarment(const kernels::KernelTable& kernels, const ModelView& model,
       under += height > 0.001 / scale ? 1 : 0;
       deepest = height > deepest ? height : deepest;
     }
-    if (memory.sums[g] > static_cast<float>(kOnSkin)) continue;
+    if (memory.sums[g] > nearest + static_cast<float>(kOnSkin)) continue;
     on_skin += 1;
+    figure_gap += memory.sums[g] < 0 ? 0 : static_cast<double>(memory.sums[g]);
     gap += memory.garment.heights[g] == kNoHeight ? kClothReach : height < 0 ? -height : 0;
   }
   report->gap_mm = on_skin != 0 ? static_cast<float>(1000 * scale * gap / on_skin) : 0;
   report->penetration_mm = static_cast<float>(1000 * scale * deepest);
   report->penetrating_share = near != 0 ? static_cast<float>(under / near) : 0;
-  if (report->gap_mm > 15) report->warnings |= DCLOTH_FIT_GAP;
+  if (1000 * scale * (gap - figure_gap) > 15 * on_skin) report->warnings |= DCLOTH_FIT_GAP;
   if (report->penetration_mm > 5) report->warnings |= DCLOTH_FIT_PENETRATION;
 }
 

@@ -1,0 +1,148 @@
+"""dress: a garment on a character that it was not made for; what it writes, what it says, what it refuses."""
+import json
+import re
+import shutil
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import small_garment
+from checks import leftovers, refused
+
+DATA = Path(__file__).parent / "data"
+WALKER = DATA / "walker.glb"
+
+
+@pytest.fixture(scope="module")
+def importing(dcloth, tmp_path_factory):
+    """Skips where the command was built without assimp, and says so."""
+    result = dcloth("body", WALKER, "-o", tmp_path_factory.mktemp("probe") / "b.safetensors")
+    if "built without assimp" in result.stderr:
+        pytest.skip("dcloth was built without assimp: dressing characters is not tested")
+
+
+@pytest.fixture(scope="module")
+def dressed(importing, dcloth, files, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dressed")
+    result = dcloth("dress", WALKER, "--garment", files.model, "-o", folder / "out.html", "-o", folder / "out.glb", "-o",
+                    folder / "out.dcloth-fit", "--json")
+    assert result.returncode == 0, result.stderr
+    return folder, json.loads(result.stdout)
+
+
+def read_glb(path):
+    """-> the document, a function that reads an accessor as [count, width]."""
+    data = path.read_bytes()
+    magic, version, size = struct.unpack_from("<4sII", data)
+    assert magic == b"glTF" and version == 2 and size == len(data)
+    length = struct.unpack_from("<I", data, 12)[0]
+    document = json.loads(data[20:20 + length])
+    binary = data[20 + length + 8:]
+    assert len(binary) == document["buffers"][0]["byteLength"]
+
+    def accessor(index):
+        a = document["accessors"][index]
+        view = document["bufferViews"][a["bufferView"]]
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[a["type"]]
+        kind = {5123: "<u2", 5125: "<u4", 5126: "<f4"}[a["componentType"]]
+        values = np.frombuffer(binary, kind, a["count"] * width, view["byteOffset"]).reshape(-1, width)
+        assert view["byteOffset"] % 4 == 0 and np.isfinite(values).all()
+        if "min" in a:
+            assert np.array_equal(values.min(0), np.array(a["min"], values.dtype)), "bounds that readers trust"
+        return values
+    return document, accessor
+
+
+def test_says_how_it_fits(dressed):
+    folder, report = dressed
+    assert report == json.loads((folder / "out.dcloth-fit").read_text())
+    assert report["joints"] == {"hips": "Hips", "spine": "Chest", "left upper leg": "LeftUpLeg",
+                                "left lower leg": "LeftLeg", "right upper leg": "RightUpLeg", "right lower leg": "RightLeg"}
+    fit = report["fit"]
+    assert 0.3 < fit["scale"] < 3 and fit["penetration_mm"] >= 0 and fit["gap_mm"] >= 0
+    assert "facing" in fit["warnings"], "the walker has no toes"
+    assert report["clips"] == [{"name": "Walk", "frames": 20}]
+
+
+def test_the_page_holds_body_and_cloth(dressed):
+    folder, _ = dressed
+    page = (folder / "out.html").read_text()
+    data = json.loads(re.search(r'id="report-data">(.*?)</script>', page, re.DOTALL)[1])
+    assert data["vertex_count"] == small_garment.VERTICES
+    assert data["body"]["count"] > 50 and data["sequences"][0]["frames"] == 20
+    assert page.count('id="blob-') > 6
+
+
+def test_the_gltf_moves_body_and_cloth(dressed):
+    folder, report = dressed
+    document, accessor = read_glb(folder / "out.glb")
+    body, garment = document["meshes"]
+    assert [mesh["name"] for mesh in document["meshes"]] == ["body", "garment"]
+    positions = accessor(garment["primitives"][0]["attributes"]["POSITION"])
+    targets = [accessor(t["POSITION"]) for t in garment["primitives"][0]["targets"]]
+    assert len(positions) == small_garment.VERTICES and len(targets) == report["clips"][0]["frames"] - 1
+    weights = accessor(document["animations"][0]["samplers"][-1]["output"]).reshape(len(targets) + 1, len(targets))
+    assert np.array_equal(weights[1:], np.eye(len(targets))) and not weights[0].any()
+    assert accessor(body["primitives"][0]["indices"]).max() < len(accessor(body["primitives"][0]["attributes"]["POSITION"]))
+
+    # The skirt stays around the hips of the body that moves.
+    nodes = {node.get("name"): i for i, node in enumerate(document["nodes"])}
+    animation = document["animations"][0]
+    ways = {c["target"]["node"]: accessor(animation["samplers"][c["sampler"]]["output"])
+            for c in animation["channels"] if c["target"]["path"] == "translation"}
+    for frame, target in enumerate([np.zeros_like(positions), *targets]):
+        waist = (positions + target)[:small_garment.COLUMNS].mean(0)
+        assert np.linalg.norm(waist - ways[nodes["Hips"]][frame]) < 0.2
+
+
+def test_vrm_is_gltf(dressed, dcloth, files, tmp_path):
+    _, report = dressed
+    shutil.copy(WALKER, tmp_path / "walker.vrm")
+    result = dcloth("dress", tmp_path / "walker.vrm", "--garment", files.model, "-o", tmp_path / "o.dcloth-fit", "--json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["fit"] == report["fit"]
+
+
+def test_animation_of_another_file(dressed, dcloth, files, tmp_path):
+    """The walker's own clip out of its FBX file, whose axes are others."""
+    folder, _ = dressed
+    result = dcloth("dress", WALKER, "--garment", files.model, "--animation", "Walk", "-o", tmp_path / "own.glb")
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / "own.glb").read_bytes() == (folder / "out.glb").read_bytes()
+    result = dcloth("dress", WALKER, "--garment", files.model, "--animation", DATA / "walker.fbx", "-o", tmp_path / "o.glb")
+    assert result.returncode == 0, result.stderr
+    (own, read_own), (other, read_other) = read_glb(tmp_path / "own.glb"), read_glb(tmp_path / "o.glb")
+    for document, read in ((own, read_own), (other, read_other)):
+        primitive = document["meshes"][1]["primitives"][0]
+        first = read(primitive["attributes"]["POSITION"])
+        document["frames"] = np.array([first, *(first + read(target["POSITION"]) for target in primitive["targets"])])
+    frames = min(len(own["frames"]), len(other["frames"]))
+    assert frames >= 19
+    apart = np.linalg.norm(own["frames"][:frames] - other["frames"][:frames], axis=-1)
+    assert apart.mean() < 0.01, "the skirt moves as with the character's own clip, to a frame's rounding"
+
+
+def test_map_names_parts(importing, dcloth, files, tmp_path):
+    out = tmp_path / "o.dcloth-fit"
+    names = tmp_path / "map.json"
+
+    def dress(map_):
+        names.write_text(json.dumps(map_))
+        return dcloth("dress", WALKER, "--garment", files.model, "--map", names, "-o", out, "--json")
+
+    result = dress({"left upper leg": "LeftUpLeg", "Hips": "Hips"})
+    assert result.returncode == 0, result.stderr
+    refused(dress({"left upper leg": "LeftUpLag"}), "no node 'LeftUpLag'", "closest are 'LeftUpLeg'")
+    refused(dress({"left wing": "LeftUpLeg"}), "'left wing'", "roles")
+    refused(dress({"left upper leg": "RightUpLeg", "right upper leg": "LeftUpLeg"}), "to the right of", "swapped")
+
+
+def test_refuses_what_it_cannot_do(importing, dcloth, files, tmp_path):
+    before = {path.name for path in tmp_path.iterdir()}
+    refused(dcloth("dress", WALKER, "--garment", "cape", "-o", tmp_path / "o.html"), "no garment of that name", "cape.dcloth")
+    refused(dcloth("dress", WALKER, "--garment", files.model, "-o", tmp_path / "o.obj"), ".html, .glb or .dcloth-fit")
+    refused(dcloth("dress", WALKER, "--garment", files.model, "-o", tmp_path / "o.html", "--animation", "Fly"), "'Walk'")
+    refused(dcloth("dress", DATA / "walker.bvh", "--garment", files.model, "-o", tmp_path / "o.html", "--up", "y"))
+    assert not leftovers(tmp_path, before)

@@ -1,0 +1,56 @@
+// A character of a file as the engine fits a garment to it, and its poses in clips of this file and of others.
+#ifndef DCLOTH_TOOLS_CHARACTER_HERO_H_
+#define DCLOTH_TOOLS_CHARACTER_HERO_H_
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "dcloth/dcloth_fit.h"
+#include "tools/character/character_space.h"
+#include "tools/character/joint_map.h"
+
+namespace dcloth::tools {
+
+// Metres, +Y up. Joints are the skin's bones and what a map names; without a skin all nodes.
+struct Hero {
+  std::vector<std::string> joints;
+  std::vector<size_t> nodes;    // of the file, [joints]
+  std::vector<uint32_t> roles;  // DCLOTH_ROLE_*, of a map or of VRM's own list; NONE: by name
+  std::vector<float> bind;      // [joints, 16] rows contiguous
+  CharacterSpace space;
+  Eigen::Matrix4d from_bind = Eigen::Matrix4d::Identity();  // from the space of the skin's bind pose to the nodes'
+  std::vector<Eigen::Matrix4d> rest;                        // all nodes in the bind pose, [nodes of the file]
+  // The skin of all meshes; four joints a vertex, those with the largest weights, rows of sum 1.
+  std::vector<float> positions;      // [b, 3] world, bind pose
+  std::vector<uint32_t> influences;  // [b, 4]
+  std::vector<float> weights;        // [b, 4]
+  std::vector<uint32_t> triangles;   // [c, 3]
+};
+
+// Keys of `map` are joints of the garment or names of roles ("Hips", "left upper leg"). Throws converter::Error.
+Hero ReadHero(const CharacterFile& file, const JointMap& map, const SpaceOptions& options);
+
+// The parts of dcloth_character, which lead into the hero and into `names`.
+dcloth_character CharacterOf(const Hero& hero, std::vector<const char*>* names);
+
+struct HeroClip {
+  std::string name;
+  double fps = 0;
+  size_t frames = 0;
+  std::vector<float> matrices;  // [frames, joints, 16] joint to world, rows contiguous, metres
+};
+
+// A clip of `source`, which may be the hero's own file or another with a skeleton of the same names or roles. Of
+// another file the turns of joints are taken from joint to joint and the way of the hips, times the ratio of their
+// heights; lengths stay the hero's. Throws converter::Error where the two have no joints in common.
+HeroClip SampleHero(const CharacterFile& file, const Hero& hero, const CharacterFile& source, const CharacterClip& clip,
+                    double fps);
+
+// One pose of `frames` frames: the bind pose.
+HeroClip StandStill(const Hero& hero, double fps, size_t frames);
+
+}  // namespace dcloth::tools
+
+#endif  // DCLOTH_TOOLS_CHARACTER_HERO_H_

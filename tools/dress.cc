@@ -1,0 +1,386 @@
+// `dcloth dress`: a garment on any character, looked at in a page or carried on as glTF.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "converter/error.h"
+#include "converter/file.h"
+#include "dcloth/dcloth_fit.h"
+#include "tools/character/hero.h"
+#include "tools/commands.h"
+#include "tools/garment.h"
+#include "tools/glb_scene.h"
+#include "tools/html_report.h"
+#include "tools/import/in_child.h"
+#include "tools/import/space_options.h"
+#include "tools/number_check.h"
+#include "tools/path_check.h"
+#include "tools/playback.h"
+#include "tools/progress.h"
+#include "tools/report_scene.h"
+
+namespace dcloth::tools {
+namespace {
+
+constexpr size_t kSettleTicks = 30;  // in a clip's first pose, before its first frame
+constexpr size_t kStandingSeconds = 3;
+constexpr size_t kMostGlbFrames = 600;  // one morph target each
+
+struct Options {
+  std::filesystem::path hero, map;
+  std::vector<std::filesystem::path> outputs;
+  std::string garment;
+  std::vector<std::string> animations;
+  SpaceOptions space;
+  bool json = false;
+};
+
+struct Fitted {
+  dcloth_fit fit{};
+  converter::AlignedBytes storage;  // what the cloth uses from now on
+};
+
+struct Played {
+  HeroClip clip;
+  std::vector<float> garment;  // [frames, n, 3]
+};
+
+Fitted FitGarment(const Options& options, const Hero& hero, const converter::OpenModel& model) {
+  Fitted fitted;
+  std::vector<const char*> names;
+  const dcloth_character character = CharacterOf(hero, &names);
+  fitted.storage.resize(dcloth_fit_storage_size(model.model(), &character));
+  fitted.fit.struct_size = sizeof(fitted.fit);
+  dcloth_error error{};
+  error.struct_size = sizeof(error);
+  if (dcloth_cloth_fit(model.cloth(), &character, fitted.storage.data(), fitted.storage.size(), &fitted.fit, &error) !=
+      DCLOTH_OK) {
+    const auto part = [&](uint16_t at, uint16_t size) { return std::string(error.text + at, size); };
+    const bool joints = error.status == DCLOTH_ERROR_JOINTS;
+    std::string mend = part(error.mend_at, error.mend_size);
+    if (joints) {
+      mend =
+          "name them in a file, {\"left upper leg\": \"node of the file\", ...}, and give it with --map; the file's "
+          "joints are";
+      for (size_t j = 0; j < std::min<size_t>(hero.joints.size(), 80); ++j) mend += " '" + hero.joints[j] + "'";
+    }
+    throw converter::Error({.path = options.hero,
+                            .tensor = {},
+                            .found = part(error.found_at, error.found_size),
+                            .expected = part(error.allowed_at, error.allowed_size),
+                            .mend = mend});
+  }
+  return fitted;
+}
+
+const CharacterClip& FindClip(const CharacterFile& file, const std::string& wanted) {
+  std::string held;
+  for (size_t i = 0; i < file.clips.size(); ++i) {
+    if (file.clips[i].name == wanted || std::to_string(i) == wanted) return file.clips[i];
+    held += (i == 0 ? "'" : ", '") + file.clips[i].name + "'";
+  }
+  throw converter::Error({.path = file.path,
+                          .tensor = {},
+                          .found = "no clip '" + wanted + "' among " + (held.empty() ? "none" : held),
+                          .expected = "a clip of the file by name or number",
+                          .mend = "give --animation NAME, or a file of its own: --animation walk.fbx"});
+}
+
+// "walk.fbx", "clips.glb#Run" or the name or number of a clip of the hero's.
+HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, const Hero& hero, double fps) {
+  std::filesystem::path path = animation;
+  std::string clip;
+  std::error_code failed;
+  if (!std::filesystem::is_regular_file(path, failed)) {
+    const size_t mark = animation.rfind('#');
+    if (mark != std::string::npos) {
+      path = animation.substr(0, mark);
+      clip = animation.substr(mark + 1);
+    }
+    if (!std::filesystem::is_regular_file(path, failed))
+      return SampleHero(file, hero, file, FindClip(file, animation), fps);
+  }
+  const CharacterFile source = ReadCharacter(path, false);
+  if (clip.empty() && source.clips.empty()) {
+    throw converter::Error({.path = path,
+                            .tensor = {},
+                            .found = "no animation",
+                            .expected = "a clip",
+                            .mend = "export it with its animation, baked to keys"});
+  }
+  const CharacterClip& chosen = clip.empty() ? source.clips.front() : FindClip(source, clip);
+  HeroClip sampled = SampleHero(file, hero, source, chosen, fps);
+  sampled.name = converter::PathText(path.stem()) + (source.clips.size() > 1 ? ", " + chosen.name : "");
+  return sampled;
+}
+
+std::vector<HeroClip> ReadClips(const Options& options, const CharacterFile& file, const Hero& hero, double fps) {
+  std::vector<HeroClip> clips;
+  for (const std::string& animation : options.animations) clips.push_back(ReadAnimation(animation, file, hero, fps));
+  if (clips.empty() && !file.clips.empty()) clips.push_back(SampleHero(file, hero, file, file.clips.front(), fps));
+  if (clips.empty()) clips.push_back(StandStill(hero, fps, static_cast<size_t>(fps * kStandingSeconds)));
+  return clips;
+}
+
+Played Play(const converter::OpenModel& model, HeroClip clip, const std::filesystem::path& source) {
+  Player player(model, model.info().stages, converter::PathText(source), DCLOTH_OUTPUT_OUTSIDE_BODY);
+  Played played;
+  const size_t pose_size = clip.matrices.size() / clip.frames;
+  const auto pose = [&](size_t f) { return std::span<const float>(clip.matrices).subspan(f * pose_size, pose_size); };
+  Progress progress("playing " + clip.name);
+  player.Reset();
+  for (size_t k = 0; k < kSettleTicks; ++k) player.Tick(pose(0));
+  for (size_t f = 0; f < clip.frames; ++f) {
+    player.Tick(pose(f));
+    player.Skin(pose(f), 1);
+    played.garment.insert(played.garment.end(), player.positions().begin(), player.positions().end());
+    progress.Step(f + 1, clip.frames);
+  }
+  played.clip = std::move(clip);
+  return played;
+}
+
+// G P^-1 of every joint and frame: what skins the body of the page.
+std::vector<float> SkinMatrices(const Hero& hero, const HeroClip& clip) {
+  using RowMajor = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
+  const size_t joints = hero.joints.size();
+  std::vector<Eigen::Matrix4d> inverse;
+  for (size_t j = 0; j < joints; ++j)
+    inverse.push_back(Eigen::Map<const RowMajor>(hero.bind.data() + 16 * j).cast<double>().inverse());
+  std::vector<float> out;
+  out.reserve(clip.frames * joints * 12);
+  for (size_t f = 0; f < clip.frames; ++f) {
+    for (size_t j = 0; j < joints; ++j) {
+      const Eigen::Matrix4d pose =
+          Eigen::Map<const RowMajor>(clip.matrices.data() + 16 * (f * joints + j)).cast<double>();
+      const RowMajor skin = (pose * inverse[j]).cast<float>();
+      out.insert(out.end(), skin.data(), skin.data() + 12);
+    }
+  }
+  return out;
+}
+
+Report PageOf(const Options& options, const converter::OpenModel& model, const Hero& hero, const dcloth_fit& fit,
+              std::span<const Played> clips) {
+  const size_t n = model.info().vertex_count, frame_size = 3 * n;
+  Report report;
+  report.title = std::string(model.info().name) + " on " + converter::PathText(options.hero.stem());
+  char line[200];
+  std::snprintf(line, sizeof line, "%.2f times the size it was trained at; %.1f mm from the skin where it lies closest",
+                static_cast<double>(fit.scale), static_cast<double>(fit.gap_mm));
+  report.subtitle = line;
+  report.facts = {std::string("dcloth ") + dcloth_version(), std::to_string(n) + " vertices",
+                  std::to_string(hero.joints.size()) + " joints"};
+  report.joint_count = hero.joints.size();
+  report.triangles.assign(model.triangles().begin(), model.triangles().end());
+  report.vertex_count = n;
+  if (!hero.positions.empty()) {
+    report.body = ReportBody{.positions = hero.positions,
+                             .faces = hero.triangles,
+                             .joints = {hero.influences.begin(), hero.influences.end()},
+                             .weights = hero.weights,
+                             .colours = {}};
+  }
+  for (const Played& played : clips) {
+    ReportSequence sequence;
+    sequence.name = played.clip.name;
+    sequence.fps = played.clip.fps;
+    Track track{.name = "cloth", .values = {}};
+    for (size_t f = 0; f < played.clip.frames; ++f) {
+      const auto positions = std::span(played.garment).subspan(f * frame_size, frame_size);
+      double center[3] = {0, 0, 0};
+      for (size_t i = 0; i < frame_size; ++i) center[i % 3] += positions[i] / static_cast<double>(n);
+      const std::array<float, 3> point = {static_cast<float>(center[0]), static_cast<float>(center[1]),
+                                          static_cast<float>(center[2])};
+      AppendOrigin(point, &sequence);
+      AppendFrame(positions, LastOrigin(sequence), &track);
+    }
+    sequence.joints = SkinMatrices(hero, played.clip);
+    sequence.tracks.push_back(std::move(track));
+    report.sequences.push_back(std::move(sequence));
+  }
+  if (!report.body) {
+    // Sticks are drawn between joints to world.
+    report.sticks.clear();
+    for (size_t s = 0; s < clips.size(); ++s) {
+      std::vector<float>& joints = report.sequences[s].joints;
+      joints.clear();
+      for (size_t m = 0; m < clips[s].clip.matrices.size(); m += 16)
+        joints.insert(joints.end(), clips[s].clip.matrices.begin() + static_cast<ptrdiff_t>(m),
+                      clips[s].clip.matrices.begin() + static_cast<ptrdiff_t>(m + 12));
+    }
+  }
+  return report;
+}
+
+GlbScene SceneOf(const Hero& hero, const converter::OpenModel& model, const Played& played) {
+  return {.name = played.clip.name,
+          .fps = played.clip.fps,
+          .frame_count = played.clip.frames,
+          .garment = played.garment,
+          .garment_triangles = model.triangles(),
+          .joints = hero.joints,
+          .bind = hero.bind,
+          .poses = played.clip.matrices,
+          .body = hero.positions,
+          .influences = hero.influences,
+          .weights = hero.weights,
+          .body_triangles = hero.triangles};
+}
+
+struct Warning {
+  uint32_t bit;
+  const char* name;
+  const char* text;
+};
+constexpr Warning kWarnings[] = {
+    {DCLOTH_FIT_STAND_IN, "stand_in",
+     "the skeleton lacks a joint that the garment knows; its neighbour moves that part"},
+    {DCLOTH_FIT_PROPORTIONS, "proportions", "a bone is shorter than 0.75 or longer than 1.33 of the scaled figure's"},
+    {DCLOTH_FIT_STANCE, "stance", "a limb of the bind pose stands far from the figure's T-pose"},
+    {DCLOTH_FIT_GIRTH, "girth", "waist or hips are under 0.8 or over 1.25 of the scaled figure's"},
+    {DCLOTH_FIT_GAP, "gap",
+     "where it lies closest, the garment is more than 15 mm further from the skin than in training"},
+    {DCLOTH_FIT_PENETRATION, "penetration", "skin stands more than 5 mm out of the garment somewhere, at rest"},
+    {DCLOTH_FIT_FACING, "facing", "no toes: a swap of left and right would not be noticed"},
+};
+
+Json FitJson(const Options& options, const converter::OpenModel& model, const Hero& hero, const dcloth_fit& fit,
+             std::span<const Played> clips) {
+  Json roles = Json::object(), ratios = Json::object(), warnings = Json::array(), played = Json::array();
+  for (uint32_t role = 1; dcloth_role_name(role) != nullptr; ++role) {
+    if (fit.joints[role] >= 0) roles[dcloth_role_name(role)] = hero.joints[static_cast<size_t>(fit.joints[role])];
+    if (fit.ratios[role] != 0) ratios[dcloth_role_name(role)] = fit.ratios[role];
+  }
+  for (const Warning& warning : kWarnings) {
+    if ((fit.warnings & warning.bit) != 0) warnings.push_back(warning.name);
+  }
+  for (const Played& clip : clips) played.push_back({{"name", clip.clip.name}, {"frames", clip.clip.frames}});
+  return {{"hero", converter::PathText(options.hero)},
+          {"garment", model.info().name},
+          {"joints", roles},
+          {"fit",
+           {{"scale", fit.scale},
+            {"bone_scale", fit.bone_scale},
+            {"waist_ratio", fit.waist_ratio},
+            {"hips_ratio", fit.hips_ratio},
+            {"gap_mm", fit.gap_mm},
+            {"penetration_mm", fit.penetration_mm},
+            {"penetrating_share", fit.penetrating_share},
+            {"stance_degrees", fit.stance_degrees},
+            {"stance_role", dcloth_role_name(fit.stance_role)},
+            {"bone_ratios", ratios},
+            {"warnings", warnings}}},
+          {"clips", played}};
+}
+
+void PrintFit(const converter::OpenModel& model, const Hero& hero, const dcloth_fit& fit) {
+  const auto number = [](float value) { return static_cast<double>(value); };
+  uint32_t found = 0;
+  for (uint32_t role = 1; dcloth_role_name(role) != nullptr; ++role) found += fit.joints[role] >= 0 ? 1 : 0;
+  std::printf("joints  %u of 22 parts of the body found by name among %zu joints\n", found, hero.joints.size());
+  std::printf("stance  bind pose within %.0f degrees of the garment's (%s)\n", number(fit.stance_degrees),
+              dcloth_role_name(fit.stance_role));
+  std::printf("size    %s drawn at %.3f times the size it was trained at (by bones %.3f)\n", model.info().name,
+              number(fit.scale), number(fit.bone_scale));
+  if (!hero.positions.empty()) {
+    if (fit.waist_ratio != 0 || fit.hips_ratio != 0) {
+      std::printf("girth   waist %.2f, hips %.2f of the figure's at the size by bones\n", number(fit.waist_ratio),
+                  number(fit.hips_ratio));
+    }
+    std::printf(
+        "at rest %.1f mm from the skin where it lies closest; skin at most %.1f mm out of it, at %.1f %% of vertices\n",
+        number(fit.gap_mm), number(fit.penetration_mm), 100 * number(fit.penetrating_share));
+  }
+  for (const Warning& warning : kWarnings) {
+    if ((fit.warnings & warning.bit) != 0) std::fprintf(stderr, "warning: %s\n", warning.text);
+  }
+}
+
+int Dress(const Options& options) {
+  CommandFiles files;
+  files.Reads("the character", options.hero);
+  files.Reads("the file of --map", options.map);
+  for (const std::filesystem::path& output : options.outputs) files.Writes("-o", output);
+  files.Check();
+  for (const std::filesystem::path& output : options.outputs) {
+    const std::string extension = output.extension().string();
+    if (extension == ".html" || extension == ".glb" || extension == ".dcloth-fit") continue;
+    throw converter::Error({.path = output,
+                            .tensor = {},
+                            .found = "output ending '" + extension + "'",
+                            .expected = ".html, .glb or .dcloth-fit",
+                            .mend = "name the output accordingly"});
+  }
+  if (const auto code = InChild(options.hero)) return *code;
+  const converter::OpenModel model = OpenGarment(options.garment);
+  const JointMap map = options.map.empty() ? JointMap{} : ReadJointMap(options.map);
+  std::optional<Progress> reading(std::in_place, "reading " + converter::PathText(options.hero));
+  reading->Step(0, 4);
+  const CharacterFile file = ReadCharacter(options.hero, true);
+  reading->Step(1, 4);
+  const Hero hero = ReadHero(file, map, options.space);
+  reading->Step(2, 4);
+  const Fitted fitted = FitGarment(options, hero, model);
+  reading->Step(3, 4);
+  std::vector<HeroClip> sampled = ReadClips(options, file, hero, TickRate(model));
+  reading.reset();
+  if (!options.json) PrintFit(model, hero, fitted.fit);
+  std::vector<Played> clips;
+  for (HeroClip& clip : sampled) clips.push_back(Play(model, std::move(clip), options.hero));
+  const Json json = FitJson(options, model, hero, fitted.fit, clips);
+  for (const std::filesystem::path& output : options.outputs) {
+    const std::string extension = output.extension().string();
+    if (extension == ".html") {
+      WriteHtmlReport(output, PageOf(options, model, hero, fitted.fit, clips));
+    } else if (extension == ".glb") {
+      if (clips.front().clip.frames > kMostGlbFrames) {
+        throw converter::Error({.path = output,
+                                .tensor = {},
+                                .found = std::to_string(clips.front().clip.frames) + " frames",
+                                .expected = "at most " + std::to_string(kMostGlbFrames) + ", one morph target each",
+                                .mend = "choose a shorter clip with --animation"});
+      }
+      const std::string bytes = GlbBytes(SceneOf(hero, model, clips.front()));
+      converter::WriteFileAtomically(output, std::as_bytes(std::span(bytes)));
+    } else {
+      const std::string text = DumpJson(json) + "\n";
+      converter::WriteFileAtomically(output, std::as_bytes(std::span(text)));
+    }
+    std::fprintf(stderr, "%s: %zu clip%s\n", converter::PathText(output).c_str(), clips.size(),
+                 clips.size() == 1 ? "" : "s");
+  }
+  if (options.json) PrintJson(json);
+  return kExitGood;
+}
+
+}  // namespace
+
+void AddDress(CLI::App& app, int& exit_code) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("dress", "Put a garment on a character (glTF, VRM, FBX) and show it");
+  command->add_option("HERO", options->hero, "a rigged character: .glb, .gltf, .vrm or .fbx")->required();
+  command->add_option("--garment", options->garment, "skirt, robe, a .dcloth model or a training bundle")->required();
+  command
+      ->add_option("--animation", options->animations,
+                   "a clip of the character's by name or number, or a file (CLIPS.glb#NAME chooses in it) with the\n"
+                   "character's skeleton; may be repeated. The first clip of the character when not given")
+      ->allow_extra_args(false);
+  command->add_option("--map", options->map, "JSON: {\"left upper leg\": \"node of the file\", ...}");
+  command
+      ->add_option(
+          "-o,--output", options->outputs,
+          "OUT.html: a page with the character in the garment; OUT.glb: the same as an animation (first clip);\n"
+          "OUT.dcloth-fit: what --json prints. May be repeated")
+      ->required()
+      ->allow_extra_args(false);
+  command->add_flag("--json", options->json, "print the fit as one JSON object");
+  AddSpaceOptions(command, &options->space);
+  command->callback([options, &exit_code] { exit_code = Dress(*options); });
+}
+
+}  // namespace dcloth::tools
