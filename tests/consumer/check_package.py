@@ -70,8 +70,10 @@ def check_pkg_config(prefix, work, model):
         sys.exit(f"error: pkg-config says version {version}, the library another one")
 
 
-def program_of(page):
+def program_of(page, begins=""):
+    """The one block of C on a page that begins so."""
     blocks = re.findall(r"^```c\n(.*?)^```$", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    blocks = [block for block in blocks if block.startswith(begins)]
     if len(blocks) != 1:
         sys.exit(f"error: {len(blocks)} programs in C on {page}, one is expected")
     return blocks[0]
@@ -90,7 +92,7 @@ def check_sketch(work, flags):
 def check_page(work, flags, model, environment):
     """The host that docs/integrate.md shows, as it stands there."""
     source, program = work / "game.c", work / "page"
-    source.write_text(program_of("docs/integrate.md"), encoding="utf-8")
+    source.write_text(program_of("docs/integrate.md", "#include"), encoding="utf-8")
     run(os.environ.get("CC", "cc"), *WARNINGS, source, "-o", program, *flags)
     said = run(program, model, env=environment)
     if not re.fullmatch(r".+ on \w+: \d+ vertices, the first at( -?\d+\.\d{3}){3}\n", said):
