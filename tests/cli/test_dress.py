@@ -26,8 +26,8 @@ def importing(dcloth, tmp_path_factory):
 @pytest.fixture(scope="module")
 def dressed(importing, dcloth, files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("dressed")
-    result = dcloth("dress", WALKER, "--garment", files.model, "-o", folder / "out.html", "-o", folder / "out.glb", "-o",
-                    folder / "out.dcloth-fit", "--json")
+    outputs = [part for name in ("out.html", "out.glb", "out.dcloth-fit") for part in ("-o", folder / name)]
+    result = dcloth("dress", WALKER, "--garment", files.model, *outputs, "--json")
     assert result.returncode == 0, result.stderr
     return folder, json.loads(result.stdout)
 
@@ -59,7 +59,8 @@ def test_says_how_it_fits(dressed):
     folder, report = dressed
     assert report == json.loads((folder / "out.dcloth-fit").read_text())
     assert report["joints"] == {"hips": "Hips", "spine": "Chest", "left upper leg": "LeftUpLeg",
-                                "left lower leg": "LeftLeg", "right upper leg": "RightUpLeg", "right lower leg": "RightLeg"}
+                                "left lower leg": "LeftLeg", "right upper leg": "RightUpLeg",
+                                "right lower leg": "RightLeg"}
     fit = report["fit"]
     assert 0.3 < fit["scale"] < 3 and fit["penetration_mm"] >= 0 and fit["gap_mm"] >= 0
     assert "facing" in fit["warnings"], "the walker has no toes"
@@ -85,7 +86,8 @@ def test_the_gltf_moves_body_and_cloth(dressed):
     assert len(positions) == small_garment.VERTICES and len(targets) == report["clips"][0]["frames"] - 1
     weights = accessor(document["animations"][0]["samplers"][-1]["output"]).reshape(len(targets) + 1, len(targets))
     assert np.array_equal(weights[1:], np.eye(len(targets))) and not weights[0].any()
-    assert accessor(body["primitives"][0]["indices"]).max() < len(accessor(body["primitives"][0]["attributes"]["POSITION"]))
+    skin = body["primitives"][0]
+    assert accessor(skin["indices"]).max() < len(accessor(skin["attributes"]["POSITION"]))
 
     # The skirt stays around the hips of the body that moves.
     nodes = {node.get("name"): i for i, node in enumerate(document["nodes"])}
@@ -100,7 +102,8 @@ def test_the_gltf_moves_body_and_cloth(dressed):
 def test_vrm_is_gltf(dressed, dcloth, files, tmp_path):
     _, report = dressed
     shutil.copy(WALKER, tmp_path / "walker.vrm")
-    result = dcloth("dress", tmp_path / "walker.vrm", "--garment", files.model, "-o", tmp_path / "o.dcloth-fit", "--json")
+    result = dcloth("dress", tmp_path / "walker.vrm", "--garment", files.model, "-o", tmp_path / "o.dcloth-fit",
+                    "--json")
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["fit"] == report["fit"]
 
@@ -111,7 +114,8 @@ def test_animation_of_another_file(dressed, dcloth, files, tmp_path):
     result = dcloth("dress", WALKER, "--garment", files.model, "--animation", "Walk", "-o", tmp_path / "own.glb")
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "own.glb").read_bytes() == (folder / "out.glb").read_bytes()
-    result = dcloth("dress", WALKER, "--garment", files.model, "--animation", DATA / "walker.fbx", "-o", tmp_path / "o.glb")
+    result = dcloth("dress", WALKER, "--garment", files.model, "--animation", DATA / "walker.fbx",
+                    "-o", tmp_path / "o.glb")
     assert result.returncode == 0, result.stderr
     (own, read_own), (other, read_other) = read_glb(tmp_path / "own.glb"), read_glb(tmp_path / "o.glb")
     for document, read in ((own, read_own), (other, read_other)):
@@ -141,8 +145,10 @@ def test_map_names_parts(importing, dcloth, files, tmp_path):
 
 def test_refuses_what_it_cannot_do(importing, dcloth, files, tmp_path):
     before = {path.name for path in tmp_path.iterdir()}
-    refused(dcloth("dress", WALKER, "--garment", "cape", "-o", tmp_path / "o.html"), "no garment of that name", "cape.dcloth")
+    refused(dcloth("dress", WALKER, "--garment", "cape", "-o", tmp_path / "o.html"),
+            "no garment of that name", "cape.dcloth")
     refused(dcloth("dress", WALKER, "--garment", files.model, "-o", tmp_path / "o.obj"), ".html, .glb or .dcloth-fit")
-    refused(dcloth("dress", WALKER, "--garment", files.model, "-o", tmp_path / "o.html", "--animation", "Fly"), "'Walk'")
+    refused(dcloth("dress", WALKER, "--garment", files.model, "-o", tmp_path / "o.html", "--animation", "Fly"),
+            "'Walk'")
     refused(dcloth("dress", DATA / "walker.bvh", "--garment", files.model, "-o", tmp_path / "o.html", "--up", "y"))
     assert not leftovers(tmp_path, before)

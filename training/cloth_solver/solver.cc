@@ -7,7 +7,7 @@ namespace cloth_solver {
 namespace {
 
 constexpr int kEvery = 4;            // steps between updates of normals and smoothed velocities
-constexpr int kLayersEvery = 3;      // steps between searches for layers that meet
+constexpr int kLayersEvery = 3;      // steps from one look at whether to search for layers that meet to the next
 constexpr float kOpposed = -0.3f;    // cosine between two ways out, below which they oppose each other
 constexpr float kBodyReach = 0.02f;  // m beyond what body and cloth travel in a frame
 
@@ -164,8 +164,8 @@ void Solver::UpdateVelocities() {
   }
 }
 
-// Contacts move a vertex out of the body, take its approach velocity away and, by Coulomb's law, as much of its sliding as
-// friction allows. The way out is no velocity of the cloth: where thigh and trunk both push, it would be flung away.
+// Contacts move a vertex out of the body, take its approach velocity away and, by Coulomb's law, as much of its sliding
+// as friction allows. The way out is no velocity of the cloth: where thigh and trunk both push, it would be flung away.
 void Solver::PushOut() {
   for (int32_t p = 0; p < body_.parts(); ++p) {
     const std::vector<int32_t>& candidates = body_.candidates(p);

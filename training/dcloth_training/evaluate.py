@@ -4,8 +4,8 @@
 
 Levels: rigid hips (the template fixed to the hips), plain skinning with the nearest-point weights, stage 1, stages 1-2,
 stages 1-3. Recorded and scripted clips are two tables. With -o writes PREFIX.json ({clip: {"truth": measures, level:
-measures}}; metrics.py says what each measure means), PREFIX.txt and PREFIX.png. Penetration and crossings are counted on
-every fifth frame, by exact tests; --quick leaves them out.
+measures}}; metrics.py says what each measure means), PREFIX.txt and PREFIX.png. Penetration and crossings are counted
+on every fifth frame, by exact tests; --quick leaves them out.
 """
 import argparse
 import dataclasses
@@ -160,7 +160,7 @@ def figures(measures):
 
 
 def table(results):
-    """Text, recorded and scripted clips apart: a row a clip with E_d and E_n of each level, then every measure a level."""
+    """Text, recorded and scripted clips apart: a row a clip with E_d and E_n of each level, then all measures."""
     lines = []
     for source, rows in by_source(results):
         names = level_names(next(iter(rows.values())))

@@ -1,11 +1,14 @@
 """Cloth in motion, the simulation beside the network: an animated picture (WebP).
 
     python3 -m dcloth_training.film SEQUENCE=RUN ... -o OUT.webp [--title TEXT ...]
+        --bundle BUNDLE
 
-SEQUENCE: joint matrices and truth of a clip on the figure. RUN: what `dcloth run MODEL SEQUENCE -o RUN.safetensors` wrote.
-GARMENT (--bundle) gives the triangles. Clips follow each other; --title names each.
+SEQUENCE: joint matrices and truth of a clip on the figure. RUN: what `dcloth run MODEL SEQUENCE -o RUN.safetensors`
+wrote.
+BUNDLE: the garment's triangles. Clips follow each other; --title names each. The file appears whole or not at all.
 """
 import argparse
+import os
 import sys
 
 import numpy as np
@@ -49,10 +52,11 @@ def clip(pair, cloth_faces, title, yaw, frames):
         body = skeleton.skin(skin.vertices, skin.weights, skeleton.bind_matrices(), matrices[None])[0]
         hips = matrices[skeleton.INDEX["Hips"], :3, 3]
         centre = np.array([hips[0], render.MIDDLE + 0.06, hips[2]])
-        row = Image.fromarray(np.concatenate([panel(body, (at, colours), faces, cloth[frame].astype(np.float64), cloth_faces,
-                                                    centre, yaw) for cloth in (item.truth, ours)], 1))
+        halves = [panel(body, (at, colours), faces, cloth[frame].astype(np.float64), cloth_faces, centre, yaw)
+                  for cloth in (item.truth, ours)]
+        row = Image.fromarray(np.concatenate(halves, 1))
         draw = ImageDraw.Draw(row)
-        for x, text in ((10, f"{title}simulated"), (WIDTH + 10, "dcloth, int8")):
+        for x, text in ((10, f"{title}simulated"), (WIDTH + 10, "dcloth")):
             draw.text((x, HEIGHT - 22), text, CAPTION, picture_file.font(13))
         pictures.append(row)
     return pictures
@@ -64,10 +68,19 @@ def arguments(argv=None):
     parser.add_argument("--bundle", required=True, help="training bundle of the garment")
     parser.add_argument("-o", "--out", required=True)
     parser.add_argument("--title", action="append", default=[], help="of each clip, in order")
-    parser.add_argument("--frames", action="append", default=[], help="FIRST:LAST of each clip, in order; all when not given")
+    parser.add_argument("--frames", action="append", default=[],
+                        help="FIRST:LAST of each clip, in order; all when not given")
     parser.add_argument("--yaw", type=float, default=0.6, help="camera, radians from the front")
     parser.add_argument("--quality", type=int, default=55, help="of the picture, 1 to 100")
     return parser.parse_args(argv)
+
+
+def _frames(text):
+    """slice of "FIRST:LAST", either left out; "" takes all."""
+    first, _, last = text.partition(":")
+    if not all(end == "" or end.isdigit() for end in (first, last)):
+        raise ValueError(f"--frames '{text}': expected FIRST:LAST, such as 20:120")
+    return slice(int(first or 0), int(last) if last else None)
 
 
 def write(options):
@@ -76,10 +89,13 @@ def write(options):
     pictures = []
     for k, pair in enumerate(options.clips):
         title = options.title[k] + ", " if k < len(options.title) else ""
-        first, _, last = (options.frames[k] if k < len(options.frames) else "").partition(":")
-        pictures += clip(pair, faces, title, options.yaw, slice(int(first or 0), int(last) if last else None))
-    pictures[0].save(options.out, save_all=True, append_images=pictures[1:], duration=round(1000 * EVERY / skeleton.FPS),
-                     loop=0, quality=options.quality, method=6)
+        taken = clip(pair, faces, title, options.yaw, _frames(options.frames[k] if k < len(options.frames) else ""))
+        if not taken:
+            raise ValueError(f"{pair}: --frames '{options.frames[k]}' takes none of its frames")
+        pictures += taken
+    pictures[0].save(options.out + ".part", "WEBP", save_all=True, append_images=pictures[1:], loop=0,
+                     duration=round(1000 * EVERY / skeleton.FPS), quality=options.quality, method=6)
+    os.replace(options.out + ".part", options.out)
 
 
 def main(argv=None):

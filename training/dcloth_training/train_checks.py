@@ -19,7 +19,7 @@ def ranges(options, refuse):
 def device(options, refuse):
     """refuse(text) of a device that PyTorch does not find here."""
     if options.device == "cuda" and not torch.cuda.is_available():
-        refuse(f"--device cuda: PyTorch {torch.__version__} finds no CUDA GPU here; install its CUDA build and a driver, or "
+        refuse(f"--device cuda: PyTorch {torch.__version__} finds no CUDA GPU; install its CUDA build and a driver, or "
                "use --device cpu")
 
 

@@ -15,8 +15,8 @@ def files(tmp_path, monkeypatch):
     monkeypatch.setattr(film, "WIDTH", 60)
     motion = skeleton.rest_motion(FRAMES)
     cloth = np.array([[-0.3, 0.6, 0.3], [0.3, 0.6, 0.3], [0, 1.0, 0.3]])[None].repeat(FRAMES, 0).astype(np.float32)
-    sequence.write(tmp_path / "clip.safetensors", sequence.Sequence(skeleton.joint_matrices(motion), cloth, skeleton.NAMES,
-                                                                    30.0, "a/b", "dynamic"))
+    clip = sequence.Sequence(skeleton.joint_matrices(motion), cloth, skeleton.NAMES, 30.0, "a/b", "dynamic")
+    sequence.write(tmp_path / "clip.safetensors", clip)
     safetensors_io.write(tmp_path / "run.safetensors", {"positions": cloth + np.float32([0, -0.3, 0])}, {})
     safetensors_io.write(tmp_path / "bundle.safetensors", {"template.faces": np.array([[0, 1, 2]], np.int32)}, {})
     return tmp_path
@@ -32,6 +32,14 @@ def test_both_halves_are_drawn_for_every_second_frame(files):
     left, right = np.split(np.asarray(cloth[0]).astype(int), 2, axis=1)
     red = [(half[..., 0] - half[..., 1] > 60).nonzero()[0].mean() for half in (left, right)]
     assert red[1] - red[0] == pytest.approx(0.3 / film.SPAN * 72, abs=2)   # the network's hangs 30 cm lower
+
+
+@pytest.mark.parametrize("frames, words", [("8:", "takes none"), ("a:b", "FIRST:LAST")])
+def test_frames_that_are_not_there_are_refused(files, capsys, frames, words):
+    pair = f"{files}/clip.safetensors={files}/run.safetensors"
+    command = [pair, "--bundle", f"{files}/bundle.safetensors", "-o", f"{files}/out.webp", "--frames", frames]
+    assert film.main(command) != 0
+    assert words in capsys.readouterr().err and not (files / "out.webp").exists()
 
 
 def test_positions_of_another_clip_are_refused(files, capsys):

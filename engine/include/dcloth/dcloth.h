@@ -281,8 +281,8 @@ typedef struct dcloth_timer {
   uint64_t (*now)(void* context);    /* the host's clock, in any unit; called between steps. Null: no timing */
   void* context;                     /* given to `now` and `piece` */
   uint64_t elapsed[DCLOTH_TIMER_STEPS]; /* by DCLOTH_STEP_*; added to, never reset */
-  /* Called after every piece of a step with its name ("mesh layers", static) and its time; or null. A piece that runs in
-   * portions is reported several times. Since 0.2 */
+  /* Called after every piece of a step with its name ("mesh layers", static) and its time; or null. A piece that runs
+   * in portions is reported several times. Since 0.2 */
   void (*piece)(void* context, const char* name, uint64_t elapsed);
 } dcloth_timer;
 

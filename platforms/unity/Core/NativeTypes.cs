@@ -3,7 +3,7 @@ using System.Runtime.InteropServices;
 
 namespace DCloth
 {
-    // Fields are those of dcloth.h and dcloth_scene.h, which say what they mean. All are blittable: what C# holds is what C reads.
+    // Fields are those of dcloth.h and dcloth_scene.h, which explain them. All are blittable: C reads what C# holds.
 
     /// <summary>Opaque; only pointers to it exist.</summary>
     [StructLayout(LayoutKind.Sequential)]

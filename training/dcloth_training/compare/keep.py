@@ -44,7 +44,7 @@ def settings(scene):
     for value in (net.static.template, net.static.initial_weights, *scene.standardise.buffers()):
         statistics.update(value.float().contiguous().numpy().tobytes())
     options = {k: v for k, v in vars(scene.options).items()
-               if k not in ("data", "more_data", "out", "export", "threads", "device", "held_out")}    # "data" below tells
+               if k not in ("data", "more_data", "out", "export", "threads", "device", "held_out")}   # see "data"
     training = [os.path.join(scene.data, "character.safetensors"),
                 *dataset.find(scene.data, "static"),
                 *dataset.find(scene.data, "dynamic", scene.held_out),
@@ -85,7 +85,8 @@ def measure(scene, row, model, record):
         found = model.predict(scene.pose(item, path)).double().numpy()
         hips = reference.matrices_for(item, scene.rig, path)[:, scene.rig.hips]
         done[name] = {"file": stamp, **metrics.clip(found, metrics.Truth(item.truth, hips, mesh))}
-        scene.log(f"{row.title}: {name} {done[name]['position_mm']['mean']:.2f} mm of {done[name]['alive_mm']:.2f} alive, "
+        scene.log(f"{row.title}: {name} {done[name]['position_mm']['mean']:.2f} mm "
+                  f"of {done[name]['alive_mm']:.2f} alive, "
                   f"{done[name]['normal_deg']['mean']:.2f} deg")
 
 

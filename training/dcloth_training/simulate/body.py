@@ -8,7 +8,8 @@ import numpy as np
 
 # Limbs are two parts each: cloth in the hollow of a bent knee or elbow is held between both.
 PARTS = (("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head", "LeftShoulder", "RightShoulder"),
-         ("LeftUpLeg",), ("LeftLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg",), ("RightLeg", "RightFoot", "RightToeBase"),
+         ("LeftUpLeg",), ("LeftLeg", "LeftFoot", "LeftToeBase"),
+         ("RightUpLeg",), ("RightLeg", "RightFoot", "RightToeBase"),
          ("LeftArm",), ("LeftForeArm", "LeftHand"), ("RightArm",), ("RightForeArm", "RightHand"))
 LIMB = (0, 1, 1, 2, 2, 3, 3, 4, 4)      # which parts are one limb
 TRUNK, LEFT_LEG, RIGHT_LEG, LEFT_ARM, RIGHT_ARM = (sum(1 << p for p, of in enumerate(LIMB) if of == limb)

@@ -17,7 +17,7 @@ MAX_TORN_SHARE = 0.0           # of the frames
 MAX_THROUGH_SHARE = 0.10       # of the frames: cloth pinched in the groin or behind a knee for some frames of a run
 TORN = 4.0                     # an edge stretched so far hangs on both sides of a limb that went through the cloth
 THROUGH = 0.010                # m: cloth so deep under the body is seen to cross it,
-THROUGH_PAIRS = 60             # and so is a limb in a loop of these crossing pairs: a wrist, 17 cm about, in a mesh of 1 cm
+THROUGH_PAIRS = 60             # and so is a limb in a loop of these pairs: a wrist, 17 cm about, in a mesh of 1 cm
 TANGLED = 10                   # crossing pairs of cloth triangles in a frame from which on cloth counts as tangled
 
 
@@ -56,8 +56,8 @@ class Referee:
     def clip(self, cloth, matrices, frames):
         """Numbers of `frames` of cloth [T, n, 3] m in the poses [T, J, 4, 4]; 30 ms a frame, 100 where cloth crosses.
 
-        Shares are of frames: crossed (any cloth triangle crosses the body), through (10 mm deep somewhere, or 60 pairs),
-        tangled (10 pairs of cloth triangles and more), torn. Crossings are pairs a frame.
+        Shares are of frames: crossed (any cloth triangle crosses the body), through (10 mm deep somewhere, or 60
+        pairs), tangled (10 pairs of cloth triangles and more), torn. Crossings are pairs a frame.
         """
         frames = np.asarray(frames)
         strains, depths, own, against = [], [], [], []

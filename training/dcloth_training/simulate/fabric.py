@@ -2,9 +2,9 @@
 
     python3 -m dcloth_training.simulate.fabric [--garment skirt|robe] [--json]
 
-Coupons have the mean spacing of the garment's own mesh, as the fabric must not depend on it. Exit code 1: a number left the
-range of its fabric. Ranges: handbooks of textile testing give such figures for suiting and shirting; ASTM D1388 and BS 5058
-describe the tests.
+Coupons have the mean spacing of the garment's own mesh, as the fabric must not depend on it. Exit code 1: a number left
+the range of its fabric. Ranges: handbooks of textile testing give such figures for suiting and shirting; ASTM D1388 and
+BS 5058 describe the tests.
 """
 import argparse
 import json
@@ -148,8 +148,8 @@ def self_weight_strain(worn):
 
 # What laboratories measure of such cloth (least, most); a garment's settings must lie within.
 RANGES = {
-    "wool": {"peirce_overhang_cm": (4, 6), "cusick_percent": (45, 70), "cusick_folds": (5, 8), "weight_g_m2": (180, 280),
-             "self_weight_strain": (0, 0.03), "droop_deg": (45, np.inf), "drag_ratio": (5, np.inf)},
+    "wool": {"peirce_overhang_cm": (4, 6), "cusick_percent": (45, 70), "cusick_folds": (5, 8),
+             "weight_g_m2": (180, 280), "self_weight_strain": (0, 0.03), "droop_deg": (45, np.inf), "drag_ratio": (5, np.inf)},
     "cotton": {"peirce_overhang_cm": (3.5, 5), "cusick_percent": (50, 75), "cusick_folds": (5, 7),
                "weight_g_m2": (100, 150), "self_weight_strain": (0, 0.03), "droop_deg": (60, np.inf),
                "drag_ratio": (5, np.inf)},
@@ -158,7 +158,7 @@ SEEDS = 3       # meshes that a coupon's figures are the mean (folds: the median
 
 
 def measure(name, worn=None):
-    """All tests of garment `name` with the settings of the truth -> {field: number, "fabric", "garment"}. 40 s a garment.
+    """All tests of garment `name` with the settings of the truth -> {field: number, "fabric", "garment"}. 40 s each.
 
     worn: the garment as it hangs, simulated when None."""
     if worn is None:
@@ -198,7 +198,8 @@ def main(argv=None):
                 least, most = RANGES[numbers["fabric"]].get(field, (None, None))
                 print(f"{field:20} {value}" + (f"   ({least:g} to {most:g})" if least is not None else ""))
         for field, value, least, most in missed:
-            print(f"fabric: {field} is {value}; {numbers['fabric']} lies between {least:g} and {most:g}", file=sys.stderr)
+            print(f"fabric: {field} is {value}; {numbers['fabric']} lies between {least:g} and {most:g}",
+                  file=sys.stderr)
     return command.ended("fabric", work) or int(bool(missed))
 
 

@@ -106,6 +106,8 @@ def skirt(figure, **changes):
         return np.array([corner(radius, t) for t in np.linspace(first, last, count + 1)])
 
     outer = inner + length
+    if cut["pleats"] < 2 or cut["pleats"] % 2:
+        raise ValueError(f"{cut['pleats']} pleats; allowed: 2, 4, 6 and so on, as folds and seams are pressed as well")
     lines = cut["pleats"] // 2         # of a quarter, the one on its seam included
     fold, hem = side(0.0, inner, outer), round_(outer, 0.0, quarter, lines)
     seam, waist = side(quarter, outer, inner), round_(inner, quarter, 0.0)

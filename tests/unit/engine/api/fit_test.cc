@@ -14,6 +14,7 @@
 #include "engine/src/pose/affine.h"
 #include "tests/unit/engine/allocation_trap.h"
 #include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/engine/joint_matrices.h"
 #include "tests/unit/engine/test_body.h"
 
 namespace dcloth::testing {
@@ -45,17 +46,6 @@ std::vector<NamedJoint> Figure() {
                                  {name + "ToeBase", {side * 0.095, 0.025, 0.12}}});
   }
   return joints;
-}
-
-Affine At(const std::vector<float>& matrices, size_t joint) {
-  Affine a;
-  for (size_t i = 0; i < 12; ++i) a.m[i / 4][i % 4] = static_cast<double>(matrices[16 * joint + i]);
-  return a;
-}
-
-void Put(const Affine& a, std::vector<float>* matrices) {
-  for (size_t i = 0; i < 12; ++i) matrices->push_back(static_cast<float>(a.m[i / 4][i % 4]));
-  matrices->insert(matrices->end(), {0, 0, 0, 1});
 }
 
 // About an axis of the world, 0 to 2, through a place.
@@ -111,22 +101,7 @@ class FitTest : public ::testing::Test {
   }
   std::vector<float> Pose(int frame) const { return PoseAt(model_.numbers, frame / 45.0); }
 
-  // B_j: the model's inverses are rigid.
-  std::vector<float> Training() const {
-    std::vector<float> bind;
-    for (size_t j = 0; j < joints(); ++j) {
-      const double* inverse = &model_.numbers.inverse_bind[12 * j];
-      Affine b = {};
-      for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) {
-          b.m[r][c] = inverse[4 * c + r];
-          b.m[r][3] -= inverse[4 * c + r] * inverse[4 * c + 3];
-        }
-      }
-      Put(b, &bind);
-    }
-    return bind;
-  }
+  std::vector<float> Training() const { return BindMatrices(model_.numbers, joints()); }
 
   // A rig as a host has it. Empty names: roles are told.
   struct Host {

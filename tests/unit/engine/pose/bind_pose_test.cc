@@ -7,6 +7,7 @@
 
 #include "engine/src/pose/affine.h"
 #include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/engine/joint_matrices.h"
 
 namespace dcloth::testing {
 namespace {
@@ -17,17 +18,6 @@ constexpr uint32_t kAll = DCLOTH_STAGES_MESH;
 constexpr float kFrame = 1 / 45.0f;
 // Matrices are floats: 2^-24 of what they hold, some metres and scales of ten, in a pose and in the bind pose.
 constexpr float kRounding = 2e-5f;
-
-Affine At(const std::vector<float>& matrices, size_t joint) {
-  Affine a;
-  for (size_t i = 0; i < 12; ++i) a.m[i / 4][i % 4] = static_cast<double>(matrices[16 * joint + i]);
-  return a;
-}
-
-void Put(const Affine& a, std::vector<float>* matrices) {
-  for (size_t i = 0; i < 12; ++i) matrices->push_back(static_cast<float>(a.m[i / 4][i % 4]));
-  matrices->insert(matrices->end(), {0, 0, 0, 1});
-}
 
 // Axes from a random quaternion, a scale for each of them, a place up to 30 cm away.
 Affine RandomFrame(std::mt19937* random, double least_scale, double largest_scale) {
@@ -67,22 +57,7 @@ class BindPoseTest : public ::testing::Test {
     return rig;
   }
 
-  // B_j: the model's inverses are rigid.
-  std::vector<float> Training() const {
-    std::vector<float> bind;
-    for (size_t j = 0; j < joints(); ++j) {
-      const double* inverse = &model_.numbers.inverse_bind[12 * j];
-      Affine b = {};
-      for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c) {
-          b.m[r][c] = inverse[4 * c + r];
-          b.m[r][3] -= inverse[4 * c + r] * inverse[4 * c + 3];
-        }
-      }
-      Put(b, &bind);
-    }
-    return bind;
-  }
+  std::vector<float> Training() const { return BindMatrices(model_.numbers, joints()); }
 
   static dcloth_status SetBindPose(OwnedCloth* cloth, const std::vector<float>& matrices,
                                    dcloth_error* error = nullptr) {
