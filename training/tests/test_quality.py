@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dcloth_training import safetensors_io, sequence
-from dcloth_training.simulate import clips, quality, quality_clip, quality_text
+from dcloth_training.simulate import checks, clips, quality, quality_clip, quality_text
 
 
 @pytest.fixture
@@ -206,6 +206,30 @@ def test_floor_is_shown_beside_the_clip(data, tmp_path):
     assert "2.50 (1)" in line and line.rstrip(" |").endswith(f"{2.5 / row['alive_mm']:.1%}")
 
 
+def sink(clip, frames):
+    """Flattens the cloth of some frames to a tenth of its depth, so that it lies inside the body."""
+    some = slice(7, 7 + frames)
+    hips = clip.joint_matrices[some, 0]
+    local = np.einsum("tji,tnj->tni", hips[:, :3, :3], clip.truth[some] - hips[:, None, :3, 3])
+    local[..., 2] *= 0.1
+    clip.truth[some] = np.einsum("tij,tnj->tni", hips[:, :3, :3], local) + hips[:, None, :3, 3]
+
+
+def test_cloth_inside_the_body_in_a_tenth_of_the_frames_is_kept(data, tmp_path):
+    path, manifest = data / "dynamic" / "mocap-walk.safetensors", data / "manifest.jsonl"
+    clip = sequence.read(str(path))
+    before = hashlib.sha256(path.read_bytes()).hexdigest()
+    frames = int(checks.MAX_THROUGH_SHARE * len(clip.truth))
+    sink(clip, frames)
+    sequence.write(str(path), clip)
+    manifest.write_text(manifest.read_text().replace(before, hashlib.sha256(path.read_bytes()).hexdigest()))
+    status, found = run(data, tmp_path / "report", "--pictures", "0")
+    assert frames > 0
+    walk = by_name(found)["mocap/walk"]
+    assert status == 0 and walk["fault"] is None
+    assert walk["through_share"] == pytest.approx(frames / len(clip.truth), abs=1e-4)
+
+
 @pytest.mark.parametrize("seeded,expected", [
     ("swapped", "not the one the manifest"), ("unlisted", "not in the manifest"),
     ("stretched", "stretch_p99 is"), ("torn", "torn_share is"), ("sunken", "through_share is")])
@@ -220,11 +244,8 @@ def test_a_seeded_fault_is_found(data, tmp_path, capsys, seeded, expected):
         clip.truth[5:, :] *= 2.0
     if seeded == "torn":
         clip.truth[7, 0] += 1.0
-    if seeded == "sunken":      # the front through the body and out at its back
-        hips = clip.joint_matrices[7:9, 0]
-        local = np.einsum("tji,tnj->tni", hips[:, :3, :3], clip.truth[7:9] - hips[:, None, :3, 3])
-        local[..., 2] *= 0.1
-        clip.truth[7:9] = np.einsum("tij,tnj->tni", hips[:, :3, :3], local) + hips[:, None, :3, 3]
+    if seeded == "sunken":      # one frame more than a clip may have
+        sink(clip, int(checks.MAX_THROUGH_SHARE * len(clip.truth)) + 1)
     sequence.write(str(path), clip)
     if seeded != "swapped":
         entry["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
