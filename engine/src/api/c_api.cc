@@ -107,9 +107,11 @@ bool ReadFrame(const dcloth_frame& given, const ModelView& model, dcloth_frame* 
   return true;
 }
 
-// Of what a fit has decided.
-bool RefuseFitted(const char* what, Diagnostic* diagnostic) {
-  return Refuse(what, nullptr, "a cloth that dcloth_cloth_fit has fitted", "one that is not fitted", diagnostic);
+// A fit has decided what the call would change.
+bool RefuseFitted(Diagnostic* diagnostic) {
+  const Path path = {nullptr, "cloth"};
+  return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, "a cloth that dcloth_cloth_fit has fitted",
+                          "one that is not fitted", "make this call before dcloth_cloth_fit");
 }
 
 }  // namespace
@@ -243,7 +245,7 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
     return diagnostic.status();
   }
   if (ClothOf(cloth)->fitted) {
-    RefuseFitted("names", &diagnostic);
+    RefuseFitted(&diagnostic);
     return diagnostic.status();
   }
   dcloth::engine::HostRig& rig = ClothOf(cloth)->rig;
@@ -256,19 +258,15 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
 dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error) {
   const FloatEnvironment environment;
   Diagnostic diagnostic(error);
-  if (cloth != nullptr && ClothOf(cloth)->fitted) {
-    RefuseFitted("space", &diagnostic);
-    return diagnostic.status();
+  dcloth_space described;
+  if (cloth == nullptr) {
+    Refuse("cloth", nullptr, "a null pointer", "a cloth", &diagnostic);
+  } else if (ClothOf(cloth)->fitted) {
+    RefuseFitted(&diagnostic);
+  } else if (Read(space, "space", &described, &diagnostic)) {
+    dcloth::engine::MakeSpace(described, &ClothOf(cloth)->rig.space, &diagnostic);
   }
-  if (cloth == nullptr || !dcloth::engine::IsWhole(space) ||
-      !dcloth::engine::MakeSpace(dcloth::engine::ReadStruct(*space), &ClothOf(cloth)->rig.space)) {
-    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "no such space",
-                    "struct_size set, left, up and forward along three different axes, metres_per_unit from 0.0001 to "
-                    "1000, joint_frames 0 or 1",
-                    "");
-    return diagnostic.status();
-  }
-  return DCLOTH_OK;
+  return diagnostic.status();
 }
 
 dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose* bind, dcloth_error* error) {
@@ -278,7 +276,7 @@ dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose*
   if (cloth == nullptr) {
     Refuse("cloth", nullptr, "a null pointer", "a cloth", &diagnostic);
   } else if (ClothOf(cloth)->fitted) {
-    RefuseFitted("bind", &diagnostic);
+    RefuseFitted(&diagnostic);
   } else if (ReadPose(bind, &pose, &diagnostic)) {
     dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, pose, &ClothOf(cloth)->rig, &diagnostic);
   }

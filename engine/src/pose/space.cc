@@ -2,19 +2,43 @@
 
 namespace dcloth::engine {
 
-bool MakeSpace(const dcloth_space& described, Space* space) {
+namespace {
+
+bool Refuse(const char* field, const char* found, const char* allowed, format::Diagnostic* diagnostic) {
+  const format::Path parent = {nullptr, "space"}, path = {&parent, field};
+  return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, found, allowed, "");
+}
+
+bool RefuseNumber(const char* field, uint32_t found, const char* allowed, format::Diagnostic* diagnostic) {
+  char number[16];
+  format::Text(number, sizeof(number)).Add(uint64_t{found});
+  return Refuse(field, number, allowed, diagnostic);
+}
+
+}  // namespace
+
+bool MakeSpace(const dcloth_space& described, Space* space, format::Diagnostic* diagnostic) {
   constexpr float kSmallest = 1e-4f, kLargest = 1e3f;
-  if (!(described.metres_per_unit >= kSmallest && described.metres_per_unit <= kLargest)) return false;
+  static constexpr const char* kNames[3] = {"left", "up", "forward"};
+  static constexpr const char* kTaken[2] = {"the axis of left", "the axis of up"};
   const uint32_t axes[3] = {described.left, described.up, described.forward};
   Space made;
-  uint32_t seen = 0;
   for (int i = 0; i < 3; ++i) {
-    if (axes[i] > DCLOTH_AXIS_MINUS_Z) return false;
+    if (axes[i] > DCLOTH_AXIS_MINUS_Z) return RefuseNumber(kNames[i], axes[i], "DCLOTH_AXIS_*", diagnostic);
     made.axis[i] = static_cast<uint8_t>(axes[i] / 2);
     made.sign[i] = axes[i] % 2 != 0 ? -1 : 1;
-    seen |= 1u << made.axis[i];
+    for (int other = 0; other < i; ++other) {
+      if (made.axis[i] == made.axis[other])
+        return Refuse(kNames[i], kTaken[other], "left, up and forward along three different axes", diagnostic);
+    }
   }
-  if (seen != 7 || described.joint_frames > DCLOTH_JOINT_FRAMES_KEPT) return false;
+  if (!(described.metres_per_unit >= kSmallest && described.metres_per_unit <= kLargest)) {
+    char number[32];
+    format::Text(number, sizeof(number)).AddNumber(static_cast<double>(described.metres_per_unit));
+    return Refuse("metres_per_unit", number, "0.0001 to 1000", diagnostic);
+  }
+  if (described.joint_frames > DCLOTH_JOINT_FRAMES_KEPT)
+    return RefuseNumber("joint_frames", described.joint_frames, "DCLOTH_JOINT_FRAMES_*", diagnostic);
   made.metres_per_unit = static_cast<double>(described.metres_per_unit);
   made.converts_joints = described.joint_frames == DCLOTH_JOINT_FRAMES_CONVERTED;
   // The sign of the permutation times the signs of the axes: -1 for a left-handed host.

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "dcloth/dcloth.h"
+#include "engine/format/diagnostic.h"
 #include "engine/src/pose/affine.h"
 
 namespace dcloth::engine {
@@ -20,8 +21,9 @@ struct Space {
   bool mirrored = false;        // left-handed: triangles' cross products point inwards
 };
 
-// False where the axes are no permutation or the unit is no normal positive number.
-bool MakeSpace(const dcloth_space& described, Space* space);
+// False, with the field that is wrong, where two axes are the same or a number is none of those allowed; then `space`
+// stays.
+bool MakeSpace(const dcloth_space& described, Space* space, format::Diagnostic* diagnostic);
 
 // A joint's matrix as the host gives it, in the model's space. Exact but for the unit.
 Affine FromHost(const Space& space, const Affine& host);

@@ -494,9 +494,15 @@ TEST_F(FitTest, RefusesBrokenCalls) {
   const dcloth_space space = {sizeof(space), DCLOTH_AXIS_X, DCLOTH_AXIS_Y, DCLOTH_AXIS_Z, 1, 0};
   const char* name = "Hips";
   const dcloth_pose bind = OwnedCloth::Pose(host.bind);
-  EXPECT_EQ(dcloth_cloth_set_space(cloth.get(), &space, nullptr), DCLOTH_ERROR_ARGUMENT);
-  EXPECT_EQ(dcloth_cloth_bind_joints(cloth.get(), &name, 1, nullptr), DCLOTH_ERROR_ARGUMENT);
-  EXPECT_EQ(dcloth_cloth_set_bind_pose(cloth.get(), &bind, nullptr), DCLOTH_ERROR_ARGUMENT);
+  const auto refused = [&](auto call) {  // by the cloth: nothing is wrong with the other argument
+    dcloth_error error = EmptyError();
+    EXPECT_EQ(call(&error), DCLOTH_ERROR_ARGUMENT);
+    EXPECT_EQ(std::string(error.text + error.what_at, error.what_size), "cloth") << error.text;
+    EXPECT_NE(std::string(error.text).find("before dcloth_cloth_fit"), std::string::npos) << error.text;
+  };
+  refused([&](dcloth_error* error) { return dcloth_cloth_set_space(cloth.get(), &space, error); });
+  refused([&](dcloth_error* error) { return dcloth_cloth_bind_joints(cloth.get(), &name, 1, error); });
+  refused([&](dcloth_error* error) { return dcloth_cloth_set_bind_pose(cloth.get(), &bind, error); });
   dcloth_fit fit = EmptyFit();
   ASSERT_EQ(Fit(&cloth, host, &fit), DCLOTH_OK);
   EXPECT_NEAR(fit.scale, 1, 1e-4) << "the scale of the fit before is none of the host's";

@@ -148,23 +148,40 @@ TEST_F(HostTest, TangentsTurnWithTheSpace) {
   }
 }
 
-TEST_F(HostTest, BrokenSpacesAreRefused) {
+TEST_F(HostTest, BrokenSpacesAreRefusedByTheFieldThatIsWrong) {
   OwnedCloth cloth(opened_);
-  const auto refused = [&](auto change) {
+  const auto refused = [&](const std::string& field, const std::string& found, auto change) {
     dcloth_space space = {sizeof(space), DCLOTH_AXIS_X, DCLOTH_AXIS_Y, DCLOTH_AXIS_Z, 1, 0};
     change(&space);
     dcloth_error error = EmptyError();
     EXPECT_EQ(dcloth_cloth_set_space(cloth.get(), &space, &error), DCLOTH_ERROR_ARGUMENT);
-    EXPECT_NE(std::string(error.text).find("metres_per_unit"), std::string::npos);
+    EXPECT_EQ(std::string(error.text + error.what_at, error.what_size), field) << error.text;
+    EXPECT_EQ(std::string(error.text + error.found_at, error.found_size), found) << error.text;
+    EXPECT_GT(error.allowed_size, 0) << error.text;
   };
-  refused([](dcloth_space* s) { s->struct_size = 12; });
-  refused([](dcloth_space* s) { s->up = DCLOTH_AXIS_X; });
-  refused([](dcloth_space* s) { s->up = DCLOTH_AXIS_MINUS_Z; });
-  refused([](dcloth_space* s) { s->left = 6; });
-  for (const float unit : {0.0f, -1.0f, INFINITY, NAN, 1e-5f, 2e3f})
-    refused([unit](dcloth_space* s) { s->metres_per_unit = unit; });
-  refused([](dcloth_space* s) { s->joint_frames = 2; });
-  EXPECT_EQ(dcloth_cloth_set_space(cloth.get(), nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
+  refused("space", "a null pointer, or a struct_size below that of 0.1.0",
+          [](dcloth_space* s) { s->struct_size = 12; });
+  refused("space.left", "6", [](dcloth_space* s) { s->left = 6; });
+  refused("space.up", "4294967295", [](dcloth_space* s) { s->up = UINT32_MAX; });
+  refused("space.up", "the axis of left", [](dcloth_space* s) { s->up = DCLOTH_AXIS_X; });
+  refused("space.up", "the axis of left", [](dcloth_space* s) { s->up = DCLOTH_AXIS_MINUS_X; });
+  refused("space.forward", "the axis of left", [](dcloth_space* s) { s->forward = DCLOTH_AXIS_MINUS_X; });
+  refused("space.forward", "the axis of up", [](dcloth_space* s) { s->up = DCLOTH_AXIS_MINUS_Z; });
+  for (const auto& [unit, found] : std::initializer_list<std::pair<float, const char*>>{{0.0f, "0.00000"},
+                                                                                        {-1.0f, "-1.00000"},
+                                                                                        {INFINITY, "infinity"},
+                                                                                        {NAN, "NaN"},
+                                                                                        {2e-5f, "2.00000e-5"},
+                                                                                        {2e3f, "2.00000e3"}})
+    refused("space.metres_per_unit", found, [unit = unit](dcloth_space* s) { s->metres_per_unit = unit; });
+  refused("space.joint_frames", "2", [](dcloth_space* s) { s->joint_frames = 2; });
+
+  const dcloth_space good = {sizeof(good), DCLOTH_AXIS_X, DCLOTH_AXIS_Y, DCLOTH_AXIS_Z, 1, 0};
+  dcloth_error error = EmptyError();
+  EXPECT_EQ(dcloth_cloth_set_space(nullptr, &good, &error), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(std::string(error.text + error.what_at, error.what_size), "cloth") << error.text;
+  EXPECT_EQ(dcloth_cloth_set_space(cloth.get(), nullptr, &error), DCLOTH_ERROR_ARGUMENT);
+  EXPECT_EQ(std::string(error.text + error.what_at, error.what_size), "space") << error.text;
   EXPECT_EQ(dcloth_cloth_set_space(nullptr, nullptr, nullptr), DCLOTH_ERROR_ARGUMENT);
 }
 
