@@ -77,47 +77,6 @@ Fitted FitGarment(const Options& options, const Hero& hero, const converter::Ope
   return fitted;
 }
 
-const CharacterClip& FindClip(const CharacterFile& file, const std::string& wanted) {
-  std::string held;
-  for (size_t i = 0; i < file.clips.size(); ++i) {
-    if (file.clips[i].name == wanted || std::to_string(i) == wanted) return file.clips[i];
-    held += (i == 0 ? "'" : ", '") + file.clips[i].name + "'";
-  }
-  throw converter::Error({.path = file.path,
-                          .tensor = {},
-                          .found = "no clip '" + wanted + "' among " + (held.empty() ? "none" : held),
-                          .expected = "a clip of the file by name or number",
-                          .mend = "give --animation NAME, or a file of its own: --animation walk.fbx"});
-}
-
-// "walk.fbx", "clips.glb#Run" or the name or number of a clip of the hero's.
-HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, const Hero& hero, double fps) {
-  std::filesystem::path path = animation;
-  std::string clip;
-  std::error_code failed;
-  if (!std::filesystem::is_regular_file(path, failed)) {
-    const size_t mark = animation.rfind('#');
-    if (mark != std::string::npos) {
-      path = animation.substr(0, mark);
-      clip = animation.substr(mark + 1);
-    }
-    if (!std::filesystem::is_regular_file(path, failed))
-      return SampleHero(file, hero, file, FindClip(file, animation), fps);
-  }
-  const CharacterFile source = ReadCharacter(path, false);
-  if (clip.empty() && source.clips.empty()) {
-    throw converter::Error({.path = path,
-                            .tensor = {},
-                            .found = "no animation",
-                            .expected = "a clip",
-                            .mend = "export it with its animation, baked to keys"});
-  }
-  const CharacterClip& chosen = clip.empty() ? source.clips.front() : FindClip(source, clip);
-  HeroClip sampled = SampleHero(file, hero, source, chosen, fps);
-  sampled.name = converter::PathText(path.stem()) + (source.clips.size() > 1 ? ", " + chosen.name : "");
-  return sampled;
-}
-
 std::vector<HeroClip> ReadClips(const Options& options, const CharacterFile& file, const Hero& hero, double fps) {
   std::vector<HeroClip> clips;
   for (const std::string& animation : options.animations) clips.push_back(ReadAnimation(animation, file, hero, fps));

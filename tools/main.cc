@@ -39,6 +39,7 @@ int Run(int argc, char** argv) {
     AddDress(app, exit_code);
     AddPoses(app, exit_code);
     AddBody(app, exit_code);
+    AddHero(app, exit_code);
     const std::vector<std::string> arguments = Utf8Arguments(argc, argv);
     try {
       app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // wants the last one first
@@ -46,7 +47,7 @@ int Run(int argc, char** argv) {
       // The parser asks for a command before it looks at a misspelt one.
       if (!arguments.empty() && app.get_subcommands().empty()) {
         const std::string text = "no command '" + arguments.front() +
-                                 "'; there are convert, inspect, run, profile, evaluate, dress, poses, body";
+                                 "'; there are convert, inspect, run, profile, evaluate, dress, poses, body, hero";
         return Fail(text.c_str(), kExitBadInput);
       }
       app.exit(error);

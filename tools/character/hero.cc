@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "converter/error.h"
+#include "converter/file.h"
 #include "tools/character/character_pose.h"
 #include "tools/character/matrix_values.h"
 
@@ -315,6 +316,19 @@ std::string LikelyUnit(const CharacterFile& file, std::span<const Eigen::Matrix4
   return text;
 }
 
+const CharacterClip& FindClip(const CharacterFile& file, const std::string& wanted) {
+  std::string held;
+  for (size_t i = 0; i < file.clips.size(); ++i) {
+    if (file.clips[i].name == wanted || std::to_string(i) == wanted) return file.clips[i];
+    held += (i == 0 ? "'" : ", '") + file.clips[i].name + "'";
+  }
+  throw converter::Error({.path = file.path,
+                          .tensor = {},
+                          .found = "no clip '" + wanted + "' among " + (held.empty() ? "none" : held),
+                          .expected = "a clip of the file by name or number",
+                          .mend = "give --animation NAME, or a file of its own: --animation walk.fbx"});
+}
+
 }  // namespace
 
 Hero ReadHero(const CharacterFile& file, const JointMap& map, const SpaceOptions& options) {
@@ -380,6 +394,33 @@ HeroClip SampleHero(const CharacterFile& file, const Hero& hero, const Character
     }
   }
   return out;
+}
+
+HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, const Hero& hero, double fps) {
+  std::filesystem::path path = animation;
+  std::string clip;
+  std::error_code failed;
+  if (!std::filesystem::is_regular_file(path, failed)) {
+    const size_t mark = animation.rfind('#');
+    if (mark != std::string::npos) {
+      path = animation.substr(0, mark);
+      clip = animation.substr(mark + 1);
+    }
+    if (!std::filesystem::is_regular_file(path, failed))
+      return SampleHero(file, hero, file, FindClip(file, animation), fps);
+  }
+  const CharacterFile source = ReadCharacter(path, false);
+  if (clip.empty() && source.clips.empty()) {
+    throw converter::Error({.path = path,
+                            .tensor = {},
+                            .found = "no animation",
+                            .expected = "a clip",
+                            .mend = "export it with its animation, baked to keys"});
+  }
+  const CharacterClip& chosen = clip.empty() ? source.clips.front() : FindClip(source, clip);
+  HeroClip sampled = SampleHero(file, hero, source, chosen, fps);
+  sampled.name = converter::PathText(path.stem()) + (source.clips.size() > 1 ? ", " + chosen.name : "");
+  return sampled;
 }
 
 HeroClip StandStill(const Hero& hero, double fps, size_t frames) {

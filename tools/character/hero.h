@@ -48,6 +48,10 @@ struct HeroClip {
 HeroClip SampleHero(const CharacterFile& file, const Hero& hero, const CharacterFile& source, const CharacterClip& clip,
                     double fps);
 
+// `animation` is a clip of the hero's file by name or number, or a file: "walk.fbx", "clips.glb#Run". Throws
+// converter::Error.
+HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, const Hero& hero, double fps);
+
 // One pose of `frames` frames: the bind pose.
 HeroClip StandStill(const Hero& hero, double fps, size_t frames);
 

@@ -8,6 +8,7 @@ namespace dcloth::tools {
 
 void AddPoses(CLI::App& app, int& exit_code);
 void AddBody(CLI::App& app, int& exit_code);
+void AddHero(CLI::App& app, int& exit_code);
 
 }  // namespace dcloth::tools
 
