@@ -25,6 +25,8 @@ _limit_minutes = None
 def limited(minutes):
     """Inside the block every fit() runs as many epochs as `minutes` pay for (None: all of them).
 
+    minutes: of each fit(), or {stage: minutes} of those named there.
+
     The number is settled by the first epoch's time and kept in the checkpoint: the schedule still
     ends at FINAL_RATE, and a resumed run goes on with the same number. It depends on the machine's
     speed; where bits must repeat on another machine, limit the epochs instead.
@@ -109,9 +111,10 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         if not math.isfinite(total):
             raise FloatingPointError(f"{stage}: loss not finite in epoch {epoch + 1}; "
                                      f"lower --rate, or resume from an older checkpoint")
-        if epoch == 0 and _limit_minutes is not None:
+        minutes = _limit_minutes.get(stage) if isinstance(_limit_minutes, dict) else _limit_minutes
+        if epoch == 0 and minutes is not None:
             # The schedule starts at `rate` whatever the number of epochs, so it may be set here.
-            epochs = affordable(epochs, _limit_minutes, time.monotonic() - began,
+            epochs = affordable(epochs, minutes, time.monotonic() - began,
                                 validation_seconds, validate_every)
         if (epoch + 1) % validate_every and epoch + 1 != epochs:
             continue

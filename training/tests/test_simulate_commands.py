@@ -37,7 +37,7 @@ def test_a_clip_named_twice_is_simulated_once(tmp_path):
     options = run.arguments(["--out", str(tmp_path), "--clips", "procedural/jumps,development,procedural/jumps,procedural/jumps",
                              "--motion", "unused"])
     options.clips = options.clips.replace("development,", "")
-    assert [name for name, *_ in run.tasks(options, (options, None, None))] == ["procedural/jumps"]
+    assert [name for name, *_ in run.tasks(options, run.Ours(options))] == ["procedural/jumps"]
 
 
 def test_floor_wants_a_clip_that_can_be(tmp_path, capsys):

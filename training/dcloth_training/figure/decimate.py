@@ -41,12 +41,12 @@ def _quadrics(points, faces, on_border, line):
     return out
 
 
-def collapse(points, faces, size, tolerance, on_border, line, count):
+def collapse(points, faces, size, tolerance, on_border, line, count, strictly=True):
     """-> the vertices that stay [count] and triangles [f, 3] numbered in `points`.
 
     points [n, 3], faces [f, 3] of a surface with border, size [n]: wanted edge length in metres, tolerance [n]: how far
     the surface may move, on_border [n] bool and line [n] (0: none): such a vertex goes only
-    to another one on the border, or on its line. Cost: about 0.5 ms an edge.
+    to another one on the border, or on its line. strictly: refuses to leave more. Cost: about 0.5 ms an edge.
     """
     quadric = _quadrics(points, faces, on_border, line).tolist()
     size, tolerance, line = size.tolist(), tolerance.tolist(), line.tolist()
@@ -135,7 +135,7 @@ def collapse(points, faces, size, tolerance, on_border, line, count):
         for vertex in touched:
             version[vertex] += 1
             offer(vertex)
-    if left > count:
+    if strictly and left > count:
         raise ValueError(f"{left} vertices are left and no edge may collapse, wanted {count}: allow longer edges")
     return np.flatnonzero(alive), np.array(sorted(triangles.values()))
 

@@ -6,6 +6,8 @@ from takes over.
 """
 import numpy as np
 
+from ..motion import skeleton
+
 # Limbs are two parts each: cloth in the hollow of a bent knee or elbow is held between both.
 PARTS = (("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head", "LeftShoulder", "RightShoulder"),
          ("LeftUpLeg",), ("LeftLeg", "LeftFoot", "LeftToeBase"),
@@ -18,13 +20,43 @@ ALL = (1 << len(PARTS)) - 1
 MARGIN = 3      # rings of faces beyond the part's own
 
 
-def cut_parts(figure):
-    """faces [g, 3], part [g]: each part's own faces of the figure and a margin of its neighbours'."""
+def owners(figure):
+    """The part [J] that each joint moves; a character of the user's own says it itself (own/hero.py)."""
+    if hasattr(figure, "owner"):
+        return figure.owner
     column = {name: k for k, name in enumerate(figure.names)}
-    nearest = np.argmax(figure.weights, axis=1)
     owner = np.full(len(figure.names), -1)
     for number, names in enumerate(PARTS):
         owner[[column[name] for name in names]] = number
+    return owner
+
+
+def bind_matrices(figure):
+    """Matrices [J, 4, 4] of the pose that the skin is bound in."""
+    return figure.bind if hasattr(figure, "bind") else skeleton.bind_matrices()
+
+
+def joint_matrices(figure, motion):
+    """World matrices [T, J, 4, 4] of a motion of the figure's joints."""
+    return figure.matrices(motion) if hasattr(figure, "matrices") else skeleton.joint_matrices(motion)
+
+
+def rest(figure, frames):
+    """The bind pose, held."""
+    return figure.rest(frames) if hasattr(figure, "rest") else skeleton.rest_motion(frames)
+
+
+def thin_joints(figure):
+    """Joints of feet and hands."""
+    if hasattr(figure, "roles"):
+        return [joint for role, joint in figure.roles.items() if role.endswith(("foot", "toes", "hand"))]
+    return [k for k, name in enumerate(figure.names) if name.endswith(("Foot", "ToeBase", "Hand"))]
+
+
+def cut_parts(figure):
+    """faces [g, 3], part [g]: each part's own faces of the figure and a margin of its neighbours'."""
+    nearest = np.argmax(figure.weights, axis=1)
+    owner = owners(figure)
     faces, part = [], []
     for number in range(len(PARTS)):
         inside = owner[nearest] == number

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import metrics
 from ..motion import skeleton
-from . import cloth_job, crossings, penetration
+from . import body as body_parts, cloth_job, crossings, penetration
 
 # Beyond these a clip is refused. Set from clips that were looked at, see README.md.
 MAX_STRETCH_P99 = 1.6          # edge length over rest length, 99th percentile of a frame
@@ -99,7 +99,7 @@ def referee(body, garment):
     count = len(garment.vertices)
     touched = penetration.Body(faces, garment.faces, count, masks=masks, touches=garment.touches)
     return Referee(metrics.Mesh(garment.faces, garment.vertices, cloth_job.rest_lengths(garment)), touched,
-                   (vertices, weights, skeleton.bind_matrices()),
+                   (vertices, weights, body_parts.bind_matrices(body)),
                    penetration.vertex_areas(garment.vertices, garment.faces))
 
 

@@ -64,14 +64,13 @@ def collider(figure, garment):
 def _rounded(figure):
     """The figure's vertices with feet and hands a little larger: cloth is held at its own vertices, and toes and fingers
     are thin enough to come through between them."""
-    thin = figure.weights[:, [k for k, name in enumerate(figure.names) if name.endswith(("Foot", "ToeBase", "Hand"))]].sum(1)
+    thin = figure.weights[:, parts.thin_joints(figure)].sum(1)
     normals = raster.vertex_normals(figure.vertices, figure.faces)
     return figure.vertices + ROUNDED * thin[:, None] * normals
 
 
 def _run(motion, figure, garment, chosen, start, wind):
-    matrices = skeleton.joint_matrices(motion)
-    bind = skeleton.bind_matrices()
+    matrices, bind = parts.joint_matrices(figure, motion), parts.bind_matrices(figure)
     faces, part = parts.cut_parts(figure)
     posed = skeleton.skin(_rounded(figure), figure.weights, bind, matrices)
     pins = np.flatnonzero(garment.pinned)
@@ -90,26 +89,27 @@ def simulate(motion, figure, garment, record, chosen=None, wind=None):
     wind [T, 3] m/s in the world, None: calm.
     """
     began = time.monotonic()
-    matrices = skeleton.joint_matrices(motion[:1])[0]
-    placed = matrices[0] @ np.linalg.inv(skeleton.bind_matrices()[0])
+    matrices = parts.joint_matrices(figure, motion[:1])[0]
+    placed = matrices[0] @ np.linalg.inv(parts.bind_matrices(figure)[0])
     start = garment.vertices @ placed[:3, :3].T + placed[:3, 3]
-    chosen = settings.of(garment.fabric) if chosen is None else chosen
+    chosen = settings.of(garment.fabric, **garment.settings) if chosen is None else chosen
     cloth, matrices = _run(motion, figure, garment, chosen, start, wind)
     return Result(cloth[record], matrices[record], time.monotonic() - began, None if wind is None else wind[record])
 
 
 def hung(garment, figure):
-    """The garment as it hangs on the figure in bind pose, made symmetric: -> (Garment, m that it moves in the last frame,
-    m by which it hung lopsided)."""
-    chosen = settings.of(garment.fabric)
+    """The garment as it hangs on the figure in bind pose, made symmetric where it has a mirror image.
+
+    -> (Garment, m that it moves in the last frame, m by which it hung lopsided)."""
+    chosen = settings.of(garment.fabric, **garment.settings)
     carefully = dict(PUT_ON)
     if not len(crossings.within(garment.vertices, garment.faces)):    # layers that start apart stay apart
         carefully["layer_thickness"] = chosen["layer_thickness"]
-    slowly, _ = _run(skeleton.rest_motion(PUT_ON_FRAMES), figure, garment, {**chosen, **carefully}, garment.vertices, None)
+    slowly, _ = _run(parts.rest(figure, PUT_ON_FRAMES), figure, garment, {**chosen, **carefully}, garment.vertices, None)
     worn = slowly[-1].astype(np.float64)
-    cloth, _ = _run(skeleton.rest_motion(HANG_FRAMES), figure, garment, chosen, worn, None)
+    cloth, _ = _run(parts.rest(figure, HANG_FRAMES), figure, garment, chosen, worn, None)
     drape = cloth[-1].astype(np.float64)
-    reflected = drape[garment.mirror] * [-1, 1, 1]
+    reflected = drape if garment.mirror is None else drape[garment.mirror] * [-1, 1, 1]
     vertices = np.where(garment.pinned[:, None], garment.vertices, 0.5 * (drape + reflected))
     return (dataclasses.replace(garment, vertices=vertices), float(np.linalg.norm(cloth[-1] - cloth[-2], axis=1).mean()),
             float(np.linalg.norm(drape - reflected, axis=1).mean()))

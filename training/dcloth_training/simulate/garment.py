@@ -16,8 +16,9 @@ from .solver import Fabric
 @dataclass
 class Garment:
     """vertices [n, 3] m where the simulation of the bind pose starts, cloth: faces, pattern, hems, creases,
-    mirror [n] permutation, pinned [n] bool, touches [n] bit masks of body.PARTS, uv [n, 2] (a seam's vertex has those of
-    its first panel), fabric: its name in settings.FABRICS, felt: joints whose motion moves it (the network's features).
+    mirror [n] permutation or None, pinned [n] bool, touches [n] bit masks of body.PARTS, uv [n, 2] (a seam's vertex has
+    those of its first panel), fabric: its name in settings.FABRICS, felt: joints whose motion moves it (the network's
+    features).
     """
     name: str
     fabric: str
@@ -28,6 +29,7 @@ class Garment:
     touches: np.ndarray
     uv: np.ndarray
     felt: tuple
+    settings: dict = dataclasses.field(default_factory=dict)    # of the solver, where they are not the fabric's
 
     @property
     def faces(self):

@@ -2,6 +2,7 @@
 
     python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
         [--clips held_out,static,training,random,variations,wide,mixed,leaning | --clips mocap/walk] [--root fixed]
+    python3 -m dcloth_training.simulate.run --out DIR --character HERO.glb --garment DRESS.obj --clips static,walk.fbx
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
 and one JSON line a clip in DIR/manifest.jsonl. Finished files are skipped; a clip that fails or is
@@ -21,6 +22,7 @@ import numpy as np
 
 from .. import command, figure, safetensors_io, sequence
 from ..motion import skeleton, timing
+from ..own import subject
 from . import checks, clips, cloth_job, garment, settings, statics
 
 _LOCK = threading.Lock()
@@ -73,7 +75,7 @@ def run_clip(name, kind, motion, record, wind, path, context):
     """Simulate, check, write. Returns the manifest entry; raises nothing on a bad clip."""
     options, body, worn = context
     began = time.time()
-    chosen = settings.of(worn.fabric)
+    chosen = settings.of(worn.fabric, **worn.settings)
     entry = {"clip": name, "kind": kind, "root": options.root, "settings": chosen}
     try:
         if wind is not None:    # it rises while the cloth settles
@@ -93,7 +95,7 @@ def run_clip(name, kind, motion, record, wind, path, context):
                 del entry[key]
         bad = checks.refuse({"speed_max": 0.0, **entry})
         if bad is None:
-            sequence.write(path, sequence.Sequence(result.matrices, result.cloth, skeleton.NAMES,
+            sequence.write(path, sequence.Sequence(result.matrices, result.cloth, list(body.names),
                                                    skeleton.FPS, name, kind, result.wind))
             with open(path, "rb") as file:
                 entry["sha256"] = hashlib.sha256(file.read()).hexdigest()
@@ -105,8 +107,31 @@ def run_clip(name, kind, motion, record, wind, path, context):
     return entry, time.time() - began
 
 
-def prepare(name, options):
-    motion = clips.load(name, options.motion)
+class Ours:
+    """Our own figure in one of our garments."""
+    windy = True
+
+    def __init__(self, options):
+        self.options, self.felt = options, garment.FELT[options.garment]
+
+    def put_on(self):
+        return put_on(self.options.out, self.options.garment)
+
+    def group(self, word):
+        return clips.group(word)
+
+    def motion(self, name):
+        return clips.load(name, self.options.motion)
+
+    def drapes(self):
+        """Poses of the quasi-static drapes; always the same ones, of training clips alone."""
+        names = [name for name in clips.training() + clips.VARIATIONS + clips.WIDE + clips.MIXED
+                 if name.startswith("procedural/") or self.options.motion]
+        return statics.order(statics.select([self.motion(name) for name in names], self.options.poses, self.felt), self.felt)
+
+
+def prepare(name, options, chosen=None):
+    motion = chosen.motion(name) if chosen else clips.load(name, options.motion)
     if options.root == "fixed":  # the paper's regime: no translation of the hips
         motion = skeleton.Motion(np.repeat(motion.root[:1], len(motion), 0), motion.local)
     return motion
@@ -121,20 +146,17 @@ def with_lead_wind(name, motion):
     return np.concatenate([rise[:, None] * blowing[0], blowing])
 
 
-def static_tours(options, felt):
-    """[(file number, poses)] of the quasi-static drapes; always the same poses, of training clips alone."""
-    names = [name for name in clips.training() + clips.VARIATIONS + clips.WIDE + clips.MIXED
-             if name.startswith("procedural/") or options.motion]
-    motions = [clips.load(name, options.motion) for name in names]
-    poses = statics.order(statics.select(motions, options.poses, felt), felt)
+def static_tours(chosen):
+    """[(file number, poses)] of the quasi-static drapes."""
+    poses = chosen.drapes()
     size = statics.POSES_A_FILE
     return [(i // size, poses[i:i + size]) for i in range(0, len(poses), size)]
 
 
-def tasks(options, felt):
+def tasks(options, chosen):
     """(name, kind, motion, frames to record, wind, path) of each file that is not there yet, once, in order of importance.
 
-    felt: joints whose rotations tell static poses apart."""
+    chosen: Ours or subject.Own."""
     met = set()
 
     def wanted(path):
@@ -144,7 +166,7 @@ def tasks(options, felt):
 
     for word in options.clips.split(","):
         if word == "static":
-            for number, poses in static_tours(options, felt):
+            for number, poses in static_tours(chosen):
                 name = f"drapes-{number:02d}"
                 path = os.path.join(options.out, "static", name + ".safetensors")
                 if wanted(path):
@@ -152,12 +174,12 @@ def tasks(options, felt):
                     joined, frames = with_lead(tour)
                     yield name, "static", joined, frames[rests], None, path
             continue
-        for name in clips.group(word):
+        for name in chosen.group(word):
             path = os.path.join(options.out, "dynamic", clips.file_stem(name) + ".safetensors")
             if wanted(path):
-                motion = prepare(name, options)
+                motion = prepare(name, options, chosen)
                 joined, frames = with_lead(motion)
-                yield name, "dynamic", joined, frames, with_lead_wind(name, motion), path
+                yield name, "dynamic", joined, frames, with_lead_wind(name, motion) if chosen.windy else None, path
 
 
 def arguments(argv=None):
@@ -167,29 +189,48 @@ def arguments(argv=None):
     parser.add_argument("--clips", default="static,validation,development,training,random,variations,wide,mixed,leaning",
                         help="groups or single clips, in order of importance; 'reported' last, for the final figures")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--garment", choices=garment.GARMENTS, default="skirt")
+    parser.add_argument("--garment", default="skirt", help=f"{', '.join(garment.GARMENTS)}; with --character a mesh")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--poses", type=int, default=1200, help="quasi-static drapes")
-    return parser.parse_args(argv)
+    subject.add_arguments(parser.add_argument)
+    options = parser.parse_args(argv)
+    if options.character is None and options.garment not in garment.GARMENTS:
+        parser.error(f"--garment {options.garment}: allowed without --character are {', '.join(garment.GARMENTS)}; name the "
+                     "character that wears it")
+    return options
 
 
-def run(options):
-    """-> how many clips were refused."""
+def told_time(seconds):
+    """"40 s", "12 min" or "3 h 05 min"."""
+    minutes = round(seconds / 60)
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def run(options, subjects=None):
+    """-> how many clips were refused. subjects: Ours or subject.Own; made here when None."""
+    if subjects is None:
+        subjects = subject.Own(options) if options.character else Ours(options)
     # All of them before the first is simulated: a clip that cannot be read must not stop a batch half way.
-    chosen = list(tasks(options, garment.FELT[options.garment]))
+    chosen = list(tasks(options, subjects))
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)
-    context = (options, *put_on(options.out, options.garment))
+    context = (options, *subjects.put_on())
     refused, began = 0, time.time()
+    frames, done = sum(len(given[2]) for given in chosen), 0
     with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
-        waiting = [pool.submit(run_clip, *given, context) for given in chosen]
+        lengths = {pool.submit(run_clip, *given, context): len(given[2]) for given in chosen}
+        waiting = list(lengths)
         for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
             entry, _ = future.result()
             refused += "refused" in entry
+            done += lengths[future]
+            left = told_time((time.time() - began) / done * (frames - done))
             numbers = {k: entry[k] for k in ("frames", "seconds_per_frame", "stretch_p99",
                                              "penetration_max_mm", "crossed_share", "through_share", "speed_max",
                                              "settled_mm_per_frame") if k in entry}
-            print(f"[{count}/{len(waiting)} {(time.time() - began) / 60:.1f} min] {entry['clip']} "
+            print(f"[{count}/{len(waiting)} {(time.time() - began) / 60:.1f} min, {left} left] {entry['clip']} "
                   f"{'REFUSED: ' + entry['refused'] if 'refused' in entry else 'done'} {numbers}",
                   flush=True)
     return refused

@@ -27,14 +27,14 @@ def without_root(motion):
 
 
 def _features(motion, felt):
-    joints = [INDEX[name] for name in felt]
+    joints = [INDEX[joint] if isinstance(joint, str) else joint for joint in felt]
     return motion.local[:, joints].reshape(len(motion), -1)
 
 
 def select(motions, count, felt):
     """`count` poses of all frames, half of them by farthest-point selection -> Motion of `count` frames.
 
-    felt: names of the joints whose rotations tell poses apart."""
+    felt: joints whose rotations tell poses apart, names of the figure's or numbers."""
     pool = [without_root(m) for m in motions]
     pool = Motion(np.concatenate([m.root for m in pool]), np.concatenate([m.local for m in pool]))
     features = _features(pool, felt)
