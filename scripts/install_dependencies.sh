@@ -9,7 +9,7 @@ declare -A groups=(
   [build]="ca-certificates g++ cmake ninja-build libhwy-dev libflatbuffers-dev flatbuffers-compiler nlohmann-json3-dev
            libeigen3-dev libcli11-dev zlib1g-dev python3"
   [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
-          chromium binutils clang libclang-rt-dev pkg-config"
+          chromium binutils clang libclang-rt-dev pkg-config python3-distributed"
   [cross_aarch64]="g++-aarch64-linux-gnu qemu-user googletest"
   [cross_i386]="libc6-dev-i386 lib32gcc-${gcc_version}-dev lib32stdc++-${gcc_version}-dev googletest"
   [cross_windows]="g++-mingw-w64-x86-64-posix libz-mingw-w64-dev wine wine64 googletest"

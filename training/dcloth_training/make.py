@@ -46,6 +46,7 @@ def arguments(argv=None):
                                     "number, files (walk.fbx, clips.glb#Run). Scripted ones fill the rest of the time")
     add("--minutes", type=float, default=10, help="that the whole way may take, about. 10: a first look; 600: a night")
     add("--workers", type=int, default=os.cpu_count() or 1, help="clips simulated side by side")
+    add("--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers simulate; --workers says how many they are")
     add("--plan", action="store_true", help="say what it will cost and stop")
     subject.add_arguments(add)
     options = parser.parse_args(argv)
@@ -122,7 +123,7 @@ def make_plan(options, chosen):
         fresh = not os.path.exists(character)
         chosen.put_on()
         a_frame = (time.monotonic() - began) / subject.PUT_ON if fresh else VERTEX_SECONDS * vertices
-    side_by_side = max(1, min(options.workers, os.cpu_count() or 1))
+    side_by_side = max(1, options.workers if options.cluster else min(options.workers, os.cpu_count() or 1))
     seconds = 60 * options.minutes * SIMULATING
     plan = {"asked": asked, "seconds_per_frame": a_frame, "words": words,
             **choose(own, seconds * side_by_side / a_frame)}

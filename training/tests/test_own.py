@@ -1,5 +1,6 @@
 """A character and a garment of the user's own: what is read of them, and what is refused."""
 import json
+import shutil
 import struct
 
 import numpy as np
@@ -9,7 +10,7 @@ import torch
 import conftest
 from dcloth_training import figure, loop, make, safetensors_io, sequence
 from dcloth_training.motion import procedural, skeleton
-from dcloth_training.own import dress, hero as heroes, mesh as meshes, motions
+from dcloth_training.own import dress, hero as heroes, mesh as meshes, motions, subject
 from dcloth_training.simulate import body as parts, clips, garment, run, solver
 from dcloth_training.truth.errors import TruthError
 
@@ -460,3 +461,47 @@ def test_the_page_holds_the_figures_and_what_was_refused(tmp_path):
     assert "<td>int8</td><td>7.2</td><td>31</td><td>0.25</td>" in text and "bare" not in text
     assert "<td>rigid</td><td>30.0</td><td>120</td><td>0</td>" in text
     assert "0.50 core hours" in text and "2.50 MB" in text and "h&amp;b.glb" in text and "run: &lt;torn&gt;" in text
+
+
+@pytest.fixture
+def cluster(monkeypatch):
+    """The address of a Dask scheduler with two workers, processes of their own."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
+                                  silence_logs=50) as running:
+        yield running.scheduler_address
+
+
+def test_two_workers_of_a_cluster_give_the_bits_of_one(begun, cluster, capsys):
+    pytest.importorskip("igl")
+    try:
+        solver.library()
+    except FileNotFoundError as error:
+        pytest.skip(str(error))
+    folder, mesh = begun
+    common = ["--character", str(folder / "hero.glb"), "--garment", mesh, "--clips",
+              "procedural/side_steps,procedural/walk_start_stop"]
+    for out, more in (("here", ["--workers", "1"]), ("there", ["--cluster", cluster])):
+        (folder / out).mkdir()
+        safetensors_io.write(folder / out / "hero.safetensors", *written())
+        if out == "there":      # put on once
+            shutil.copy(folder / "here" / "character.safetensors", folder / out)
+        assert run.main(["--out", str(folder / out), *common, *more]) == 0, capsys.readouterr()
+    for name in ("procedural-side_steps", "procedural-walk_start_stop"):
+        here, there = ((folder / out / "dynamic" / f"{name}.safetensors").read_bytes() for out in ("here", "there"))
+        assert here == there and len(here) > 10 ** 6
+    entries = [json.loads(line) for line in (folder / "there" / "manifest.jsonl").read_text().splitlines()]
+    assert sorted(entry["clip"] for entry in entries) == ["procedural/side_steps", "procedural/walk_start_stop"]
+    assert all(len(entry["sha256"]) == 64 for entry in entries)
+
+
+def test_a_cluster_that_is_not_there_is_told(begun, monkeypatch, capsys):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(run, "CLUSTER_SECONDS", 0.5)
+    monkeypatch.setattr(subject.Own, "put_on", lambda self: (self.body, self.worn))
+    folder, mesh = begun
+    assert run.main(["--out", str(folder), "--character", str(folder / "hero.glb"), "--garment", mesh, "--clips",
+                     "procedural/dodges", "--cluster", "tcp://127.0.0.1:1"]) == 2
+    told = capsys.readouterr().err
+    assert "no Dask scheduler answers there" in told and "dask worker" in told

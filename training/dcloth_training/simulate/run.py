@@ -10,6 +10,7 @@ not cloth (checks.py) is reported and skipped, never half-written.
 """
 import argparse
 import concurrent.futures
+import contextlib
 import dataclasses
 import hashlib
 import json
@@ -26,6 +27,7 @@ from ..own import subject
 from . import checks, clips, cloth_job, garment, settings, statics
 
 _LOCK = threading.Lock()
+CLUSTER_SECONDS = 20     # until its scheduler answers
 
 
 def with_lead(motion):
@@ -103,7 +105,8 @@ def run_clip(name, kind, motion, record, wind, path, context):
         bad = f"{type(error).__name__}: {error}"
     if bad:
         entry["refused"] = bad
-    manifest(options, entry)
+    if not options.cluster:     # one process writes: there the one that waits
+        manifest(options, entry)
     return entry, time.time() - began
 
 
@@ -182,13 +185,36 @@ def tasks(options, chosen):
                 yield name, "dynamic", joined, frames, with_lead_wind(name, motion) if chosen.windy else None, path
 
 
+@contextlib.contextmanager
+def pool_of(options, context):
+    """Where clips are simulated: (submit(function, *arguments, context), the context to give it). Threads here, or the
+    workers of a Dask cluster, which see --out at the same path and have this package and the solver."""
+    if not options.cluster:
+        with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
+            yield pool.submit, context
+        return
+    try:
+        import distributed
+    except ImportError:
+        raise ValueError("--cluster: found no Python package 'distributed'; install it (Debian: python3-distributed)") from None
+    try:
+        client = distributed.Client(options.cluster, timeout=CLUSTER_SECONDS)
+    except OSError as error:
+        raise ValueError(f"--cluster {options.cluster}: no Dask scheduler answers there within {CLUSTER_SECONDS} s ({error}); "
+                         "start one: dask scheduler, and on each machine: dask worker ADDRESS --nthreads 1") from None
+    with client, client.get_executor(pure=False) as pool:
+        yield pool.submit, client.scatter(context, broadcast=True, hash=False)
+
+
 def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", required=True)
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
     parser.add_argument("--clips", default="static,validation,development,training,random,variations,wide,mixed,leaning",
                         help="groups or single clips, in order of importance; 'reported' last, for the final figures")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=int, default=2, help="clips simulated side by side here")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler (tcp://host:8786): its workers simulate, and "
+                        "see --out at the same path. The bits are those of one machine")
     parser.add_argument("--garment", default="skirt", help=f"{', '.join(garment.GARMENTS)}; with --character a mesh")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
     parser.add_argument("--poses", type=int, default=1200, help="quasi-static drapes")
@@ -210,6 +236,7 @@ def told_time(seconds):
 
 def run(options, subjects=None):
     """-> how many clips were refused. subjects: Ours or subject.Own; made here when None."""
+    options.out = os.path.abspath(options.out) if options.cluster else options.out
     if subjects is None:
         subjects = subject.Own(options) if options.character else Ours(options)
     # All of them before the first is simulated: a clip that cannot be read must not stop a batch half way.
@@ -219,11 +246,13 @@ def run(options, subjects=None):
     context = (options, *subjects.put_on())
     refused, began = 0, time.time()
     frames, done = sum(len(given[2]) for given in chosen), 0
-    with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
-        lengths = {pool.submit(run_clip, *given, context): len(given[2]) for given in chosen}
+    with pool_of(options, context) as (submit, shared):
+        lengths = {submit(run_clip, *given, shared): len(given[2]) for given in chosen}
         waiting = list(lengths)
         for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
             entry, _ = future.result()
+            if options.cluster:
+                manifest(options, entry)
             refused += "refused" in entry
             done += lengths[future]
             left = told_time((time.time() - began) / done * (frames - done))
