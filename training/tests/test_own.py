@@ -335,8 +335,8 @@ def test_the_plan_spends_what_it_is_given(frames, own):
 @pytest.fixture
 def begun(tmp_path):
     """A folder with the character as `dcloth hero` writes it, and a garment with vertices 2 cm apart."""
-    safetensors_io.write(tmp_path / "hero.safetensors", *written())
     (tmp_path / "hero.glb").write_text("read already")
+    safetensors_io.write(tmp_path / "hero.safetensors", *written())
     points, quads, texture = skirt_mesh(28, 72)
     return tmp_path, write_obj(tmp_path / "dress.obj", points, quads, texture)
 
@@ -364,6 +364,8 @@ def test_simulates_an_own_garment_and_goes_on(begun, capsys):
     before = (folder / "dynamic" / "procedural-side_steps.safetensors").stat().st_mtime_ns
     assert run.main(arguments) == 0
     assert (folder / "dynamic" / "procedural-side_steps.safetensors").stat().st_mtime_ns == before
+    safetensors_io.write(folder / "hero.safetensors", *written(move=conftest.rigid(np.eye(3), [0.005, 0, 0])))
+    assert run.main(arguments) == 2 and "another character" in capsys.readouterr().err
     other = write_obj(folder / "other.obj", *skirt_mesh(9)[:2])
     assert run.main([*arguments[:5], other, *arguments[6:]]) == 2
     assert "another garment of 2,016 vertices" in capsys.readouterr().err

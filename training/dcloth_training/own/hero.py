@@ -245,11 +245,12 @@ def unit_options(options):
 
 
 def read(options, folder):
-    """The Hero of options.character, read once: `folder`/hero.safetensors is what `dcloth hero` wrote of it."""
+    """The Hero of options.character, read again where the file is newer: `folder`/hero.safetensors is what `dcloth hero`
+    wrote of it."""
     if not os.path.isfile(options.character):
         refuse(options.character, "no such file", "a character: .glb, .gltf, .vrm or .fbx")
     path = os.path.join(folder, "hero.safetensors")
-    if not os.path.exists(path):
+    if not os.path.exists(path) or os.path.getmtime(path) < os.path.getmtime(options.character):
         run_command(animation.find_command(options.dcloth), "hero", options.character, "-o", path, *unit_options(options))
     return of_tensors(options.character, *safetensors_io.read(path), tuple(options.body_meshes or ()))
 

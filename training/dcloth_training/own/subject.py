@@ -62,11 +62,15 @@ class Own:
         """(body, garment as it hangs in bind pose), from character.safetensors or simulated and written there."""
         path = os.path.join(self.options.out, "character.safetensors")
         if os.path.exists(path):
-            tensors, _ = safetensors_io.read(path)
+            tensors, metadata = safetensors_io.read(path)
             hanging = tensors["cloth_template"].astype(np.float64)
             if hanging.shape != self.worn.vertices.shape or not np.array_equal(tensors["cloth_faces"], self.worn.faces):
                 refuse(path, f"another garment of {len(hanging):,} vertices", f"that of {self.options.garment}, "
                        f"{len(self.worn.vertices):,}", "name another --out for each garment")
+            if list(self.body.names) != json.loads(metadata["joint_names"]) or \
+                    not np.array_equal(tensors["body_vertices"], self.body.vertices.astype(np.float32)):
+                refuse(path, "another character, or the same one in another state", self.options.character,
+                       "name another --out for each character")
             return self.body, dataclasses.replace(self.worn, vertices=hanging)
         modelled = self.worn.vertices
         worn, moving, _ = cloth_job.hung(self.worn, self.body)
