@@ -118,8 +118,9 @@ std::vector<OddFile> OddFiles() {
       {"weights_all_least_int8", none, [](M* m) { FillLinearWeights(m, 0x80); }},
       {"weights_all_nan", [](ModelSpec* s) { s->precision = format::DType_F32; },
        [](M* m) { FillLinearWeights(m, 0xFF); }, false},
+      // Not finite with AVX2 and above; SSE4 has no instruction that converts halves, and NaN becomes a large number.
       {"weights_all_half_nan", [](ModelSpec* s) { s->precision = format::DType_F16; },
-       [](M* m) { FillLinearWeights(m, 0xFF); }, false},
+       [](M* m) { FillLinearWeights(m, 0xFF); }, std::nullopt},
       {"scales_that_overflow", none,
        [](M* m) {
          const TensorWalk walk(m);
