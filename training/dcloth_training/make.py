@@ -15,7 +15,9 @@ import subprocess
 import sys
 import time
 
-from . import bundle, command, loop, train
+import numpy as np
+
+from . import bundle, command, loop, sequence, train
 from .motion import procedural
 from .own import subject
 from .simulate import clips, run as simulate, settings, statics
@@ -26,6 +28,7 @@ SIMULATING, TRAINING = 0.72, 0.2            # of the minutes; the rest: putting 
 STAGE_1, STAGE_2, STAGE_3 = 0.03, 0.1, 0.025          # of the minutes: a step's of stage 1, stage 2's, a step's of stage 3
 FIRST_LOOK = 60                 # minutes; a shorter way leaves stage 3 out
 FEWEST_CLIPS, FEWEST_DRAPES, MOST_DRAPES = 4, 14, 1200
+ENOUGH_DRAPES, DRAPE_EVERY = 100, 5      # with fewer, every so many frames of clips stand in
 DRAPE_SHARE = 0.15              # of the frames simulated
 DRAPE_FRAMES = statics.MOVE_FRAMES + statics.HOLD_FRAMES
 LEAD_FRAMES = settings.REACH_FRAMES + settings.HOLD_FRAMES
@@ -185,11 +188,25 @@ def simulated(options, chosen, plan):
     return left
 
 
-def trained(options, there):
+def stand_ins(options, there, drapes):
+    """static/drapes-of-clips.safetensors: where there are few drapes, stage 1 learns a pose's mean shape from clips, too."""
+    path = os.path.join(options.out, "static", "drapes-of-clips.safetensors")
+    if drapes >= ENOUGH_DRAPES or os.path.exists(path):
+        return
+    read = [sequence.read(clip_file(options, name)) for name in there["training"]]
+    sequence.write(path, sequence.Sequence(
+        np.concatenate([item.joint_matrices[::DRAPE_EVERY] for item in read]),
+        np.concatenate([item.truth[::DRAPE_EVERY] for item in read]), read[0].joint_names, read[0].fps, "drapes-of-clips",
+        "static"))
+    say(f"{drapes} drapes are few: every {DRAPE_EVERY}th frame of the clips to learn from stands in, too")
+
+
+def trained(options, there, drapes):
     """FOLDER/<garment>.safetensors, the bundle."""
     path = bundle_file(options)
     if os.path.exists(path):
         return path
+    stand_ins(options, there, drapes)
     quick = options.minutes < FIRST_LOOK
     chosen = train.arguments([
         "--data", options.out, "--out", os.path.join(options.out, "training"), "--export", path,
@@ -284,7 +301,7 @@ def work(options):
     left(1, f"simulating; about {simulate.told_time(60 * (to_simulate + to_train + 1))} left")
     there = simulated(options, chosen, plan)
     left(2, f"training; about {simulate.told_time(60 * (to_train + 1))} left")
-    path = trained(options, there)
+    path = trained(options, there, plan["drapes"])
     left(3, "converting and measuring; about 60 s left")
     shown(options, path, there)
     left(4, f"done: {os.path.join(options.out, 'index.html')}")

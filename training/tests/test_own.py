@@ -507,3 +507,20 @@ def test_a_cluster_that_is_not_there_is_told(begun, monkeypatch, capsys):
                      "procedural/dodges", "--cluster", "tcp://127.0.0.1:1"]) == 2
     told = capsys.readouterr().err
     assert "no Dask scheduler answers there" in told and "dask worker" in told
+
+
+def test_few_drapes_get_company_from_the_clips_to_learn_from(tmp_path):
+    options = make.arguments(["--character", "h.glb", "--garment", "d.obj", "--out", str(tmp_path)])
+    for folder in ("static", "dynamic"):
+        (tmp_path / folder).mkdir()
+    for k, name in enumerate(("a", "b", "held")):
+        matrices = np.tile(np.eye(4), (12, 2, 1, 1))
+        truth = np.full((12, 5, 3), 10.0 * k) + np.arange(12)[:, None, None]
+        sequence.write(make.clip_file(options, name), sequence.Sequence(matrices, truth, ["x", "y"], 30.0, name, "dynamic"))
+    there = {"training": ["a", "b"], "held_out": ["held"], "validation": []}
+    make.stand_ins(options, there, make.ENOUGH_DRAPES)
+    path = tmp_path / "static" / "drapes-of-clips.safetensors"
+    assert not path.exists()
+    make.stand_ins(options, there, 14)
+    found = sequence.read(path)
+    assert found.truth[:, 0, 0].tolist() == [0, 5, 10, 10, 15, 20] and found.kind == "static"
