@@ -106,7 +106,7 @@ bool TakeWind(const float* wind, Cloth* cloth, format::Diagnostic* diagnostic) {
     char found[48];
     format::Text(found, sizeof(found)).Add("a wind of ").AddNumber(speed).Add(" m/s");
     return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, nullptr, found, "finite numbers, at most 100 m/s",
-                            "it is in host units a second: call dcloth_cloth_set_space first");
+                            "wind is in host units per second: call dcloth_cloth_set_space first");
   }
   std::memcpy(cloth->wind, taken, sizeof(taken));
   return true;

@@ -49,7 +49,7 @@ static_assert(DCLOTH_TIMER_STEPS == DCLOTH_STEP_COUNT, "a step more is a field m
 
 bool FloatsAreAligned(const float* values) { return reinterpret_cast<uintptr_t>(values) % sizeof(float) == 0; }
 
-constexpr char kNoStruct[] = "a null pointer, or a struct_size below that of 0.1.0";
+constexpr char kNoStruct[] = "a null pointer, or a struct_size smaller than in 0.1.0";
 
 bool Refuse(const char* argument, const char* field, const char* found, const char* allowed, Diagnostic* diagnostic) {
   const Path parent = {nullptr, argument}, path = {&parent, field};
@@ -59,7 +59,8 @@ bool Refuse(const char* argument, const char* field, const char* found, const ch
 // Reads a struct of the host's, which may be another version's.
 template <typename T>
 bool Read(const T* given, const char* argument, T* read, Diagnostic* diagnostic) {
-  if (!dcloth::engine::IsWhole(given)) return Refuse(argument, nullptr, kNoStruct, "one with its size", diagnostic);
+  if (!dcloth::engine::IsWhole(given))
+    return Refuse(argument, nullptr, kNoStruct, "a struct whose struct_size is its sizeof", diagnostic);
   *read = dcloth::engine::ReadStruct(*given);
   return true;
 }
@@ -68,13 +69,13 @@ bool ReadPose(const dcloth_pose* given, dcloth_pose* pose, Diagnostic* diagnosti
   if (!Read(given, "pose", pose, diagnostic)) return false;
   if (pose->joint_matrices == nullptr || !FloatsAreAligned(pose->joint_matrices))
     return Refuse("pose", "joint_matrices", "a null or misaligned pointer", "floats on a multiple of 4", diagnostic);
-  if (pose->column_major > 1) return Refuse("pose", "column_major", "another number", "0 or 1", diagnostic);
+  if (pose->column_major > 1) return Refuse("pose", "column_major", "a number above 1", "0 or 1", diagnostic);
   return true;
 }
 
 bool CheckTimer(const dcloth_timer* timer, Diagnostic* diagnostic) {
   return timer == nullptr || dcloth::engine::IsWhole(timer) ||
-         Refuse("timer", nullptr, kNoStruct, "null, or one with its size", diagnostic);
+         Refuse("timer", nullptr, kNoStruct, "null, or a struct whose struct_size is its sizeof", diagnostic);
 }
 
 bool ReadOutput(const dcloth_output* given, const ModelView& model, dcloth_output* output, Diagnostic* diagnostic) {
@@ -85,7 +86,7 @@ bool ReadOutput(const dcloth_output* given, const ModelView& model, dcloth_outpu
 // At most what the model holds: a host need not know.
 bool TakeStages(const ModelView& model, const char* argument, uint32_t* stages, Diagnostic* diagnostic) {
   if (*stages != DCLOTH_STAGES_STATIC && *stages != DCLOTH_STAGES_SKELETON && *stages != DCLOTH_STAGES_MESH)
-    return Refuse(argument, "stages", "a number that is none of them", "DCLOTH_STAGES_*", diagnostic);
+    return Refuse(argument, "stages", "an unknown number", "DCLOTH_STAGES_*", diagnostic);
   const uint32_t held = dcloth::engine::ModelStages(model);
   if (*stages > held) *stages = held;
   return true;
@@ -324,7 +325,7 @@ dcloth_status dcloth_cloth_save(const dcloth_cloth* cloth, void* state, size_t s
     char allowed[48];
     dcloth::format::Text(allowed, sizeof(allowed)).Add("at least ").Add(uint64_t{needed});
     diagnostic.FailCount(DCLOTH_ERROR_MEMORY, kNoOffset, nullptr, size, " bytes for the state", allowed,
-                         "lend what dcloth_cloth_state_size asks for");
+                         "lend as many bytes as dcloth_cloth_state_size returns");
     return diagnostic.status();
   }
   dcloth::engine::SaveState(saved, state, &diagnostic);

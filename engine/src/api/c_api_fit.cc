@@ -43,7 +43,7 @@ bool CheckCounts(const dcloth_character& c, Diagnostic* diagnostic) {
     return Refuse("bind_matrices", kNone, "a null or misaligned pointer", "floats on a multiple of 4", diagnostic);
   if (c.joint_names == nullptr && c.joint_roles == nullptr)
     return Refuse("joint_names", kNone, "null, as joint_roles", "names or roles of the joints", diagnostic);
-  if (c.column_major > 1) return Refuse("column_major", kNone, "another number", "0 or 1", diagnostic);
+  if (c.column_major > 1) return Refuse("column_major", kNone, "a number above 1", "0 or 1", diagnostic);
   bool seen[kRoleCount] = {};
   for (uint32_t j = 0; c.joint_roles != nullptr && j < c.joint_count; ++j) {
     const uint32_t role = c.joint_roles[j];
@@ -63,7 +63,7 @@ bool CheckCounts(const dcloth_character& c, Diagnostic* diagnostic) {
       !IsAligned(c.body_triangles))
     return Refuse("body_positions", kNone, "a misaligned pointer", "pointers on a multiple of 4", diagnostic);
   if (c.body_influences == 0 || c.body_influences > kMostInfluences)
-    return Refuse("body_influences", kNone, "another number", "1 to 16", diagnostic);
+    return Refuse("body_influences", kNone, "0 or a number above 16", "1 to 16", diagnostic);
   return true;
 }
 
@@ -91,7 +91,7 @@ dcloth_status dcloth_cloth_fit(dcloth_cloth* cloth, const dcloth_character* char
   const FloatEnvironment environment;
   Diagnostic diagnostic(error);
   if (cloth == nullptr || !IsWhole(character) || (fit != nullptr && !IsWhole(fit))) {
-    Refuse(nullptr, Path::kNoIndex, "a null pointer, or a struct_size below that of the first version",
+    Refuse(nullptr, Path::kNoIndex, "a null pointer, or a struct_size smaller than in the first version",
            "a cloth, a character with its size, and null or a fit with its size", &diagnostic);
     return diagnostic.status();
   }

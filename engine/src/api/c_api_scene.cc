@@ -63,7 +63,7 @@ dcloth_status dcloth_scene_create(uint32_t character_count, void* storage, size_
   Diagnostic diagnostic(error);
   const size_t needed = dcloth_scene_storage_size(character_count);
   if (needed == 0 || scene == nullptr) {
-    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null `scene` or a count of characters that is none",
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null `scene` or an invalid count of characters",
                     "a place for the result and 1 to 65536 characters", "");
     return diagnostic.status();
   }

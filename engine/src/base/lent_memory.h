@@ -23,7 +23,7 @@ inline bool CheckStorage(const void* storage, size_t size, size_t needed, format
   char allowed[48];
   format::Text(allowed, sizeof(allowed)).Add("at least ").Add(uint64_t{needed});
   return diagnostic->FailCount(DCLOTH_ERROR_MEMORY, format::kNoOffset, nullptr, size, " bytes of storage", allowed,
-                               "lend what the storage_size function asks for");
+                               "lend as many bytes as the storage_size function returns");
 }
 
 // Hands out consecutive 64-byte-aligned pieces of one block. Over a null block it only adds sizes up, so the function

@@ -65,10 +65,10 @@ bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Dia
     format::Text(allowed, sizeof(allowed)).Add(uint64_t{vertex_count}).Add(", the model's");
     return diagnostic->FailCount(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, output.vertex_count, "", allowed, "");
   }
-  constexpr char kAttribute[] = "a pointer, a stride or a format that does not fit";
+  constexpr char kAttribute[] = "an invalid pointer, stride or format";
   constexpr char kAttributes[] =
-      "DCLOTH_FORMAT_*; an address and a stride that are multiples of the number's bytes; a stride of an attribute or "
-      "more";
+      "DCLOTH_FORMAT_*; address and stride divisible by the size of a number; stride no less than the attribute's "
+      "bytes";
   if ((output.flags & ~uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY}) != 0)
     return refuse("flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
   if (output.positions == nullptr) return refuse("positions", "a null pointer", "memory for the positions");
@@ -80,7 +80,7 @@ bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Dia
     if (output.texture_coordinates == nullptr || !IsAligned(output.texture_coordinates, sizeof(float)) ||
         output.texture_stride_bytes < 2 * sizeof(float) || output.texture_stride_bytes % sizeof(float) != 0) {
       return refuse("texture_coordinates", "none, or off their alignment",
-                    "two floats a vertex, as tangents are wanted, on multiples of 4 bytes");
+                    "two floats per vertex, aligned to 4 bytes; tangents need them");
     }
   }
   if (output.bounds != nullptr && !IsAligned(output.bounds, sizeof(float)))

@@ -298,8 +298,7 @@ bool CheckRoles(const ModelView& model, const dcloth_character& character, const
   char allowed[64];
   Text(allowed, sizeof(allowed)).Add("a joint for each, among the ").Add(uint64_t{character.joint_count}).Add(" given");
   const Path path = {nullptr, "character"};
-  return diagnostic->Fail(DCLOTH_ERROR_JOINTS, kNoOffset, &path, found, allowed,
-                          "tell which joints they are in joint_roles");
+  return diagnostic->Fail(DCLOTH_ERROR_JOINTS, kNoOffset, &path, found, allowed, "set their roles in joint_roles");
 }
 
 bool CheckMatrices(const dcloth_character& character, const RigFit& fit, Diagnostic* diagnostic) {
@@ -314,7 +313,8 @@ bool CheckMatrices(const dcloth_character& character, const RigFit& fit, Diagnos
     }
     return (finite && Invert(bind, &inverse)) ||
            RefusePose("bind_matrices", joint, "NaN, a number beyond 1e9 or a matrix without inverse",
-                      "the joint's matrix in the bind pose", "give joint to world, not zero scale", diagnostic);
+                      "the joint's matrix in the bind pose",
+                      "pass matrices from joint to world space, with a scale other than 0", diagnostic);
   };
   for (const int32_t joint : fit.character.joint) {
     if (!usable(joint)) return false;
@@ -385,7 +385,7 @@ bool CheckAxes(const dcloth_character& character, const RigFit& fit, const Vecto
     allow.Add("the way up of dcloth_cloth_set_space, ");
     AddHostAxis(fit.space, {0, 1, 0}, &allow);
     return RefusePose("bind_matrices", -1, found, allowed,
-                      "set the space to your axes, or give the bind pose in the world's", diagnostic);
+                      "set the space to your axes, or pass the bind pose in the axes of the world", diagnostic);
   }
   // Left and up give the front; toes tell whether that is so.
   const Vector forward = Cross(left, up);
@@ -448,7 +448,7 @@ bool CheckBone(const dcloth_character& character, const RigFit& fit, uint32_t fr
   AddJoint(character, fit.character, from, &text).Add(" to ");
   AddJoint(character, fit.character, to, &text);
   return RefusePose("bind_matrices", fit.character.joint[to], found, "0.4 to 2.5 times",
-                    "are these joint to world, of one pose?", diagnostic);
+                    "pass matrices of one pose, from joint to world space", diagnostic);
 }
 
 bool CheckStance(const dcloth_character& character, const RigFit& fit, const Bone& bone, double turn,
@@ -466,7 +466,7 @@ bool CheckStance(const dcloth_character& character, const RigFit& fit, const Bon
   text.Add(" degrees from the figure's bind pose");
   Text(allowed, sizeof(allowed)).Add("at most ").Add(static_cast<uint64_t>(bone.most_turn)).Add(" degrees");
   return RefusePose("bind_matrices", fit.character.joint[bone.from], found, allowed,
-                    "give the T or A pose that the skin was bound in, not a pose of an animation", diagnostic);
+                    "pass the T or A pose that the skin was bound in, not a pose of an animation", diagnostic);
 }
 
 bool FitLimbs(const dcloth_character& character, RigFit* fit, dcloth_fit* report, Diagnostic* diagnostic) {
@@ -543,11 +543,11 @@ bool MeasureRig(const ModelView& model, const dcloth_character& character, const
       Length(figure_up) < kShortest || Length(Cross(figure_up, figure_left)) < kShortest * kShortest) {
     const Path path = {nullptr, "character"};
     return diagnostic->Fail(DCLOTH_ERROR_JOINTS, kNoOffset, &path, "no pair of legs or arms in garment and character",
-                            "a left and a right joint of one kind and a trunk", "tell them in joint_roles");
+                            "a left and a right joint of one kind and a trunk", "name them in joint_roles");
   }
   if (Length(up) < kShortest || Length(Cross(up, left)) < kShortest * kShortest) {
     return RefusePose("bind_matrices", -1, "hips, spine and legs in one place or one line", "a standing body",
-                      "are these the joints' matrices of one bind pose, joint to world?", diagnostic);
+                      "pass matrices of one bind pose, from joint to world space", diagnostic);
   }
   double parts = 0;
   const double legs = LegLength(fit->character, *fit, &parts), figure_legs = LegLength(fit->figure, *fit, &parts);

@@ -294,9 +294,8 @@ TEST_F(ClothTest, ARefusedFrameSaysWhy) {
   refused([](Call* c) { c->frame.seconds = -1; }, kArgument, "frame.seconds", "-1.00000", "0 or more, finite");
   refused([](Call* c) { c->frame.flags = 1u << 31; }, kArgument, "frame.flags", "an unknown flag",
           "DCLOTH_FRAME_* or 0");
-  refused([](Call* c) { c->frame.stages = 5; }, kArgument, "frame.stages", "a number that is none of them",
-          "DCLOTH_STAGES_*");
-  refused([](Call* c) { c->pose.column_major = 2; }, kArgument, "pose.column_major", "another number", "0 or 1");
+  refused([](Call* c) { c->frame.stages = 5; }, kArgument, "frame.stages", "an unknown number", "DCLOTH_STAGES_*");
+  refused([](Call* c) { c->pose.column_major = 2; }, kArgument, "pose.column_major", "a number above 1", "0 or 1");
   refused([](Call* c) { c->pose.joint_matrices = nullptr; }, kArgument, "pose.joint_matrices",
           "a null or misaligned pointer", "floats on a multiple of 4");
   refused([](Call* c) { c->output.vertex_count = 7; }, kArgument, "output.vertex_count", "7", "60, the model's");

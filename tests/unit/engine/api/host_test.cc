@@ -159,7 +159,7 @@ TEST_F(HostTest, BrokenSpacesAreRefusedByTheFieldThatIsWrong) {
     EXPECT_EQ(std::string(error.text + error.found_at, error.found_size), found) << error.text;
     EXPECT_GT(error.allowed_size, 0) << error.text;
   };
-  refused("space", "a null pointer, or a struct_size below that of 0.1.0",
+  refused("space", "a null pointer, or a struct_size smaller than in 0.1.0",
           [](dcloth_space* s) { s->struct_size = 12; });
   refused("space.left", "6", [](dcloth_space* s) { s->left = 6; });
   refused("space.up", "4294967295", [](dcloth_space* s) { s->up = UINT32_MAX; });
