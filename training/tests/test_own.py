@@ -9,7 +9,7 @@ import torch
 
 import conftest
 from dcloth_training import figure, loop, make, safetensors_io, sequence
-from dcloth_training.motion import procedural, skeleton
+from dcloth_training.motion import procedural, retarget, skeleton
 from dcloth_training.own import dress, hero as heroes, mesh as meshes, motions, subject
 from dcloth_training.simulate import body as parts, clips, garment, run, solver
 from dcloth_training.truth.errors import TruthError
@@ -524,3 +524,36 @@ def test_few_drapes_get_company_from_the_clips_to_learn_from(tmp_path):
     make.stand_ins(options, there, 14)
     found = sequence.read(path)
     assert found.truth[:, 0, 0].tolist() == [0, 5, 10, 10, 15, 20] and found.kind == "static"
+
+
+def test_a_recording_of_15_joints_comes_by_way_of_our_figure(hero, tmp_path):
+    """Its rest has no axes of the character's, so `dcloth hero` would refuse it."""
+    names, lines, depth = retarget.NAMES, ["HIERARCHY"], []
+    parents = {"Hips": None, "Chest": "Hips", "Neck": "Chest", "RightArm": "Chest", "LeftArm": "Chest",
+               "RightUpLeg": "Hips", "LeftUpLeg": "Hips"}
+    for side in ("Left", "Right"):
+        parents.update({side + low: side + high for low, high in (("ForeArm", "Arm"), ("Hand", "ForeArm"), ("Leg", "UpLeg"),
+                                                                  ("Foot", "Leg"))})
+    for name, offset in zip(names, retarget.OFFSETS):
+        while depth and depth[-1] != parents[name]:
+            depth.pop()
+            lines.append("}")
+        channels = "6 Xposition Yposition Zposition Zrotation Yrotation Xrotation" if not depth else \
+            "3 Zrotation Yrotation Xrotation"
+        lines += [f"{'JOINT' if depth else 'ROOT'} {name}", "{", "OFFSET " + " ".join(map(str, offset)), f"CHANNELS {channels}"]
+        depth.append(name)
+    lines += ["}"] * len(depth) + ["MOTION", "Frames: 90", "Frame Time: 0.0333333"]
+    for frame in range(90):
+        values = [0, 0.88, 0.01 * frame] + [0] * (3 * len(names))
+        values[3 + 3 * names.index("LeftUpLeg") + 2] = -40      # the left thigh lifted about +X
+        lines.append(" ".join(map(str, values)))
+    path = tmp_path / "lift.bvh"
+    path.write_text("\n".join(lines))
+    safetensors_io.write(tmp_path / "hero.safetensors", *written())
+    chosen = motions.Clips(None, hero, str(tmp_path))
+    assert chosen.pieces(str(path)) == ["lift"]
+    posed = hero.matrices(chosen.load("lift"))[-1]
+    at = {role: posed[hero.roles[role], :3, 3] for role in ("left upper leg", "left lower leg", "right lower leg")}
+    lifted = at["left lower leg"] - at["left upper leg"]
+    assert np.degrees(np.arctan2(lifted[2], -lifted[1])) == pytest.approx(40, abs=3)
+    assert at["left lower leg"][2] - at["right lower leg"][2] > 0.2

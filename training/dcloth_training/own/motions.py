@@ -9,7 +9,7 @@ import os
 import numpy as np
 
 from .. import safetensors_io
-from ..motion import retarget, rotations, skeleton, timing
+from ..motion import bvh, clearance, retarget, rotations, skeleton, timing
 from ..motion.skeleton import INDEX, Motion
 from ..simulate import clips
 from ..truth import animation
@@ -106,7 +106,13 @@ class Clips:
         self.kept = np.array([names.index(name) for name in hero.names])
 
     def _sampled(self, name):
-        """Motion of a file's clip, by way of `dcloth hero --animation`, kept in folder/poses."""
+        """Motion of a file's clip, by way of `dcloth hero --animation`, kept in folder/poses. Recorded clips of 15 joints
+        (motion/retarget.py) come by way of our figure."""
+        if self.words[name].lower().endswith(".bvh") and os.path.isfile(self.words[name]):
+            try:
+                return onto_hero(clearance.clear(bvh.read_motion(self.words[name])), self.hero)
+            except bvh.BvhError:    # of another skeleton
+                pass
         path = os.path.join(self.folder, "poses", name + ".safetensors")
         if not os.path.exists(path):
             os.makedirs(os.path.dirname(path), exist_ok=True)
