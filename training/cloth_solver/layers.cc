@@ -13,6 +13,10 @@ constexpr float kPrism = 0.2f;      // barycentric weight outside of the triangl
 constexpr float kFastest = 0.25f;   // thicknesses a step: a tangle comes undone slowly
 constexpr float kBeyond = 0.05f;  // barycentric weight outside of the triangle that still counts as above it
 
+// Half of a cell's 26 neighbours: the other half looks at this cell.
+constexpr int32_t kHalf[13][3] = {{1, -1, -1}, {1, -1, 0}, {1, -1, 1}, {1, 0, -1}, {1, 0, 0}, {1, 0, 1}, {1, 1, -1},
+                                  {1, 1, 0},   {1, 1, 1},  {0, 1, -1}, {0, 1, 0},  {0, 1, 1}, {0, 0, 1}};
+
 uint32_t Cell(int32_t x, int32_t y, int32_t z) {
   return (static_cast<uint32_t>(x) * 73856093u ^ static_cast<uint32_t>(y) * 19349663u ^
           static_cast<uint32_t>(z) * 83492791u) & ((1u << kBits) - 1);
@@ -104,24 +108,38 @@ void Layers::Find(const std::vector<Vec>& x) {
   std::vector<int32_t> next(cell_first_.begin(), cell_first_.end() - 1);
   for (int32_t i = 0; i < count; ++i) order_[next[cell_[i]]++] = i;
 
+  // Pairs of vertices that are near, each found once, both ways round.
+  sorted_.resize(count);
+  for (int32_t k = 0; k < count; ++k) sorted_[k] = x[order_[k]];
+  near_.clear();
   const float reach_squared = reach_ * reach_;
+  for (int32_t k = 0; k < count; ++k) {
+    const Vec p = sorted_[k];
+    const int32_t i = order_[k], cx = number(p.x), cy = number(p.y), cz = number(p.z);
+    const auto look = [&](int32_t first, int32_t last) {
+      for (int32_t m = first; m < last; ++m) {
+        const Vec d = sorted_[m] - p;
+        if (Dot(d, d) > reach_squared) continue;
+        const int32_t j = order_[m];
+        if (j != i && !Close(i, j)) near_.push_back({i, j}), near_.push_back({j, i});
+      }
+    };
+    look(k + 1, cell_first_[cell_[i] + 1]);
+    for (const auto& [x_on, y_on, z_on] : kHalf) {
+      const uint32_t cell = Cell(cx + x_on, cy + y_on, cz + z_on);
+      look(cell_first_[cell], cell_first_[cell + 1]);
+    }
+  }
+  std::sort(near_.begin(), near_.end());
+
   std::vector<int32_t> faces;
-  size_t known = 0;
+  size_t known = 0, near = 0;
   for (int32_t i = 0; i < count; ++i) {
     faces.clear();
-    const Vec& p = x[i];
-    const int32_t cx = number(p.x), cy = number(p.y), cz = number(p.z);
-    for (int32_t gx = cx - 1; gx <= cx + 1; ++gx)
-      for (int32_t gy = cy - 1; gy <= cy + 1; ++gy)
-        for (int32_t gz = cz - 1; gz <= cz + 1; ++gz) {
-          const uint32_t cell = Cell(gx, gy, gz);
-          for (int32_t k = cell_first_[cell]; k < cell_first_[cell + 1]; ++k) {
-            const int32_t j = order_[k];
-            const Vec d = x[j] - p;
-            if (Dot(d, d) > reach_squared || j == i || Close(i, j)) continue;
-            faces.insert(faces.end(), around_.begin() + around_first_[j], around_.begin() + around_first_[j + 1]);
-          }
-        }
+    for (; near < near_.size() && near_[near].first == i; ++near) {
+      const int32_t j = near_[near].second;
+      faces.insert(faces.end(), around_.begin() + around_first_[j], around_.begin() + around_first_[j + 1]);
+    }
     while (known < before_.size() && before_[known].vertex < i) ++known;
     if (faces.empty()) continue;
     std::sort(faces.begin(), faces.end());

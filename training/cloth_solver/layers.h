@@ -1,6 +1,7 @@
 // Contact between layers of cloth: vertices are kept on their side of triangles that are no neighbours of theirs.
 #pragma once
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "mesh.h"
@@ -32,6 +33,8 @@ class Layers {
   std::vector<int32_t> ring_first_, ring_;         // CSR: vertices at most two edges away, ascending
   std::vector<int32_t> around_first_, around_;     // CSR: faces about a vertex
   std::vector<int32_t> cell_first_, cell_, order_; // hash grid: vertices sorted by cell
+  std::vector<Vec> sorted_;                        // positions in that order
+  std::vector<std::pair<int32_t, int32_t>> near_;  // vertices of two layers within reach of each other
   std::vector<Vec> last_;                          // positions at the last search
   std::vector<Pair> pairs_, before_;               // by vertex, then face
 };

@@ -37,9 +37,28 @@ Solver::Solver(const cloth_solver_problem& p)
   }
   for (int32_t pin : pins_) inverse_mass_[pin] = 0;
   tethers_ = Tethers(mesh_, p.vertices, pins_);
+  points_.assign(p.vertices + 1, {});  // the last one fills blocks up
+  MakeSprings();
   origin_ = {p.origin[0], p.origin[1], p.origin[2]};
   for (Vec& x : x_) x -= origin_;
   before_ = x_;
+}
+
+void Solver::MakeSprings() {
+  const int32_t spare = problem_.vertices;
+  std::vector<size_t> block_of(problem_.vertices, 0);  // last block that uses a vertex, from 1
+  int used = kBlock;
+  for (const Edge& e : mesh_.edges) {
+    if (inverse_mass_[e.a] + inverse_mass_[e.b] == 0) continue;
+    if (used == kBlock || block_of[e.a] == springs_.size() || block_of[e.b] == springs_.size()) {
+      springs_.emplace_back(), used = 0;
+      for (int k = 0; k < kBlock; ++k) springs_.back().a[k] = springs_.back().b[k] = spare, springs_.back().yield[k] = 1;
+    }
+    Springs& s = springs_.back();
+    s.a[used] = e.a, s.b[used] = e.b, s.rest[used] = e.rest, s.yield[used] = 1 / (e.stiffness * dt_ * dt_);
+    block_of[e.a] = block_of[e.b] = springs_.size();
+    ++used;
+  }
 }
 
 Vec Solver::At(const float* path, int32_t count, int32_t frame, int32_t i) const {
@@ -86,7 +105,7 @@ void Solver::Step(float t) {
   Predict();
   for (size_t k = 0; k < pins_.size(); ++k) x_[pins_[k]] = Mix(pin_from_[k], pin_to_[k], t);
   Bend();
-  for (int pass = 0; pass < settings_.stretch_passes; ++pass) Stretch();
+  Stretch();
   HoldTethers();
   UpdateVelocities();
   if (settings_.layer_thickness > 0) layers_.Hold(&x_, &v_, inverse_mass_, settings_.layer_thickness);
@@ -127,18 +146,32 @@ void Solver::Bend() {
   }
 }
 
+// All passes over the edges, kBlock at a time: those of a block share no vertex, so their roots and quotients are taken side by
+// side. Position and inverse mass lie together, so that an end of an edge is one load.
 void Solver::Stretch() {
-  const float per_squared = 1 / (dt_ * dt_), shortening = 1 / std::max(settings_.compression, 1e-6f);
-  for (const Edge& e : mesh_.edges) {
-    const float wa = inverse_mass_[e.a], wb = inverse_mass_[e.b];
-    if (wa + wb == 0) continue;
-    const Vec d = x_[e.b] - x_[e.a];
-    const float length = Length(d), longer = length - e.rest;
-    const float compliance = (longer < 0 ? shortening : 1.0f) / e.stiffness;
-    const float push = longer / ((wa + wb + compliance * per_squared) * std::max(length, 1e-9f));
-    x_[e.a] += (wa * push) * d;
-    x_[e.b] -= (wb * push) * d;
+  const float shortening = 1 / std::max(settings_.compression, 1e-6f);
+  for (size_t i = 0; i < x_.size(); ++i) points_[i] = {x_[i], inverse_mass_[i]};
+  for (int pass = 0; pass < settings_.stretch_passes; ++pass) {
+    for (const Springs& s : springs_) {
+      float dx[kBlock], dy[kBlock], dz[kBlock], w[kBlock], push[kBlock];
+      for (int k = 0; k < kBlock; ++k) {
+        const Point &a = points_[s.a[k]], &b = points_[s.b[k]];
+        dx[k] = b.x.x - a.x.x, dy[k] = b.x.y - a.x.y, dz[k] = b.x.z - a.x.z, w[k] = a.w + b.w;
+      }
+      for (int k = 0; k < kBlock; ++k) {
+        const float length = std::sqrt(dx[k] * dx[k] + dy[k] * dy[k] + dz[k] * dz[k]), longer = length - s.rest[k];
+        const float yield = (longer < 0 ? shortening : 1.0f) * s.yield[k];
+        push[k] = longer / ((w[k] + yield) * std::max(length, 1e-9f));
+      }
+      for (int k = 0; k < kBlock; ++k) {
+        Point &a = points_[s.a[k]], &b = points_[s.b[k]];
+        const float to_a = a.w * push[k], to_b = b.w * push[k];
+        a.x.x += to_a * dx[k], a.x.y += to_a * dy[k], a.x.z += to_a * dz[k];
+        b.x.x -= to_b * dx[k], b.x.y -= to_b * dy[k], b.x.z -= to_b * dz[k];
+      }
+    }
   }
+  for (size_t i = 0; i < x_.size(); ++i) x_[i] = points_[i].x;
 }
 
 void Solver::HoldTethers() {

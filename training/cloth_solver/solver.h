@@ -19,6 +19,7 @@ class Solver {
 
  private:
   Vec At(const float* path, int32_t count, int32_t frame, int32_t i) const;  // relative to origin_
+  void MakeSprings();
   void Step(float t);
   void Predict();
   void Bend();
@@ -35,6 +36,17 @@ class Solver {
   Body body_;
   Layers layers_;
   std::vector<Tether> tethers_;
+  static constexpr int kBlock = 8;
+  struct alignas(32) Springs {
+    float rest[kBlock] = {}, yield[kBlock] = {};  // m; 1/kg: compliance over the step's squared length
+    int32_t a[kBlock] = {}, b[kBlock] = {};
+  };
+  std::vector<Springs> springs_;
+  struct alignas(16) Point {
+    Vec x;
+    float w = 0;
+  };
+  std::vector<Point> points_;  // Stretch's own
   std::vector<int32_t> pins_;
   std::vector<float> inverse_mass_;
   std::vector<float> drag_normal_, drag_tangent_;  // 1/m: deceleration over squared speed
