@@ -159,3 +159,27 @@ def test_standing_and_walking_legs_are_left_alone():
     for motion in (skeleton.rest_motion(4), procedural.clip("walk_start_stop")):
         legs = [INDEX[side + "UpLeg"] for side in ("Left", "Right")]
         assert rotations.angle_between(clearance.clear(motion).local, motion.local)[:, legs].max() < 0.02
+
+
+def flexion(motion):
+    """Degrees [T, 2] between each thigh's and shin's direction."""
+    at = skeleton.joint_matrices(motion)[:, :, :3, 3]
+    found = []
+    for side in ("Left", "Right"):
+        hip, knee, foot = (at[:, skeleton.INDEX[side + name]] for name in ("UpLeg", "Leg", "Foot"))
+        found.append(np.degrees(np.arccos(np.clip(((knee - hip) * (foot - knee)).sum(1) / np.linalg.norm(
+            knee - hip, axis=1) / np.linalg.norm(foot - knee, axis=1), -1, 1))))
+    return np.stack(found, 1)
+
+
+def test_a_knee_bends_no_further_than_a_persons():
+    motion = skeleton.rest_motion(40)
+    bend = np.radians(np.linspace(0, 178, 40))
+    motion.local[:, skeleton.INDEX["LeftLeg"]] = rotations.about_axis("X", bend)
+    assert flexion(motion)[-1, 0] > 177
+    cleared = clearance.clear(motion)
+    wanted = np.minimum(np.degrees(bend), np.degrees(clearance.KNEE))
+    assert np.abs(flexion(cleared)[:, 0] - wanted).max() < 0.5
+    below = bend < clearance.KNEE - 1e-3
+    leg = skeleton.INDEX["LeftLeg"]
+    assert (cleared.local[below][:, leg] == motion.local[below][:, leg]).all()
