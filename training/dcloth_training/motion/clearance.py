@@ -49,7 +49,7 @@ class _Tube:
         rows = int(np.ceil((high - low) / HEIGHT_STEP))
         d = points - figure.load().joints[joint]
         row = np.clip(((points[:, 1] - low) / HEIGHT_STEP).astype(int), 0, rows - 1)
-        column = np.round(np.arctan2(d[:, 0], d[:, 2]) / (2 * np.pi) * ANGLES).astype(int) % ANGLES
+        column = np.round(rotations.arctan2(d[:, 0], d[:, 2]) / (2 * np.pi) * ANGLES).astype(int) % ANGLES
         self.radius = np.zeros((rows, ANGLES))
         np.maximum.at(self.radius, (row, column), np.hypot(d[:, 0], d[:, 2]))
         self.low_offset = low - figure.load().joints[joint, 1]
@@ -60,7 +60,7 @@ class _Tube:
         turn = matrices[:, self.joint, :3, :3]
         d = (points - matrices[:, self.joint, None, :3, 3]) @ turn
         row = (d[..., 1] - self.low_offset) / HEIGHT_STEP - 0.5
-        column = np.arctan2(d[..., 0], d[..., 2]) / (2 * np.pi) * ANGLES
+        column = rotations.arctan2(d[..., 0], d[..., 2]) / (2 * np.pi) * ANGLES
         radius = ndimage.map_coordinates(np.pad(self.radius, ((0, 0), (0, 1)), mode="wrap"),
                                          [np.clip(row, 0, len(self.radius) - 1), column % ANGLES], order=1)
         across = np.hypot(d[..., 0], d[..., 2])

@@ -69,10 +69,10 @@ def _leg(hips, hip_position, ankle, foot_world):
     length = np.maximum(length, 0.25)
     cosine = (length ** 2 - THIGH_LENGTH ** 2 - SHIN_LENGTH ** 2) / (2 * THIGH_LENGTH * SHIN_LENGTH)
     knee = np.arccos(np.clip(cosine, -1, 1))
-    behind = np.arctan2(SHIN_LENGTH * np.sin(knee), THIGH_LENGTH + SHIN_LENGTH * np.cos(knee))
+    behind = rotations.arctan2(SHIN_LENGTH * np.sin(knee), THIGH_LENGTH + SHIN_LENGTH * np.cos(knee))
     # Swing first: a leg that is kicked over the hips' height turns on without a jump.
     outward = np.arcsin(np.clip(reach[:, 0] / np.maximum(distance, 1e-6), -0.999, 0.999))
-    swing = np.arctan2(reach[:, 2], -reach[:, 1])
+    swing = rotations.arctan2(reach[:, 2], -reach[:, 1])
     thigh = (rotations.about_axis("X", -swing) @ rotations.about_axis("Z", outward)
              @ rotations.about_axis("X", -behind))
     shin = rotations.about_axis("X", knee)

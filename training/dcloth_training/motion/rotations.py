@@ -7,6 +7,12 @@ import numpy as np
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 
 
+def arctan2(y, x):
+    """numpy's, to the same bits every time. On processors with AVX-512 numpy 1.24 computes a strided view's last bit by one of
+    two routines, depending on where its result happens to lie in memory."""
+    return np.arctan2(np.array(y, order="C"), np.array(x, order="C"))
+
+
 def about_axis(axis, angle):
     """Rotation about a coordinate axis. axis 'X' | 'Y' | 'Z', angle [...] -> [..., 3, 3]."""
     i = _AXES[axis]
@@ -76,7 +82,7 @@ def heading_of(rotation):
     The left axis stays horizontal in a somersault, the forward axis does not.
     """
     left = rotation[..., :, 0]
-    return np.arctan2(-left[..., 2], left[..., 0])
+    return arctan2(-left[..., 2], left[..., 0])
 
 
 def continuous_quaternions(matrix):
@@ -89,7 +95,7 @@ def continuous_quaternions(matrix):
 def vectors_from_quaternions(quaternion):
     """Unit quaternions [..., 4] -> rotation vectors [..., 3], angles 0..2 pi (sign is kept)."""
     length = np.linalg.norm(quaternion[..., 1:], axis=-1, keepdims=True)
-    angle = 2 * np.arctan2(length, quaternion[..., :1])
+    angle = 2 * arctan2(length, quaternion[..., :1])
     # Below 1e-9 the angle over the sine is 2 to rounding (angle near 0).
     return quaternion[..., 1:] * np.where(length > 1e-9, angle / np.maximum(length, 1e-9), 2.0)
 
