@@ -10,6 +10,7 @@ shape in the hips' frame, and the floor's share of it.
 """
 import argparse
 import concurrent.futures
+import functools
 import json
 import os
 import sys
@@ -99,8 +100,8 @@ def measure(options):
     for name in names:
         run.prepare(name, options)      # one that cannot be read is refused before the first is simulated
     body, worn = run.put_on(options.data, options.garment)
-    with concurrent.futures.ThreadPoolExecutor(options.workers) as pool:
-        for row in pool.map(lambda name: floor(name, options, body, worn), names):
+    with concurrent.futures.ProcessPoolExecutor(options.workers) as pool:
+        for row in pool.map(functools.partial(floor, options=options, body=body, worn=worn), names):
             rows.append(row)
             print(f"{row['clip']}: {row['mean_mm']} mm over {row['frames']} frames, "
                   f"{row['end_mm']} at the end, entered late {row['entered_mm']}, "
