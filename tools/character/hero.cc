@@ -43,7 +43,8 @@ void ChooseJoints(const CharacterFile& file, const JointMap& map, Hero* hero) {
       Refuse(file, "'" + key + "' in --map", "a joint of the garment or a role, such as \"left upper leg\"",
              "roles are listed in dcloth_fit.h");
     }
-    if (std::ranges::none_of(file.nodes, [&](const CharacterNode& other) { return other.name == node; })) {
+    if (std::ranges::none_of(file.nodes,
+                             [&wanted = node](const CharacterNode& other) { return other.name == wanted; })) {
       std::vector<std::string> held;
       for (const CharacterNode& other : file.nodes) held.push_back(other.name);
       std::string closest;
