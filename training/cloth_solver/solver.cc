@@ -52,7 +52,8 @@ void Solver::MakeSprings() {
     if (inverse_mass_[e.a] + inverse_mass_[e.b] == 0) continue;
     if (used == kBlock || block_of[e.a] == springs_.size() || block_of[e.b] == springs_.size()) {
       springs_.emplace_back(), used = 0;
-      for (int k = 0; k < kBlock; ++k) springs_.back().a[k] = springs_.back().b[k] = spare, springs_.back().yield[k] = 1;
+      for (int k = 0; k < kBlock; ++k)
+        springs_.back().a[k] = springs_.back().b[k] = spare, springs_.back().yield[k] = 1;
     }
     Springs& s = springs_.back();
     s.a[used] = e.a, s.b[used] = e.b, s.rest[used] = e.rest, s.yield[used] = 1 / (e.stiffness * dt_ * dt_);
@@ -146,8 +147,8 @@ void Solver::Bend() {
   }
 }
 
-// All passes over the edges, kBlock at a time: those of a block share no vertex, so their roots and quotients are taken side by
-// side. Position and inverse mass lie together, so that an end of an edge is one load.
+// All passes over the edges, kBlock at a time: those of a block share no vertex, so their roots and quotients are taken
+// side by side. Position and inverse mass lie together, so that an end of an edge is one load.
 void Solver::Stretch() {
   const float shortening = 1 / std::max(settings_.compression, 1e-6f);
   for (size_t i = 0; i < x_.size(); ++i) points_[i] = {x_[i], inverse_mass_[i]};

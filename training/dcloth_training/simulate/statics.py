@@ -2,8 +2,7 @@
 
 Half of the poses are picked from the training clips by farthest-point selection over the rotations that the garment
 feels (garment.Garment.felt, heading taken out), so that few drapes cover many motions; the others as often as they
-occur. They are visited along a short path, each approached
-slowly and held until the cloth rests.
+occur. They are visited along a short path, each approached slowly and held until the cloth rests.
 """
 import numpy as np
 
