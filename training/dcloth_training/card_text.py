@@ -74,7 +74,7 @@ def _row(name, row, levels, floor):
 
 
 def errors(results, floors):
-    """Tables of evaluate.py's results, recorded and scripted clips apart: a row a clip, then every measure a level.
+    """Tables of evaluate.py's results, one a source (evaluate.by_source): a row a clip, then every measure a level.
 
     floors: {clip: {mean_mm, entered_mm, alive_mm}} where known.
     """

@@ -13,7 +13,7 @@ from typing import Optional
 import numpy as np
 import torch
 
-from . import features, network, sequence, unskin, unskinned
+from . import body_planes, features, network, sequence, unskin, unskinned
 
 HELD_OUT = ("procedural/demo_walk_turn", "procedural/demo_sway_spin", "mocap/run",
             "game/game_walking_b", "mocap/dance_a", "mocap/long_walk1",
@@ -68,6 +68,7 @@ class Clip:
     rate: float                              # Hz
     residual: Optional[np.ndarray] = None    # [T, n, 3] template space, float16, after unskin
     sample: Optional[np.ndarray] = None      # [T, n / SAMPLE_EVERY, 3] of it, in memory
+    planes: Optional[np.ndarray] = None      # body_planes of sampled vertices
     coarse: Optional[tuple] = None           # stage 2: coefficients [T, R], basis [R, n, 3] shared by all clips
 
     def __len__(self):
@@ -96,6 +97,14 @@ class Clip:
         if self.sample is None:
             self.sample = np.ascontiguousarray(self.residual[:, ::SAMPLE_EVERY])
         return self.sample[ticks].take(rows, 1).astype(np.float32)
+
+
+    def planes_at(self, ticks, rows):
+        """Planes [t, v, 4] float32 of the sampled vertices `rows`, zero in frames and at vertices without one."""
+        ticks = np.arange(len(self))[ticks]
+        found = self.planes[ticks // body_planes.EVERY].take(rows, 1).astype(np.float32)
+        found[ticks % body_planes.EVERY != 0] = 0
+        return found
 
 
 def load_pose(item, rig, joint_mirror, mirrored):
@@ -179,6 +188,19 @@ def add_residuals(clips, static, standardise, character, folder=None):
         if clip.residual is None:
             clip.sample = None
             clip.residual = store.residual(clip, unskin_clip) if store else unskin_clip().astype(np.float16)
+
+
+def add_planes(clips, character, folder):
+    """Fill clip.planes, from files in `folder` where they are there."""
+    vertices = np.arange(0, len(character.template), SAMPLE_EVERY)
+    for clip in clips:
+        def make(clip=clip):
+            matrices = sequence.read(clip.path).joint_matrices.astype(np.float64)
+            if clip.mirrored:
+                matrices = features.mirror_pose(matrices, character.joint_mirror)
+            return body_planes.planes(matrices, load_truth(clip.path, clip.mirrored, character.mirror), character, vertices)
+        if clip.planes is None:
+            clip.planes = unskinned.kept(folder, clip, make)
 
 
 def split(clips, validation):

@@ -3,9 +3,9 @@
     python3 -m dcloth_training.evaluate BUNDLE SEQUENCE... [-o PREFIX] [--quick]
 
 Levels: rigid hips (the template fixed to the hips), plain skinning with the nearest-point weights, stage 1, stages 1-2,
-stages 1-3. Recorded and scripted clips are two tables. With -o writes PREFIX.json ({clip: {"truth": measures, level:
-measures}}; metrics.py says what each measure means), PREFIX.txt and PREFIX.png. Penetration and crossings are counted
-on every fifth frame, by exact tests; --quick leaves them out.
+stages 1-3. Reported, other recorded and scripted clips are tables of their own. With -o writes PREFIX.json ({clip:
+{"truth": measures, level: measures}}; metrics.py says what each measure means), PREFIX.txt and PREFIX.png. Penetration
+and crossings are counted on every fifth frame, by exact tests; --quick leaves them out.
 """
 import argparse
 import dataclasses
@@ -112,9 +112,15 @@ def evaluate(net, rig, faces, item, path="sequence", referee=None):
 
 
 def by_source(results):
-    """Yields ("recorded" or "scripted", {clip: row}), those with clips: never averaged together."""
-    for source in ("recorded", "scripted"):
-        rows = {clip: row for clip, row in results.items() if dataset.source(clip) == source}
+    """Yields ("reported", "recorded" or "scripted", {clip: row}), those with clips: never averaged together.
+
+    reported: the recorded clips that nothing was decided on (dataset.REPORTED).
+    """
+    def group(clip):
+        return "reported" if dataset.role(clip) == "reported" else dataset.source(clip)
+
+    for source in ("reported", "recorded", "scripted"):
+        rows = {clip: row for clip, row in results.items() if group(clip) == source}
         if rows:
             yield source, rows
 
@@ -160,7 +166,7 @@ def figures(measures):
 
 
 def table(results):
-    """Text, recorded and scripted clips apart: a row a clip with E_d and E_n of each level, then all measures."""
+    """Text, a table a source (by_source): a row a clip with E_d and E_n of each level, then all measures."""
     lines = []
     for source, rows in by_source(results):
         names = level_names(next(iter(rows.values())))

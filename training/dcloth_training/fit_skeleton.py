@@ -2,7 +2,9 @@
 
 The basis is S = C B: B [R, n, 3] holds the principal components of the un-skinned residual and
 C [k_S, R] is trained, so a state within (-1, 1) reaches any coefficient. The loss is the skinned
-vertex distance on a random subset of vertices, which costs as little as regressing coefficients.
+vertex distance on a random subset of vertices, which costs as little as regressing coefficients, and the depth to which
+the predicted cloth lies below the body: as long as the swing is not known, the mean of several possible ones runs through
+the thigh, and that is seen at once.
 
 A window that begins in the middle of a clip starts at zero, at the state in which another window
 ended, or anywhere in (-1, 1), a third each, and does not count until WARM_UP ticks later: whatever
@@ -13,6 +15,8 @@ Then it learns to settle: the same windows from a second state, any corner of [-
 still disagree on after WARM_UP ticks is added to the loss. The truth alone cannot teach that: a millimetre
 of drift drowns in the centimetre that is unpredictable anyway.
 """
+import os
+
 import numpy as np
 import torch
 from torch import nn
@@ -27,9 +31,10 @@ OPTIONS = {
     "skeleton-rate": (3e-3, None, None), "window": (64, dataset.WARM_UP + 1, "ticks a training window"),
     "carried": (1.5, None, "m/s: deviation of windows' velocity, see augment.py"),
     "noise": (0.1, None, "deviation of standardised features, see augment.py"), "dropout": (0.1, None, None),
-    "decay": (0.01, None, None)}
+    "decay": (0.01, None, None), "collision": (3.0, 0.0, "weight of the depth below the body, beside the distance")}
 BATCH = 16
 VERTICES = 256
+MARGIN = 0.002      # m outside the body that the network should keep, where the truth does
 USUAL_STATE = 0.3   # deviation of a unit's state
 BASIS_EVERY = 4     # every fourth frame is enough for the principal components
 
@@ -79,10 +84,15 @@ def linear_of(windows, frames):
 
 
 def draw(windows, count, frames, generator):
-    """(rows [v] among `count` vertices, residual [B, T, v, 3] there) of a batch of windows."""
+    """(rows [v] among `count` vertices, residual [B, T, v, 3], planes [B, T, v, 4] there) of a batch of windows.
+
+    planes: the body's beside the true cloth (body_planes), None where the clips have none.
+    """
     picked = losses.pick_vertices(-(-count // dataset.SAMPLE_EVERY), VERTICES, generator)
-    target = np.stack([w.sampled(frames, picked.numpy()) for w in windows])
-    return dataset.SAMPLE_EVERY * picked, torch.from_numpy(target)
+    rows = picked.numpy()
+    target = torch.from_numpy(np.stack([w.sampled(frames, rows) for w in windows]))
+    planes = [w.clip.planes_at(w.ticks(frames), rows) for w in windows if w.clip.planes is not None]
+    return dataset.SAMPLE_EVERY * picked, target, torch.from_numpy(np.stack(planes)) if planes else None
 
 
 def counted(windows, frames):
@@ -146,7 +156,7 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
         ended = torch.zeros(1, reduced.gru.hidden_size)
         for at in range(0, len(order), BATCH):
             some = order[at:at + BATCH]
-            linear, (rows, target) = linear_of(some, frames), draw(some, count, frames, generator)
+            linear, (rows, target, planes) = linear_of(some, frames), draw(some, count, frames, generator)
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
             state, reset = first_states(some, ended, generator)
             velocity = augment.velocities(some, options.carried, generator).numpy()
@@ -161,7 +171,10 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
                 coefficients, state = reduced(x, state)
             ended = state[0].detach().cpu()
             delta = (coefficients @ columns).reshape(target.shape)
-            loss = losses.skinned_distance(linear[keep], weights[rows], (delta - target)[keep])
+            error = losses.skinned(linear[keep], weights[rows], (delta - target)[keep])
+            loss = losses.distance(error)
+            if planes is not None:
+                loss = loss + options.collision * losses.below(planes.to(device)[keep], error, MARGIN)
             yield loss + losses.distance(left) if settle else loss
 
     def validate():
@@ -209,5 +222,8 @@ def train_stage(run):
         run.net.skeleton.load_state_dict(run.before.skeleton.state_dict())
     run.unskin(run.training + run.validation + run.static_clips)
     run.log("ground truth un-skinned")
+    if run.options.collision:
+        dataset.add_planes(run.training + run.static_clips, run.character, os.path.join(run.options.out, "planes"))
+        run.log("body found beside the truth")
     return {"skeleton": train(run.net.skeleton, run.net.static, run.net.standardise, run.training, run.validation,
                               run.static_clips, run.options, run.options.out, run.log)}

@@ -9,14 +9,29 @@ def distance(error):
     return ((error * error).sum(-1) + SMOOTHING ** 2).sqrt().mean()
 
 
-def skinned_distance(linear, weights, error):
-    """Mean |L_v error_v|: `error` [..., v, 3] of template space as it shows after skinning.
+def skinned(linear, weights, error):
+    """L_v error_v [..., v, 3]: an error of template space as it shows after skinning.
 
     linear [..., m, 3, 3] of the bones, weights [v, m] of the vertices: L_v = sum_j w_vj R_j.
     """
     blended = weights @ linear.reshape(*linear.shape[:-2], 9)
     blended = blended.reshape(*error.shape[:-1], 3, 3)
-    return distance((blended @ error.unsqueeze(-1)).squeeze(-1))
+    return (blended @ error.unsqueeze(-1)).squeeze(-1)
+
+
+def skinned_distance(linear, weights, error):
+    """Mean |L_v error_v|, see skinned()."""
+    return distance(skinned(linear, weights, error))
+
+
+def below(planes, error, margin):
+    """Mean depth in m of cloth that `error` [..., v, 3] moved to the far side of its plane [..., v, 4] (body_planes).
+
+    margin: m outside the plane that count as inside already, where the truth has that much room.
+    """
+    room = planes[..., 0].clamp(min=0)
+    moved = room + (planes[..., 1:] * error).sum(-1)
+    return (room.clamp(max=margin) - moved).clamp(min=0).mean()
 
 
 def pick_vertices(count, size, generator):

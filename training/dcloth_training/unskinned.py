@@ -17,6 +17,19 @@ def _digest(*parts):
     return sha.hexdigest()[:16]
 
 
+def kept(folder, clip, make):
+    """float16 array of `clip`, from its file in `folder` or from make(), mapped; writing to it stays in memory."""
+    told = os.stat(clip.path)
+    name = _digest(os.path.abspath(clip.path), told.st_size, told.st_mtime_ns, clip.mirrored)
+    path = os.path.join(folder, name + ".npy")
+    if not os.path.exists(path):
+        os.makedirs(folder, exist_ok=True)
+        with open(path + ".part", "wb") as file:
+            np.save(file, make().astype(np.float16))
+        os.replace(path + ".part", path)
+    return np.asarray(np.load(path, mmap_mode="c"))
+
+
 class Store:
     """Residuals of one static stage in `folder`: 48 kB a frame at 7,952 vertices."""
 
@@ -32,11 +45,4 @@ class Store:
 
     def residual(self, clip, make):
         """[T, n, 3] float16 of `clip`, from the file or from make(); writing to it stays in memory."""
-        told = os.stat(clip.path)
-        name = _digest(os.path.abspath(clip.path), told.st_size, told.st_mtime_ns, clip.mirrored)
-        path = os.path.join(self._folder, name + ".npy")
-        if not os.path.exists(path):
-            with open(path + ".part", "wb") as file:
-                np.save(file, make().astype(np.float16))
-            os.replace(path + ".part", path)
-        return np.asarray(np.load(path, mmap_mode="c"))
+        return kept(self._folder, clip, make)

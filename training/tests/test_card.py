@@ -104,6 +104,14 @@ def test_the_table_of_errors():
                      "| over the clips | - | - / - | - | 60.0 | **50.00** | - | - | 500 | 2.0 |"]
 
 
+def test_reported_clips_are_a_table_of_their_own():
+    results = {"mocap/run": figures(4.0), "child/8_walk": figures(9.0), "procedural/hop": figures(1.0)}
+    text = "\n".join(card_text.errors(results, {}))
+    parts = text.split("Reported clips:")[1].split("Recorded clips:")
+    assert ["child/8_walk" in parts[0], "mocap/run" in parts[0]] == [True, False]
+    assert "mocap/run" in parts[1].split("Scripted clips:")[0] and "procedural/hop" in parts[1].split("Scripted clips:")[1]
+
+
 @pytest.mark.parametrize("text,message", [
     (README.replace("errors fixed hips", "speed"), "'<!-- card: speed -->': allowed are"),
     (README.replace("<!-- card end -->\nThe", "The"), "3 marks '<!-- card: PART -->' and 2"),

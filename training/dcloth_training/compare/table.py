@@ -16,7 +16,7 @@ COLOURS = {"scale": "#9a9a9a", "ours": "#1f6fb4", "ablation": "#8fbbe0", "contro
 
 
 def averages(record, clips):
-    """{"recorded" or "scripted": measures over those clips, every clip counting the same}."""
+    """{source (evaluate.by_source): measures over those clips, every clip counting the same}."""
     chosen = {clip: record["clips"][clip] for clip in clips}
     return {source: metrics.over_clips(rows.values()) for source, rows in evaluate.by_source(chosen)}
 
@@ -44,7 +44,7 @@ def collect(records, clips, floor, settings, remarks):
 
 
 def better(rows, clips):
-    """Where a row outside ours beats the deepest of ours: [{row, clip (or "recorded", "scripted"), metric, by}]."""
+    """Where a row outside ours beats the deepest of ours: [{row, clip (or source), metric, by}]."""
     ours = [r for r in rows if r["group"] == "ours"]
     if not ours:
         return []
