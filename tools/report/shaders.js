@@ -11,7 +11,7 @@ out vec3 world;
 out vec3 world_normal;
 out vec4 light_position;
 out vec2 scalar;
-out vec3 painted;
+flat out vec3 painted;  // of the triangle's last corner
 void main() {
   world = position;
   painted = paint;
@@ -55,7 +55,7 @@ in vec3 world;
 in vec3 world_normal;
 in vec4 light_position;
 in vec2 scalar;
-in vec3 painted;
+flat in vec3 painted;
 uniform vec3 eye;
 uniform int material;  // 0 cloth, 1 body, 2 cloth coloured by error
 uniform float error_scale;

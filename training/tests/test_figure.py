@@ -142,6 +142,15 @@ def test_regions_are_drawn_with_sharp_edges():
     assert 2e-4 < eyes < 2e-3      # two eyes: a few square centimetres
 
 
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_face_has_the_colour_of_its_last_corner(shape):
+    body = figure.load(shape)
+    turned = body.faces_by_colour
+    assert np.array_equal(body.regions[turned[:, 2]], body.face_regions)
+    rolled = np.stack([np.roll(body.faces, k, 1) for k in range(3)], 1)
+    assert (rolled == turned[:, None]).all(2).any(1).all()      # the same triangles, the same way round
+
+
 def test_file_is_small_and_names_are_checked():
     assert os.path.getsize(figure.FILE) < 2 << 20
     with pytest.raises(ValueError, match="figure 'tall', allowed: average, heavy, slim"):

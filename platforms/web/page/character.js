@@ -1,19 +1,19 @@
 import * as THREE from "three";
 import { Disc } from "./disc.js";
-import { poseSkin } from "./mannequin.js";
+import { poseSkin } from "./figure.js";
 
 const HEIGHT = 0.03; // of the disc
 const FADE_SECONDS = 0.3;
 
-/** A mannequin and its garment on one motion, which it plays again and again: cut, and the cloth is reset. */
+/** A figure and its garment on one motion, which it plays again and again: cut, and the cloth is reset. */
 export class Character {
   /**
    * @param {import("dcloth").Model} model
-   * @param {import("./mannequin.js").Mannequin} mannequin
+   * @param {import("./figure.js").Figure} figure
    * @param {{ motion: import("./motion.js").Motion, truth: import("./truth.js").Truth }} clip
    * @param {{ color: number, startSeconds: number }} look
    */
-  constructor(model, mannequin, clip, look) {
+  constructor(model, figure, clip, look) {
     this.clip = clip;
     this.seconds = look.startSeconds;
     this.cloth = model.createCloth({ jointNames: clip.motion.jointNames });
@@ -21,8 +21,8 @@ export class Character {
     this.disc = new Disc();
     this.moving = new THREE.Group();
     this.moving.position.y = HEIGHT;
-    const painted = mannequin.geometry.hasAttribute("color");
-    this.skin = mannequin.createSkin(new THREE.MeshPhysicalMaterial({
+    const painted = figure.geometry.hasAttribute("color");
+    this.skin = figure.createSkin(new THREE.MeshPhysicalMaterial({
       color: painted ? 0xffffff : 0xd9cfc3, vertexColors: painted, roughness: 0.62, clearcoat: 0.15, clearcoatRoughness: 0.6 }));
     this.geometry = new THREE.BufferGeometry()
       .setAttribute("position", new THREE.BufferAttribute(this.cloth.positions, 3).setUsage(THREE.DynamicDrawUsage))

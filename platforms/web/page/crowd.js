@@ -21,13 +21,13 @@ export class Crowd {
   /**
    * @param {import("dcloth").Engine} engine
    * @param {import("dcloth").Model} model
-   * @param {import("./mannequin.js").Mannequin} mannequin
+   * @param {import("./figure.js").Figure} figure
    * @param {{ motion: import("./motion.js").Motion, truth: import("./truth.js").Truth }[]} clips
    * @param {any} costs of measureLevels
    * @param {import("./stage.js").Stage} stage
    */
-  constructor(engine, model, mannequin, clips, costs, stage) {
-    Object.assign(this, { engine, model, mannequin, clips, costs, stage });
+  constructor(engine, model, figure, clips, costs, stage) {
+    Object.assign(this, { engine, model, figure, clips, costs, stage });
   }
 
   /** @param {{ characters: number, budgetMs: number, topLevel: number, outsideBody: boolean }} settings */
@@ -110,7 +110,7 @@ export class Crowd {
   /** @param {number} index */
   #create(index) {
     const clip = this.clips[index % this.clips.length];
-    const character = new Character(this.model, this.mannequin, clip, {
+    const character = new Character(this.model, this.figure, clip, {
       color: COLORS[index % COLORS.length],
       startSeconds: (index * START_SHARES * clip.motion.seconds) % clip.motion.seconds });
     this.stage.scene.add(character.group);

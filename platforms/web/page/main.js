@@ -3,7 +3,7 @@
 import { loadEngine } from "dcloth";
 import { Crowd } from "./crowd.js";
 import { measureLevels } from "./costs.js";
-import { Mannequin } from "./mannequin.js";
+import { Figure } from "./figure.js";
 import { Motion } from "./motion.js";
 import { Panel } from "./panel.js";
 import { fetchSafetensors } from "./safetensors.js";
@@ -22,7 +22,7 @@ async function load() {
     fetchSafetensors("garment/run_stop.safetensors"),
   ]);
   const clips = sequences.map((sequence) => ({ motion: new Motion(sequence), truth: new Truth(sequence) }));
-  return { engine, model, mannequin: new Mannequin(character), clips };
+  return { engine, model, figure: new Figure(character), clips };
 }
 
 async function start() {
@@ -32,12 +32,12 @@ async function start() {
   const panel = new Panel(() => crowd?.apply(panel.settings));
   panel.read();
   try {
-    const { engine, model, mannequin, clips } = await load();
+    const { engine, model, figure, clips } = await load();
     panel.introduce(engine, model);
     panel.say("Measuring this machine");
     const costs = await measureLevels(model, clips[0].motion, clips[0].truth);
     panel.showCosts(costs);
-    crowd = new Crowd(engine, model, mannequin, clips, costs, stage);
+    crowd = new Crowd(engine, model, figure, clips, costs, stage);
     crowd.apply(panel.settings);
     panel.say("");
     return run(stage, panel, crowd, costs);

@@ -37,8 +37,15 @@ class Figure:
 
     @property
     def colours(self):
-        """One colour a vertex [b, 3]; regions fade into each other over a triangle."""
+        """One colour a vertex [b, 3]. A face of faces_by_colour has that of its last corner."""
         return self.palette[self.regions]
+
+    @property
+    def faces_by_colour(self):
+        """`faces`, each turned so that its last corner lies in the face's own region."""
+        own = self.regions[self.faces] == self.face_regions[:, None]
+        last = 2 - np.argmax(own[:, ::-1], 1)
+        return np.take_along_axis(self.faces, (last[:, None] + [1, 2, 3]) % 3, 1)
 
     def drawing(self):
         """The mesh with a vertex of its own for each region it borders on, so that regions have sharp edges.

@@ -54,7 +54,7 @@ def put_on(folder, name):
     _, _, _, masks = cloth_job.collider(body, worn)
     safetensors_io.write(path, {
         "joint_bind": skeleton.bind_matrices().astype(np.float32),
-        "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces.astype(np.int32),
+        "body_vertices": body.vertices.astype(np.float32), "body_faces": body.faces_by_colour.astype(np.int32),
         "body_weights": body.weights.astype(np.float32), "body_colours": body.colours.astype(np.float32),
         "body_collider": (masks > 0).astype(np.uint8),
         "cloth_template": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,

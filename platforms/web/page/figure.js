@@ -3,7 +3,7 @@ import * as THREE from "three";
 const INFLUENCES = 4;
 
 /** The character's skin of a training bundle (converter/BUNDLE.md), one geometry for all characters. */
-export class Mannequin {
+export class Figure {
   /** @param {{ tensors: any, metadata: any }} character body.* and character.bind of a bundle */
   constructor({ tensors, metadata }) {
     this.jointNames = JSON.parse(metadata.joint_names);
@@ -23,12 +23,8 @@ export class Mannequin {
       .setAttribute("skinIndex", new THREE.BufferAttribute(index, INFLUENCES))
       .setAttribute("skinWeight", new THREE.BufferAttribute(weight, INFLUENCES))
       .setIndex(new THREE.BufferAttribute(new Uint32Array(tensors["body.faces"].data), 1));
-    const colours = tensors["body.colours"];
-    if (colours) {
-      const linear = Float32Array.from(colours.data, (c) => c ** 2.2);
-      this.geometry.setAttribute("color", new THREE.BufferAttribute(linear, 3));
-    }
     this.geometry.computeVertexNormals();
+    if (tensors["body.colours"]) this.geometry = painted(this.geometry, tensors["body.colours"].data);
     this.inverses = this.jointNames.map((_, j) =>
       new THREE.Matrix4().fromArray(tensors["character.bind"].data, 16 * j).transpose().invert());
   }
@@ -47,6 +43,34 @@ export class Mannequin {
     mesh.castShadow = mesh.receiveShadow = true;
     return mesh;
   }
+}
+
+/**
+ * The geometry with each face in the colour of its last corner: a corner that others see in another colour is doubled.
+ * @param {THREE.BufferGeometry} geometry
+ * @param {Float32Array} colours [b, 3] sRGB
+ */
+function painted(geometry, colours) {
+  const faces = geometry.index.array, index = new Uint32Array(faces.length);
+  /** @type {number[]} */ const corners = [];
+  /** @type {number[]} */ const paint = [];
+  const known = new Map();
+  for (let i = 0; i < faces.length; ++i) {
+    const last = 3 * faces[i - (i % 3) + 2], colour = colours.slice(last, last + 3), key = `${faces[i]} ${colour}`;
+    if (!known.has(key)) {
+      known.set(key, corners.length);
+      corners.push(faces[i]);
+      colour.forEach((c) => paint.push(c ** 2.2));
+    }
+    index[i] = known.get(key);
+  }
+  const out = new THREE.BufferGeometry().setIndex(new THREE.BufferAttribute(index, 1));
+  for (const [name, { array, itemSize }] of Object.entries(geometry.attributes)) {
+    const values = new array.constructor(corners.length * itemSize);
+    corners.forEach((v, i) => values.set(array.subarray(v * itemSize, (v + 1) * itemSize), i * itemSize));
+    out.setAttribute(name, new THREE.BufferAttribute(values, itemSize));
+  }
+  return out.setAttribute("color", new THREE.BufferAttribute(new Float32Array(paint), 3));
 }
 
 /**
