@@ -33,6 +33,7 @@ struct Options {
   std::filesystem::path model, sequence, output, mesh;
   double fps = 0;  // 0: the tick rate
   std::string stages, wind;
+  bool outside_body = false;
 };
 
 struct Result {
@@ -68,7 +69,8 @@ Result Play(const Options& options, const converter::OpenModel& model, const Pos
   // Slower than ticks, more updates than frames: one that runs more than two ticks would skip some.
   const auto updates = static_cast<size_t>(std::max(1.0, std::ceil(TickRate(model) / fps - 1e-6)));
   const double step = 1 / (fps * static_cast<double>(updates));
-  Player player(model, stages, converter::PathText(options.sequence));
+  Player player(model, stages, converter::PathText(options.sequence),
+                options.outside_body ? uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY} : 0);
   std::vector<float> pose(poses.joint_count() * 16);
   Result result;
   result.frame_count = FrameCount(poses, fps, options.sequence);
@@ -252,6 +254,7 @@ void AddRun(CLI::App& app, int& exit_code) {
       "--wind", options->wind,
       "X,Y,Z in metres per second: a steady wind instead of the sequence's, for models that read it. Write\n"
       "--wind=-5,0,0 if the first number is negative");
+  command->add_flag("--outside-body", options->outside_body, "push vertices out of the body, as a game may");
   command->callback([options, &exit_code] { exit_code = Run(*options); });
 }
 

@@ -52,6 +52,17 @@ def test_mdd_output_and_its_mesh(dcloth, files, tmp_path):
     assert np.array_equal(np.array([w[1:] for w in lines if w[:1] == ["f"]], int) - 1, faces)
 
 
+def test_outside_body_pushes_vertices_out(dcloth, files, tmp_path):
+    wide = safetensors_file.read(files.bundle)[0]["body.positions"] * np.array([1.6, 1, 1.6], np.float32)
+    small_garment.write_bundle(tmp_path / "wide.safetensors", changes={"body.positions": wide})
+    assert dcloth("convert", tmp_path / "wide.safetensors", "-o", tmp_path / "wide.dcloth").returncode == 0
+    plain, kept = (positions(dcloth, tmp_path, tmp_path / "wide.dcloth", files.walk, *flag)[0] for flag in ((), ("--outside-body",)))
+    moved = np.linalg.norm(kept - plain, axis=-1) > 1e-4
+    assert 0.01 < moved.mean() < 0.9
+    at = plain[moved] - np.repeat(plain.mean(1), moved.sum(1), 0)
+    assert ((kept - plain)[moved] * at)[:, [0, 2]].sum(1).mean() > 0, "outwards, from the middle of the skirt"
+
+
 def test_wind_is_three_numbers_and_moves_no_garment_that_does_not_read_it(dcloth, files, tmp_path):
     calm, _ = positions(dcloth, tmp_path, files.model, files.walk)
     blown, _ = positions(dcloth, tmp_path, files.model, files.walk, "--wind=-3,0.5,4e0")
