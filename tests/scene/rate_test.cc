@@ -24,6 +24,8 @@ namespace {
 
 constexpr double kTick = 1.0 / 30;
 constexpr double kMillimetre = 1e-3;
+// Loose cloth swings further than the joints that throw it: a hem is off by this many times what a joint is, at most.
+constexpr double kSwing = 2.5;
 
 class Cloth {
  public:
@@ -186,7 +188,8 @@ TEST_P(GarmentRateTest, TicksAreThoseOfThirtyHertzAsFarAsFramesTell) {
     std::printf("%s, %g Hz: %zu ticks, cloth off by up to %.3f mm, joints by up to %.3f mm\n", clip.name.c_str(), rate,
                 errors.ticks, errors.cloth * 1e3, errors.joints * 1e3);
     EXPECT_GT(errors.ticks, 100u);
-    EXPECT_LE(errors.cloth, rate >= 30 ? kMillimetre : errors.joints) << clip.name << " at " << rate << " Hz";
+    EXPECT_LE(errors.cloth, std::max(rate >= 30 ? kMillimetre : 0.0, kSwing * errors.joints))
+        << clip.name << " at " << rate << " Hz";
   }
 }
 

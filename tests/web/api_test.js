@@ -33,7 +33,7 @@ test("a model says what it holds", () => {
   const model = engine.openModel(file, "skirt.dcloth");
   assert.equal(model.name, "skirt");
   assert.equal(model.precision, "int8");
-  assert.deepEqual([model.vertexCount, model.triangleCount, model.stages], [7952, 15680, Stages.MESH]);
+  assert.deepEqual([model.vertexCount, model.triangleCount, model.stages], [8170, 16076, Stages.MESH]);
   assert.ok(Math.abs(model.tickSeconds - 1 / 30) < 1e-6);
   assert.equal(model.triangles.length, 3 * model.triangleCount);
   assert.ok(model.triangles.every((corner) => corner < model.vertexCount));
@@ -47,10 +47,10 @@ test("errors carry the engine's text", () => {
   assert.equal(typeof cut.offsetBytes, "number");
   refused(() => engine.openModel(new Uint8Array(64), "zeros"), "FORMAT", /^zeros: /);
   const model = engine.openModel(file, "skirt");
-  refused(() => model.createCloth({ jointNames: ["Hips", "Köpfchen"] }), "JOINTS", /LeftUpLeg/);
+  refused(() => model.createCloth({ jointNames: ["Hips", "Köpfchen"] }), "JOINTS", /'Spine'/);
   const flat = { left: Axis.X, up: Axis.MINUS_X, forward: Axis.Z };
   refused(() => model.createCloth({ space: flat }), "ARGUMENT", /axis|axes/i);
-  assert.throws(() => model.createCloth({ uv: new Float32Array(7) }), /7 texture coordinates; allowed: 15904/);
+  assert.throws(() => model.createCloth({ uv: new Float32Array(7) }), /7 texture coordinates; allowed: 16340/);
   const cloth = model.createCloth({ jointNames });
   pose(cloth, 0);
   cloth.update(0);
@@ -134,7 +134,7 @@ test("a model lives as long as its cloths", () => {
 test("what cannot be made whole gives everything back", () => {
   const { memory } = engine;
   const { exports } = memory;
-  const uv = new Float32Array(2 * 7952);
+  const uv = new Float32Array(2 * 8170);
   const space = { left: Axis.X, up: Axis.Y, forward: Axis.Z };
   const model = engine.openModel(file, "skirt");
   const makers = {
