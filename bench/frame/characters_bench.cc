@@ -63,7 +63,7 @@ std::vector<double> Measure(const converter::OpenModel& model, const PoseTrack& 
     for (size_t i = 0; i < count; ++i) {
       const std::span<const float> matrices = poses.Frame((round + 7 * i) % poses.frame_count());
       const uint64_t start = NowNanoseconds();
-      characters[i]->Tick({sizeof(dcloth_pose), model.info().joint_count, matrices.data(), 0}, model.info().stages);
+      characters[i]->Tick({sizeof(dcloth_pose), model.info().joint_count, matrices.data(), 0, 0}, model.info().stages);
       // The first round touches pages.
       if (round > 0) samples.push_back(static_cast<double>(NowNanoseconds() - start) * 1e-6);
     }
