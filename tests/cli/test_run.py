@@ -56,7 +56,8 @@ def test_outside_body_pushes_vertices_out(dcloth, files, tmp_path):
     wide = safetensors_file.read(files.bundle)[0]["body.positions"] * np.array([1.6, 1, 1.6], np.float32)
     small_garment.write_bundle(tmp_path / "wide.safetensors", changes={"body.positions": wide})
     assert dcloth("convert", tmp_path / "wide.safetensors", "-o", tmp_path / "wide.dcloth").returncode == 0
-    plain, kept = (positions(dcloth, tmp_path, tmp_path / "wide.dcloth", files.walk, *flag)[0] for flag in ((), ("--outside-body",)))
+    plain, kept = (positions(dcloth, tmp_path, tmp_path / "wide.dcloth", files.walk, *flag)[0]
+                   for flag in ((), ("--outside-body",)))
     moved = np.linalg.norm(kept - plain, axis=-1) > 1e-4
     assert 0.01 < moved.mean() < 0.9
     at = plain[moved] - np.repeat(plain.mean(1), moved.sum(1), 0)

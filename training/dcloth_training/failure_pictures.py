@@ -25,6 +25,8 @@ class Body:
     vertices: np.ndarray      # [b, 3]
     weights: np.ndarray       # [b, J]
     faces: np.ndarray
+    at: np.ndarray            # [d] vertex that each drawn one lies at; `faces` are into those
+    colour: np.ndarray        # [d, 3], or [3] where the bundle says none
 
 
 def read_body(path):
@@ -35,7 +37,11 @@ def read_body(path):
     if missing:
         raise safetensors_io.SafetensorsError(f"{path}: no tensors {missing}: not a training bundle with its body")
     bind, vertices, weights = (tensors[name].astype(np.float64) for name in names[:3])
-    return Body(bind, vertices, weights, tensors[names[3]])
+    faces, colours = tensors[names[3]], tensors.get("body.colours")
+    if colours is None:
+        return Body(bind, vertices, weights, faces, np.arange(len(vertices)), render.BODY_COLOUR)
+    at, faces, colour = raster.painted(faces, colours.astype(np.float64))
+    return Body(bind, vertices, weights, faces, at, colour)
 
 
 def colours(distance_mm, limit):
@@ -87,7 +93,7 @@ def draw(path, case, body, faces, limit):
                                (case.predicted, render.CLOTH_COLOUR, render.LINING_COLOUR),
                                (case.predicted, colours(case.distance_mm, limit), None)):
         canvas = raster.Canvas(SIZE, span, centre, yaw, PITCH, SAMPLES)
-        render.scene(canvas, posed, body.faces, foot)
+        render.scene(canvas, posed[body.at], body.faces, foot, body.colour)
         canvas.draw(cloth, faces, front, back)
         panels.append(canvas.image())
     width = min(SIZE, int(np.ceil(SIZE * (high - low)[0] / span)))

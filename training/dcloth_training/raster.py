@@ -31,6 +31,17 @@ def vertex_normals(vertices, faces):
     return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
 
 
+def painted(faces, colours):
+    """A mesh whose faces have the colour of their last corner (converter/BUNDLE.md), colours [n, 3] a vertex.
+
+    -> vertex [d] that each drawn one lies at, faces [f, 3] into those, colours [d, 3].
+    """
+    palette, of_vertex = np.unique(colours, axis=0, return_inverse=True)
+    key = np.asarray(faces, np.int64) * len(palette) + of_vertex.reshape(-1)[faces[:, 2]][:, None]
+    unique, split = np.unique(key, return_inverse=True)
+    return unique // len(palette), split.reshape(-1, 3), palette[unique % len(palette)]
+
+
 def about(axis, angle):
     """Rotation by `angle` about "X" or "Y"."""
     c, s = np.cos(angle), np.sin(angle)

@@ -20,11 +20,13 @@ GROUND_RADIUS = 0.75
 MIDDLE = 0.82                        # metres above the ground: the picture's centre
 
 
-def scene(canvas, body, body_faces, ground):
-    """Draw what is not cloth: the posed body [b, 3] and the ground at `ground` [3], or lower where feet are."""
+def scene(canvas, body, body_faces, ground, colour=BODY_COLOUR):
+    """Draw what is not cloth: the posed body [b, 3] and the ground at `ground` [3], or lower where feet are.
+
+    colour: of the body, [3] or one a vertex."""
     lowest = np.array([ground[0], min(ground[1], body[:, 1].min()), ground[2]])
     canvas.draw(*raster.ground(lowest, GROUND_RADIUS, GROUND_COLOUR), lit=False)
-    canvas.draw(body, body_faces, BODY_COLOUR)
+    canvas.draw(body, body_faces, colour)
 
 
 def picture(character, matrices, cloth, yaw, size=300, span=1.9, samples=2):
