@@ -172,13 +172,18 @@ void RefuseAnimation(const Options& options) {
   }
   for (const char* kind : {".glb", ".gltf", ".vrm", ".fbx", ".bvh"}) {
     if (extension != kind) continue;
-    const std::string name = converter::PathText(options.sequence), stem = converter::PathText(options.sequence.stem());
+    std::string mend = "make one: dcloth poses ";
+    mend.append(converter::PathText(options.sequence))
+        .append(" -o ")
+        .append(converter::PathText(options.sequence.stem()))
+        .append(".safetensors --model ")
+        .append(converter::PathText(options.model))
+        .append("; for a character of its own: dcloth dress");
     throw converter::Error({.path = options.sequence,
                             .tensor = {},
                             .found = "an animation file (" + extension + ")",
                             .expected = "a sequence (.safetensors)",
-                            .mend = "make one: dcloth poses " + name + " -o " + stem + ".safetensors --model " +
-                                    converter::PathText(options.model) + "; for a character of its own: dcloth dress"});
+                            .mend = std::move(mend)});
   }
 }
 
