@@ -26,7 +26,7 @@ def test_int8_stays_within_its_bound(variants):
 
 
 def test_int8_is_small(variants):
-    """Weights, that is: half floats tell how much of a model they are; geometry and indices are the same in each precision."""
+    """Of weights: half floats tell how much of a model they are; geometry and indices are alike in each precision."""
     size = {name: variants[name]["model_bytes"] for name in ("fp32", "fp16", "int8")}
     weights = 2 * (size["fp32"] - size["fp16"])
     rest = size["fp32"] - weights
