@@ -52,7 +52,7 @@ rm -rf "$site"
 mkdir -p "$site"/{page,dcloth,garment} "$site"/three/{build,examples/jsm/controls,examples/jsm/environments}
 cp $web/page/index.html "$site/"
 cp $web/page/*.js $web/page/*.css "$site/page/"
-cp $web/api/*.js $web/package.json $web/README.md $web/page.png LICENSE "$site/dcloth/"
+cp $web/api/*.js $web/three/three.{js,d.ts} $web/package.json $web/README.md $web/page.png LICENSE "$site/dcloth/"
 "$modules/.bin/tsc" --project $web/tsconfig.json --outDir "$site/dcloth"
 cp "$folder/simd/dcloth_web.wasm" "$site/dcloth/dcloth.wasm"
 cp "$folder/scalar/dcloth_web.wasm" "$site/dcloth/dcloth-scalar.wasm"

@@ -230,6 +230,7 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
                    "with --pareto: a sequence that smaller bases are fitted to; may be repeated. Do not use one of SEQ")
       ->allow_extra_args(false)
       ->needs("--pareto");
+  AddIsaOption(command);
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->add_option("--html", options->html,
                       "also write a self-contained page with the table, plots and the garment in 3D");

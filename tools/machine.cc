@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include "converter/error.h"
+#include "dcloth/dcloth.h"
 
 #if defined(__linux__)
 #include <sched.h>
@@ -118,6 +119,16 @@ bool PinThread(int core) {
   (void)core;
   return false;
 #endif
+}
+
+void AddIsaOption(CLI::App* command) {
+  const auto select = [](const std::string& name) {
+    if (dcloth_isa_select(name.c_str()) == DCLOTH_OK) return;
+    throw CLI::ValidationError("--isa", "found '" + name + "', which this CPU or build does not have; allowed: scalar, " +
+                                            "reproducible, and what the CPU has, such as avx2 or neon");
+  };
+  command->add_option_function<std::string>("--isa", select,
+                                            "run on these instructions, as avx2. Default: the best that the CPU has");
 }
 
 }  // namespace dcloth::tools

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "tools/cli.h"
+
 namespace dcloth::tools {
 
 std::string CpuName();            // "AMD EPYC 7763", or "unknown CPU"
@@ -15,6 +17,9 @@ std::vector<int> AllowedCores();  // cores this process was started on, ascendin
 // Keeps the calling thread on `core`. Throws converter::Error where the core is not allowed. False where the system has
 // no such call.
 bool PinThread(int core);
+
+// --isa: measures as a machine with fewer instructions would. Refuses names that this CPU or build does not have.
+void AddIsaOption(CLI::App* command);
 
 }  // namespace dcloth::tools
 

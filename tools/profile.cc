@@ -210,6 +210,7 @@ void AddProfile(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command->add_option("--core", options->core, "the core to stay on. Default: the last one allowed")
       ->check(NumberWithin(0, 65535));
+  AddIsaOption(command);
   command->add_flag("--pipelined", options->pipelined, "spread each tick over the frames until the next one");
   command->add_flag("--cold", options->cold, "empty the caches before every frame, outside of the timed part");
   command->add_flag("--contend", options->contend,

@@ -32,6 +32,11 @@ def test_json(dcloth, files):
     assert said["frame_ms"]["max"] >= said["tick_ms"]["max"]
 
 
+def test_other_instructions(dcloth, files):
+    assert profile(dcloth, files.model, files.walk, "--frames", "10", "--isa", "scalar")["isa"] == "scalar"
+    refused(dcloth("profile", files.model, files.walk, "--isa", "mmx"), "--isa", "'mmx'", "allowed: scalar")
+
+
 def test_a_sequence_without_truth_has_no_error(dcloth, files):
     assert profile(dcloth, files.model, files.bare)["truth"] is None
 

@@ -5,6 +5,7 @@ Unity's space against a mirror made here.
 Usage: check_output.py DCLOTH BUNDLE SEQUENCE REFERENCE MONO PLAY_EXE FOLDER
 """
 import math
+import re
 import subprocess
 import sys
 from array import array
@@ -148,6 +149,9 @@ def main():
     wrong = players.cut(players("c#", model, mirrored, "model"), frames)
     error = distance_mm(cut.vertices[-1], wrong.vertices[-1])
     assert error > 1, f"Unity's poses in the model's space are off by {error} mm only"
+    fitted = subprocess.run([mono, play, "--fit", model], check=True, capture_output=True, text=True).stdout
+    assert re.fullmatch(r"scale 1\.200, \d+ bones, off by 0\.0\d\d mm\n", fitted), fitted
+    print(f"a character of other names and size: {fitted.strip()}")
     print(f"flags and stages arrive; in the wrong space {error:.0f} mm off")
     return 0
 

@@ -1,5 +1,6 @@
 // Plays a script (player_script.py) through ClothPlayer, as the renderer component does.
 // Arguments: MODEL SCRIPT RESULT model|unity. The poses are in the space named.
+// Or: --fit MODEL: a character of 1.2 times the figure's size and other names, which wears the garment 1.2 times as large.
 // Or: --describe MODEL TRIANGLES. Prints the count of vertices, writes triangles as Unity's front faces turn.
 using System;
 using System.IO;
@@ -62,8 +63,41 @@ internal static unsafe class Play
         return 0;
     }
 
+    private static int Fit(string path)
+    {
+        using (ClothModel model = ClothModel.Open(File.ReadAllBytes(path), path))
+        {
+            const float scale = 1.2f;
+            string[] names = Array.ConvertAll(model.JointNames, name => "mixamorig:" + name);
+            float[] bind = model.BindMatrices(), larger = model.BindMatrices();
+            for (int i = 0; i < larger.Length; ++i) larger[i] *= i % 16 >= 12 && i % 4 < 3 ? scale : 1;
+            var character = new ClothCharacter { BoneNames = names, BindMatrices = larger };
+            using (var plain = new ClothPlayer(model, ClothSpace.Model, model.JointNames))
+            using (var fitted = new ClothPlayer(model, ClothSpace.Model, character))
+            {
+                Marshal.Copy(bind, 0, (IntPtr)plain.JointMatrices, 16 * names.Length);
+                Marshal.Copy(larger, 0, (IntPtr)fitted.JointMatrices, 16 * names.Length);
+                float off = 0;
+                for (int frame = 0; frame < 5; ++frame)
+                {
+                    if (plain.Advance(1 / 30f) != ClothStatus.Ok || fitted.Advance(1 / 30f) != ClothStatus.Ok) return 1;
+                }
+                for (int v = 0; v < model.VertexCount; ++v)
+                {
+                    var a = (float*)(plain.Vertices + v * plain.VertexBytes);
+                    var b = (float*)(fitted.Vertices + v * fitted.VertexBytes);
+                    for (int c = 0; c < 3; ++c) off = Math.Max(off, Math.Abs(scale * a[c] - b[c]));
+                }
+                Console.WriteLine("scale {0:F3}, {1} bones, off by {2:F3} mm", fitted.Fit.scale, fitted.Bones.Length,
+                                  1000 * off);
+            }
+        }
+        return 0;
+    }
+
     private static int Main(string[] arguments)
     {
+        if (arguments.Length == 2 && arguments[0] == "--fit") return Fit(arguments[1]);
         if (arguments.Length == 3 && arguments[0] == "--describe") return Describe(arguments[1], arguments[2]);
         if (arguments.Length != 4 || (arguments[3] != "model" && arguments[3] != "unity")) return 2;
         dcloth_space space = arguments[3] == "unity" ? ClothSpace.Unity : ClothSpace.Model;

@@ -104,6 +104,67 @@ test("a rig with axes of its own wears the garment once its bind pose is known",
   model.dispose();
 });
 
+/** A box of skin about a bone's upper end, of points all around, so that hips and waist have a girth. */
+function skinOf(model) {
+  const positions = [], joints = [], weights = [];
+  const hips = model.jointNames.indexOf("Hips");
+  const [, height] = model.bindMatrices.subarray(16 * hips + 12, 16 * hips + 15);
+  for (let y = height - 0.3; y < height + 0.3; y += 0.01) {
+    for (let turn = 0; turn < 2 * Math.PI; turn += 0.05) {
+      positions.push(0.15 * Math.sin(turn), y, 0.12 * Math.cos(turn));
+      joints.push(hips, 0);
+      weights.push(1, 0);
+    }
+  }
+  return { positions, joints, weights, influences: 2 };
+}
+
+test("a character of other names, size and axes wears the garment after a fit", () => {
+  const model = engine.openModel(file, "skirt");
+  const plain = model.createCloth({ jointNames: model.jointNames });
+  const names = model.jointNames.map((name) => `mixamorig:${name}`);
+  const larger = (matrices) => {     // 1.2 times the size, axes y, z, x
+    const out = new Float32Array(matrices);
+    for (let m = 0; m < out.length; m += 16) {
+      for (let i = 0; i < 12; ++i) out[m + ((i + 4) % 12)] = matrices[m + i];
+      for (let i = 12; i < 15; ++i) out[m + i] = 1.2 * matrices[m + i];
+    }
+    return out;
+  };
+  const character = { jointNames: names, bindMatrices: larger(model.bindMatrices) };
+  const worn = model.createCloth({ character });
+  assert.ok(Math.abs(worn.fit.scale - 1.2) < 1e-3, `${worn.fit.scale}`);
+  assert.deepEqual([worn.fit.gapMm, worn.fit.standInRole, worn.fit.joints.get("hips")],
+    [0, "none", model.jointNames.indexOf("Hips")]);
+  assert.ok(Math.abs(worn.fit.ratios.get("left upper leg") - 1) < 1e-3);
+  for (let frame = 0; frame < 5; ++frame) {
+    plain.pose.set(model.bindMatrices);
+    worn.pose.set(larger(model.bindMatrices));
+    plain.update(1 / 30);
+    worn.update(1 / 30);
+  }
+  const off = worn.positions.reduce((most, x, i) => Math.max(most, Math.abs(x - 1.2 * plain.positions[i])), 0);
+  assert.ok(off < 1e-4, `${off} m`);
+  refused(() => worn.takeBindPose(), "ARGUMENT", /fit/);
+
+  const body = skinOf(model);
+  const dressed = model.createCloth({ character: { ...character, body } });
+  assert.ok(dressed.fit.waistRatio > 0 && dressed.fit.hipsRatio > 0 && dressed.fit.gapMm > 0);
+  assert.deepEqual(dressed.fit.warnings, ["penetration"]);      // a tube has no waist; the skirt has
+
+  const swapped = names.map((name) => name.replace("Left", "Rite").replace("Right", "Left").replace("Rite", "Right"));
+  refused(() => model.createCloth({ character: { ...character, jointNames: swapped } }), "POSE", /left|right/i);
+  refused(() => model.createCloth({ character: { ...character, jointNames: names.map((_, i) => `bone${i}`) } }), "JOINTS",
+    /hips/i);
+  assert.throws(() => model.createCloth({ character: { ...character, bindMatrices: [1, 2] } }),
+    /bindMatrices has 2 numbers; allowed: \d+/);
+  assert.throws(() => model.createCloth({ character: { ...character, body: { ...body, weights: [1] } } }),
+    /body\.weights has 1 numbers/);
+  for (const cloth of [plain, worn, dressed]) cloth.dispose();
+  model.dispose();
+  assert.equal(engine.memory.blockCount, 0, "memory of a fit is still lent");
+});
+
 test("a cloth that was disposed of leaves the memory to others", () => {
   const model = engine.openModel(file, "skirt");
   const cloth = model.createCloth({ jointNames });

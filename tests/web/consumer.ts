@@ -1,5 +1,5 @@
 // A host in TypeScript, as strict as it gets; compiled by types_test.js against the package as users have it.
-import { Axis, DClothError, FrameFlags, Levels, loadEngine, Stages, STEPS } from "dcloth";
+import { Axis, DClothError, FrameFlags, Levels, loadEngine, Roles, Stages, STEPS } from "dcloth";
 import type { Cloth, Engine, Model } from "dcloth";
 
 export async function start(bones: { name: string; matrix: Float32Array }[], bytes: ArrayBuffer): Promise<Cloth> {
@@ -9,6 +9,10 @@ export async function start(bones: { name: string; matrix: Float32Array }[], byt
   const model: Model = engine.openModel(bytes);
   const space = { left: Axis.X, up: Axis.Y, forward: Axis.Z, metresPerUnit: 0.01 };
   const cloth = model.createCloth({ jointNames: bones.map((bone) => bone.name), space });
+  const body = { positions: new Float32Array(9), joints: new Uint16Array(12), weights: new Float32Array(12) };
+  const character = { jointNames: ["Root"], bindMatrices: model.bindMatrices, jointRoles: [Roles.HIPS], body };
+  const gap: number | undefined = model.createCloth({ space, character }).fit?.gapMm;
+  if (gap !== undefined && gap > 15) console.warn(`${gap} mm`);
   bones.forEach((bone, j) => cloth.pose.set(bone.matrix, 16 * j));
   try {
     cloth.update(1 / 60, Stages.SKELETON, FrameFlags.PIPELINED | FrameFlags.FREEZE_IDLE);

@@ -10,6 +10,7 @@ namespace DCloth
     {
         private readonly ClothModel model;
         private readonly AlignedMemory storage;
+        private AlignedMemory fitStorage;
         private dcloth_cloth* cloth;
 
         public ClothInstance(ClothModel model)
@@ -68,6 +69,52 @@ namespace DCloth
             int status = Native.dcloth_cloth_set_bind_pose(Handle, bind, &error);
             GC.KeepAlive(this);
             ClothException.ThrowUnlessOk(status, &error, model.Name);
+        }
+
+        /// <summary>Fits the garment to a character with other bones, axes, bind pose and girth; set the space before. It
+        /// takes the place of BindJoints and SetBindPose. The result says how it fits. Errors: Joints for parts that the
+        /// skeleton lacks, Pose for a rig that would crumple the garment, Argument; the cloth is then as it was.
+        /// Cost: 50 us; with a body 0.1 to 0.5 s.</summary>
+        public dcloth_fit Fit(ClothCharacter character)
+        {
+            if (character == null) throw new ArgumentNullException(nameof(character));
+            character.Check(model.Name);
+            dcloth_error error = ClothException.NewError();
+            var fit = new dcloth_fit { struct_size = (uint)sizeof(dcloth_fit) };
+            AlignedMemory needed = null;
+            int status;
+            using (AlignedMemory names = Utf8.Table(character.BoneNames))
+            fixed (float* bind = character.BindMatrices, positions = character.BodyPositions,
+                   weights = character.BodyWeights)
+            fixed (uint* roles = character.BoneRoles, bones = character.BodyBones, triangles = character.BodyTriangles)
+            {
+                var told = new dcloth_character
+                {
+                    struct_size = (uint)sizeof(dcloth_character),
+                    joint_count = (uint)character.BoneNames.Count,
+                    joint_names = (byte**)names.Start,
+                    joint_roles = roles,
+                    bind_matrices = bind,
+                    column_major = 1,
+                    body_vertex_count = (uint)character.BodyCount,
+                    body_positions = positions,
+                    body_joints = bones,
+                    body_weights = weights,
+                    body_triangles = triangles,
+                    body_influences = character.BodyCount == 0 ? 0 : (uint)character.BodyInfluences,
+                    body_triangle_count = triangles == null ? 0 : (uint)character.BodyTriangles.Length / 3,
+                };
+                var size = (long)(ulong)Native.dcloth_fit_storage_size(model.Handle, &told);
+                if (size > 0) needed = new AlignedMemory(size);
+                status = Native.dcloth_cloth_fit(Handle, &told, needed == null ? null : needed.Start,
+                                                 (UIntPtr)(ulong)size, &fit, &error);
+            }
+            GC.KeepAlive(this);
+            if (status != Native.DCLOTH_OK) needed?.Dispose();
+            ClothException.ThrowUnlessOk(status, &error, model.Name);
+            fitStorage?.Dispose(); // of the fit before
+            fitStorage = needed;
+            return fit;
         }
 
         /// <summary>In host units a second along the host's axes, at most 100 m/s; for ticks from now on. Models without
@@ -157,6 +204,7 @@ namespace DCloth
             if (cloth == null) return;
             cloth = null;
             storage.Dispose();
+            fitStorage?.Dispose();
             model.Release();
         }
     }

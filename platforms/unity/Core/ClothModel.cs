@@ -107,6 +107,21 @@ namespace DCloth
             return indices;
         }
 
+        /// <summary>[JointNames.Length, 16] joint to world in the bind pose of training: columns contiguous, metres, in the
+        /// model's own space.</summary>
+        public float[] BindMatrices()
+        {
+            var matrices = new float[16 * JointNames.Length];
+            float* rows = stackalloc float[16];
+            for (int j = 0; j < JointNames.Length; ++j)
+            {
+                ClothException.ThrowUnlessOk(Native.dcloth_model_joint_bind(Handle, (uint)j, rows), null, Name);
+                for (int i = 0; i < 16; ++i) matrices[16 * j + i % 4 * 4 + i / 4] = rows[i];
+            }
+            GC.KeepAlive(this);
+            return matrices;
+        }
+
         public void Dispose()
         {
             if (Interlocked.Exchange(ref disposed, 1) == 0) Release();

@@ -25,6 +25,27 @@ namespace DCloth
         /// missing.</summary>
         public ClothPlayer(ClothModel model, dcloth_space space, IReadOnlyList<string> boneNames,
                            string prefix = "", float[] uv = null)
+            : this(model, space, cloth => JointSelection.Bind(cloth, boneNames, prefix), uv)
+        {
+        }
+
+        /// <summary>Fits the garment to `character` (ClothInstance.Fit); the pose then holds all of its bones. `Fit` says
+        /// how it fits. Errors: Joints, Pose, Argument.</summary>
+        public ClothPlayer(ClothModel model, dcloth_space space, ClothCharacter character, float[] uv = null)
+            : this(model, space, cloth => AllBones(character), uv)
+        {
+            try
+            {
+                Fit = cloth.Fit(character);
+            }
+            catch
+            {
+                Dispose();
+                throw;
+            }
+        }
+
+        private ClothPlayer(ClothModel model, dcloth_space space, Func<ClothInstance, int[]> choose, float[] uv)
         {
             cloth = new ClothInstance(model);
             try
@@ -36,7 +57,7 @@ namespace DCloth
                                              " texture coordinates; allowed: " + allowed);
                 }
                 cloth.SetSpace(space);
-                Bones = JointSelection.Bind(cloth, boneNames, prefix);
+                Bones = choose(cloth);
                 VertexBytes = uv == null ? PlainVertexBytes : TangentVertexBytes;
                 long floats = (long)MatrixFloats * Bones.Length + BoundsFloats + (uv == null ? 0 : uv.Length);
                 memory = new AlignedMemory(floats * sizeof(float));
@@ -60,6 +81,9 @@ namespace DCloth
         }
 
         public ClothInstance Cloth => cloth;
+
+        /// <summary>How the garment fits the character of the constructor; struct_size is 0 without one.</summary>
+        public dcloth_fit Fit { get; }
 
         /// <summary>For each matrix of the pose, the bone of `boneNames` it belongs to.</summary>
         public int[] Bones { get; }
@@ -163,6 +187,15 @@ namespace DCloth
             JointMatrices = null;
             Vertices = null;
             Bounds = null;
+        }
+
+        private static int[] AllBones(ClothCharacter character)
+        {
+            if (character == null) throw new ArgumentNullException(nameof(character));
+            if (character.BoneNames == null) throw new ArgumentException("a character has BoneNames and BindMatrices");
+            var all = new int[character.BoneNames.Count];
+            for (int i = 0; i < all.Length; ++i) all[i] = i;
+            return all;
         }
 
         private dcloth_pose Pose()

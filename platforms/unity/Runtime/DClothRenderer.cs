@@ -18,6 +18,9 @@ namespace DCloth
         [SerializeField] private DClothAsset garment;
         [SerializeField, Tooltip("Its bones, and those below its root bone, carry the garment; its mesh does not.")]
         private SkinnedMeshRenderer character;
+        [SerializeField, Tooltip("Fit the garment to the skin and bind pose of that mesh: any humanoid rig. Off: its bones " +
+                                 "have the names and axes of training.")]
+        private bool fitted = true;
         [SerializeField, Tooltip("Taken off the bones' names before they are compared with the model's joints.")]
         private string bonePrefix = "";
         [SerializeField, Tooltip("What the file's units have scaled the bones by: 100 in many of Blender's.")]
@@ -54,6 +57,10 @@ namespace DCloth
         /// <summary>Metres a second in the world or, with a carrier, past it along its axes; at most 100. Garments that
         /// were trained without wind ignore it.</summary>
         public Vector3 Wind { get => wind; set => wind = value; }
+
+        /// <summary>Fit the garment to the character's skin and bind pose: any humanoid rig. Takes effect when this
+        /// component is enabled. Player.Fit says how it fits.</summary>
+        public bool Fitted { get => fitted; set => fitted = value; }
 
         /// <summary>False for a garment that is not seen: it keeps moving and is not drawn.</summary>
         public bool Visible { get; set; } = true;
@@ -145,14 +152,15 @@ namespace DCloth
                 throw new InvalidOperationException("Bone Scale is " + boneScale + "; allowed: above 0");
             ClothModel model = garment.Model;
             Vector2[] uv = textureSource == null ? null : textureSource.uv;
-            // A mesh's own bones first, then those below its root bone that carry none of its vertices.
-            var all = new List<Transform>(character.bones);
-            if (character.rootBone != null) all.AddRange(character.rootBone.GetComponentsInChildren<Transform>(true));
-            var names = new string[all.Count];
-            for (int i = 0; i < names.Length; ++i) names[i] = all[i] == null ? "" : all[i].name;
-            player = new ClothPlayer(model, ClothSpace.Unity, names, bonePrefix, Flat(uv));
-            bones = new Transform[player.Bones.Length];
-            for (int i = 0; i < bones.Length; ++i) bones[i] = all[player.Bones[i]];
+            if (fitted && character.sharedMesh != null)
+            {
+                player = new ClothPlayer(model, ClothSpace.Unity, CharacterOf(character, boneScale), Flat(uv));
+                bones = character.bones;
+            }
+            else
+            {
+                BeginByNames(model, uv);
+            }
             mesh = new ClothMesh(model, player, uv);
             drawn = new GameObject(name + " (dcloth)") { hideFlags = HideFlags.DontSave, layer = gameObject.layer };
             SceneManager.MoveGameObjectToScene(drawn, gameObject.scene);
@@ -162,6 +170,72 @@ namespace DCloth
             renderer.shadowCastingMode = shadows;
             lastStatus = ClothStatus.Ok;
             CheckScale();
+        }
+
+        private void BeginByNames(ClothModel model, Vector2[] uv)
+        {
+            // A mesh's own bones first, then those below its root bone that carry none of its vertices.
+            var all = new List<Transform>(character.bones);
+            if (character.rootBone != null) all.AddRange(character.rootBone.GetComponentsInChildren<Transform>(true));
+            var names = new string[all.Count];
+            for (int i = 0; i < names.Length; ++i) names[i] = all[i] == null ? "" : all[i].name;
+            player = new ClothPlayer(model, ClothSpace.Unity, names, bonePrefix, Flat(uv));
+            bones = new Transform[player.Bones.Length];
+            for (int i = 0; i < bones.Length; ++i) bones[i] = all[player.Bones[i]];
+        }
+
+        // Bones and skin as the mesh was bound, upright, in the size that they have in the scene. A mesh that scripts may
+        // not read gives no skin: the garment then follows the bones alone.
+        private static ClothCharacter CharacterOf(SkinnedMeshRenderer skinned, float boneScale)
+        {
+            Mesh skin = skinned.sharedMesh;
+            Matrix4x4[] binds = skin.bindposes;
+            Transform[] own = skinned.bones;
+            if (binds.Length == 0 || binds.Length != own.Length)
+                throw new InvalidOperationException("its mesh has " + binds.Length + " bind poses for " + own.Length +
+                                                    " bones; allowed: one each. Turn Fitted off for a mesh without");
+            foreach (Transform bone in own)
+            {
+                if (bone == null) throw new InvalidOperationException("a bone of its mesh is missing in the scene");
+            }
+            float size = (own[0].localToWorldMatrix * binds[0]).GetColumn(0).magnitude;
+            Quaternion upright = Quaternion.Inverse(skinned.transform.root.rotation) * skinned.transform.rotation;
+            Matrix4x4 toWorld = Matrix4x4.TRS(new Vector3(0, 0, 0), upright, size * Vector3.one);
+            var names = new string[own.Length];
+            var matrices = new float[16 * own.Length];
+            for (int i = 0; i < own.Length; ++i)
+            {
+                names[i] = own[i].name;
+                Matrix4x4 bind = toWorld * binds[i].inverse;
+                for (int k = 0; k < 16; ++k) matrices[16 * i + k] = k < 12 ? bind[k] / boneScale : bind[k];
+            }
+            var character = new ClothCharacter { BoneNames = names, BindMatrices = matrices };
+            if (!skin.isReadable) return character;
+            Vector3[] points = skin.vertices;
+            BoneWeight[] weights = skin.boneWeights;
+            character.BodyPositions = new float[3 * points.Length];
+            character.BodyBones = new uint[4 * points.Length];
+            character.BodyWeights = new float[4 * points.Length];
+            for (int v = 0; v < points.Length; ++v)
+            {
+                Vector3 at = toWorld.MultiplyPoint3x4(points[v]);
+                BoneWeight w = weights[v];
+                Put(character.BodyPositions, 3 * v, at.x, at.y, at.z);
+                Put(character.BodyWeights, 4 * v, w.weight0, w.weight1, w.weight2, w.weight3);
+                character.BodyBones[4 * v] = (uint)w.boneIndex0;
+                character.BodyBones[4 * v + 1] = (uint)w.boneIndex1;
+                character.BodyBones[4 * v + 2] = (uint)w.boneIndex2;
+                character.BodyBones[4 * v + 3] = (uint)w.boneIndex3;
+            }
+            int[] triangles = skin.triangles;
+            character.BodyTriangles = new uint[triangles.Length];
+            for (int i = 0; i < triangles.Length; ++i) character.BodyTriangles[i] = (uint)triangles[i];
+            return character;
+        }
+
+        private static void Put(float[] array, int at, params float[] values)
+        {
+            for (int i = 0; i < values.Length; ++i) array[at + i] = values[i];
         }
 
         private void End()

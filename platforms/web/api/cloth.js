@@ -1,8 +1,11 @@
 import * as abi from "./abi.js";
 import { DClothError, throwUnlessOk } from "./error.js";
+import { fitCloth } from "./fit.js";
 
 /** @typedef {import("./model.js").Model} Model */
 /** @typedef {import("./timer.js").Timer} Timer */
+/** @typedef {import("./fit.js").Character} Character */
+/** @typedef {import("./fit.js").Fit} Fit */
 
 /**
  * The host's axes and unit; see dcloth_space. Without it: left +X, up +Y, forward +Z, metres, as in glTF and three.js.
@@ -17,6 +20,7 @@ import { DClothError, throwUnlessOk } from "./error.js";
 /**
  * @typedef {Object} ClothOptions
  * @property {readonly string[]} [jointNames] the host's skeleton; poses then hold one matrix per name
+ * @property {Character} [character] the garment is fitted to it, in place of jointNames; `Cloth.fit` says how it fits
  * @property {Space} [space]
  * @property {boolean} [rowMajor] rows of matrices are contiguous; three.js has columns
  * @property {boolean} [normals] true where not said
@@ -35,6 +39,7 @@ const STRUCTS = [abi.dcloth_pose, abi.dcloth_frame, abi.dcloth_output, abi.dclot
 export class Cloth {
   #engine;
   #storage;
+  #fitStorage = 0;
   #block;
   // Addresses of the structs.
   #pose = 0;
@@ -67,7 +72,9 @@ export class Cloth {
     this.#storage = 0;
     this.#block = 0;
     this.address = 0;
-    this.jointCount = options.jointNames?.length ?? model.jointCount;
+    this.jointCount = (options.character ?? options).jointNames?.length ?? model.jointCount;
+    /** @type {Fit | null} how the garment fits the character of the options */
+    this.fit = null;
     const n = model.vertexCount;
     const floats = [this.jointCount * MATRIX_FLOATS, 3 * n, normals ? 3 * n : 0, uv ? 4 * n : 0, BOUNDS_FLOATS,
       uv ? 2 * n : 0, 3];
@@ -80,8 +87,13 @@ export class Cloth {
         this.address = memory.u32[result / 4];
       });
       this.#block = memory.lend(structBytes + floats.reduce((sum, count) => sum + round16(4 * count), 0));
-      if (options.jointNames) this.#bindJoints(options.jointNames);
+      if (options.jointNames && !options.character) this.#bindJoints(options.jointNames);
       if (options.space) this.#setSpace(options.space);
+      if (options.character) {
+        const fitted = fitCloth(model, this.address, options.character, !options.rowMajor);
+        this.fit = fitted.fit;
+        this.#fitStorage = fitted.storage;
+      }
     } catch (error) {
       this.dispose();
       throw error;
@@ -246,9 +258,10 @@ export class Cloth {
     const { memory } = this.#engine;
     if (this.#block !== 0) memory.giveBack(this.#block);
     if (this.#storage !== 0) memory.giveBack(this.#storage);
+    if (this.#fitStorage !== 0) memory.giveBack(this.#fitStorage);
     if (this.#held) this.model.release();
     this.#held = false;
-    this.#block = this.#storage = this.address = 0;
+    this.#block = this.#storage = this.#fitStorage = this.address = 0;
     this.#views = [];
   }
 

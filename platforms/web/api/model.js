@@ -17,6 +17,8 @@ export class Model {
   /** Of the model file, "1.2" for instance. */
   format = "";
   jointCount = 0;
+  /** [jointCount, 16] joint to world in the bind pose of training: columns contiguous, metres, the default axes. */
+  bindMatrices = new Float32Array(0);
   vertexCount = 0;
   triangleCount = 0;
   /** The DCLOTH_STAGES_* it holds. */
@@ -48,6 +50,7 @@ export class Model {
         this.address = memory.u32[result / 4];
       });
       this.#describe();
+      this.bindMatrices = this.#bindMatrices();
     } catch (error) {
       this.#giveBack();
       throw error;
@@ -110,6 +113,18 @@ export class Model {
       this.tickSeconds = memory.f32[(at + info.tick_seconds) / 4];
       const triangles = word(info.triangles);
       this.triangles = new Uint16Array(memory.buffer.slice(triangles, triangles + 6 * this.triangleCount));
+    });
+  }
+
+  #bindMatrices() {
+    const { memory, exports } = this.engine;
+    return memory.withBlock(64, (at) => {
+      const matrices = new Float32Array(16 * this.jointCount);
+      for (let joint = 0; joint < this.jointCount; ++joint) {
+        throwUnlessOk(exports.dcloth_model_joint_bind(this.address, joint, at), "dcloth_model_joint_bind");
+        for (let i = 0; i < 16; ++i) matrices[16 * joint + 4 * (i % 4) + (i >> 2)] = memory.f32[at / 4 + i];
+      }
+      return matrices;
     });
   }
 

@@ -72,6 +72,8 @@ namespace UnityEngine
     public struct Quaternion
     {
         public static Quaternion identity => throw null;
+        public static Quaternion Inverse(Quaternion rotation) => throw null;
+        public static Quaternion operator *(Quaternion lhs, Quaternion rhs) => throw null;
         public static Quaternion Euler(float x, float y, float z) => throw null;
         public static Quaternion LookRotation(Vector3 forward, Vector3 upwards) => throw null;
         public static Quaternion Slerp(Quaternion a, Quaternion b, float t) => throw null;
@@ -80,7 +82,11 @@ namespace UnityEngine
     public struct Matrix4x4
     {
         public float m00, m10, m20, m30, m01, m11, m21, m31, m02, m12, m22, m32, m03, m13, m23, m33;
+        public float this[int index] { get => throw null; set => throw null; }
+        public Matrix4x4 inverse => throw null;
         public Vector4 GetColumn(int index) => throw null;
+        public Vector3 MultiplyPoint3x4(Vector3 point) => throw null;
+        public static Matrix4x4 TRS(Vector3 pos, Quaternion q, Vector3 s) => throw null;
         public static Matrix4x4 operator *(Matrix4x4 lhs, Matrix4x4 rhs) => throw null;
     }
 
@@ -141,6 +147,7 @@ namespace UnityEngine
         public Vector3 localPosition { get; set; }
         public Quaternion localRotation { get; set; }
         public Vector3 localScale { get; set; }
+        public Transform root => throw null;
         public Matrix4x4 localToWorldMatrix => throw null;
         public Matrix4x4 worldToLocalMatrix => throw null;
         public void SetParent(Transform parent, bool worldPositionStays) => throw null;
@@ -183,6 +190,7 @@ namespace UnityEngine
     {
         public Transform[] bones { get; set; }
         public Transform rootBone { get; set; }
+        public Mesh sharedMesh { get; set; }
     }
 
     public sealed class MeshFilter : Component
@@ -192,8 +200,25 @@ namespace UnityEngine
 
     public enum MeshTopology { Triangles = 0 }
 
+    public struct BoneWeight
+    {
+        public float weight0 { get; set; }
+        public float weight1 { get; set; }
+        public float weight2 { get; set; }
+        public float weight3 { get; set; }
+        public int boneIndex0 { get; set; }
+        public int boneIndex1 { get; set; }
+        public int boneIndex2 { get; set; }
+        public int boneIndex3 { get; set; }
+    }
+
     public sealed class Mesh : Object
     {
+        public bool isReadable => throw null;
+        public Vector3[] vertices { get; set; }
+        public int[] triangles { get; set; }
+        public BoneWeight[] boneWeights { get; set; }
+        public Matrix4x4[] bindposes { get; set; }
         public Vector2[] uv { get; set; }
         public Bounds bounds { get; set; }
         public int subMeshCount { get; set; }

@@ -1,0 +1,78 @@
+import * as THREE from "three";
+
+/**
+ * The character of a skinned mesh as it was bound, whatever pose its bones are in: for `Model.createCloth`. The matrices
+ * above the skeleton must be up to date (`updateMatrixWorld`).
+ * @param {THREE.SkinnedMesh} body
+ */
+export function characterOf(body) {
+  const { bones, boneInverses } = body.skeleton;
+  // Bones are bound in a space of their own; what stands above the skeleton brings it into the scene, with its size.
+  const top = bones.find((bone) => !bones.includes(bone.parent));
+  const above = top.parent ? top.parent.matrixWorld : new THREE.Matrix4();
+  const bind = new THREE.Matrix4();
+  const bindMatrices = bones.flatMap((_, j) => bind.copy(boneInverses[j]).invert().premultiply(above).toArray());
+  const { position, skinIndex, skinWeight } = body.geometry.attributes;
+  const toScene = new THREE.Matrix4().multiplyMatrices(above, body.bindMatrix), point = new THREE.Vector3();
+  const positions = new Float32Array(3 * position.count), joints = new Uint32Array(4 * position.count);
+  const weights = new Float32Array(4 * position.count);
+  for (let v = 0; v < position.count; ++v) {
+    point.fromBufferAttribute(position, v).applyMatrix4(toScene).toArray(positions, 3 * v);
+    for (let k = 0; k < 4; ++k) {
+      joints[4 * v + k] = skinIndex.getComponent(v, k);
+      weights[4 * v + k] = skinWeight.getComponent(v, k);
+    }
+  }
+  const triangles = body.geometry.index?.array;
+  return { jointNames: bones.map((bone) => bone.name), bindMatrices, body: { positions, joints, weights, triangles } };
+}
+
+/**
+ * A garment on the skeleton of a skinned mesh, fitted to it. Vertices are in the scene's space: add it to the scene
+ * itself, not to the character. It shares the engine's memory with the GPU's buffers.
+ * Errors: DClothError where the rig would crumple the garment. Cost: `update` makes no garbage.
+ */
+export class ClothMesh extends THREE.Mesh {
+  #bones;
+  #box = new THREE.Box3();
+
+  /**
+   * @param {import("dcloth").Model} model
+   * @param {THREE.SkinnedMesh} body as loaded, before or after it moves
+   * @param {THREE.Material} [material] draws both sides: skirts are seen from inside
+   */
+  constructor(model, body, material = new THREE.MeshStandardMaterial({ side: THREE.DoubleSide })) {
+    const cloth = model.createCloth({ character: characterOf(body) });
+    const attribute = (array) => new THREE.BufferAttribute(array, 3).setUsage(THREE.DynamicDrawUsage);
+    const geometry = new THREE.BufferGeometry().setIndex(new THREE.BufferAttribute(model.triangles, 1))
+      .setAttribute("position", attribute(cloth.positions)).setAttribute("normal", attribute(cloth.normals));
+    geometry.boundingSphere = new THREE.Sphere();   // else three.js keeps that of the first frame
+    super(geometry, material);
+    /** The engine's cloth: wind, stages, jumps, save games; `cloth.fit` says how it fits. */
+    this.cloth = cloth;
+    this.#bones = body.skeleton.bones;
+    this.cloth.outsideBody = model.hasBody;
+  }
+
+  /**
+   * One frame; call it after `scene.updateMatrixWorld()`, else the bones are a frame late.
+   * @param {number} seconds since the last one
+   */
+  update(seconds) {
+    const { cloth, geometry } = this, { pose } = cloth, bones = this.#bones;
+    for (let j = 0; j < bones.length; ++j) bones[j].matrixWorld.toArray(pose, 16 * j);
+    cloth.update(seconds);
+    const { position, normal } = geometry.attributes;
+    position.array = cloth.positions;   // another view after the engine's memory has grown
+    normal.array = cloth.normals;
+    position.needsUpdate = normal.needsUpdate = true;
+    this.#box.setFromArray(cloth.bounds).getBoundingSphere(geometry.boundingSphere);
+  }
+
+  /** Gives the engine's memory and the GPU's back; the material is its owner's. */
+  dispose() {
+    this.removeFromParent();
+    this.geometry.dispose();
+    this.cloth.dispose();
+  }
+}

@@ -1,0 +1,28 @@
+// The helper for three.js, against the engine fed by hand: a rig with the scale and axes of a Mixamo file.
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { copyFileSync, mkdirSync, mkdtempSync, rmSync, symlinkSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import test from "node:test";
+import { repository, site } from "./files.js";
+
+test("a rig in centimetres with Z up walks in the skirt", () => {
+  const folder = mkdtempSync(join(tmpdir(), "dcloth-three-"));
+  test.after(() => rmSync(folder, { recursive: true }));
+  mkdirSync(join(folder, "node_modules"));
+  symlinkSync(join(site, "dcloth"), join(folder, "node_modules/dcloth"));
+  symlinkSync(join(site, "../npm/node_modules/three"), join(folder, "node_modules/three"));
+  writeFileSync(join(folder, "package.json"), '{ "type": "module" }');
+  copyFileSync(join(repository, "tests/web/three_host.js"), join(folder, "host.js"));
+  copyFileSync(join(repository, "platforms/web/page/figure.js"), join(folder, "figure.js"));
+  const done = spawnSync(process.execPath, ["--preserve-symlinks", "host.js", site, join(repository, "platforms/web/page")],
+    { cwd: folder, encoding: "utf8" });
+  assert.equal(done.status, 0, done.stderr);
+  const said = JSON.parse(done.stdout);
+  assert.ok(said.mm < 3, `${said.mm} mm from the skirt of the same poses without a fit`);
+  assert.ok(Math.abs(said.scale - 1) < 0.01, `scale ${said.scale}`);
+  assert.deepEqual(said.warnings, []);
+  assert.ok(said.shared && said.vertices === 8170 && said.blocks === 0, done.stdout);
+  assert.ok(said.radius > 0.3 && said.radius < 1 && said.height > 0.5 && said.height < 1, done.stdout);
+});
