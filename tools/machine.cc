@@ -124,7 +124,8 @@ bool PinThread(int core) {
 void AddIsaOption(CLI::App* command) {
   const auto select = [](const std::string& name) {
     if (dcloth_isa_select(name.c_str()) == DCLOTH_OK) return;
-    throw CLI::ValidationError("--isa", "found '" + name + "', which this CPU or build does not have; allowed: scalar, " +
+    throw CLI::ValidationError("--isa", "found '" + name +
+                                            "', which this CPU or build does not have; allowed: scalar, " +
                                             "reproducible, and what the CPU has, such as avx2 or neon");
   };
   command->add_option_function<std::string>("--isa", select,

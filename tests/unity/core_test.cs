@@ -63,6 +63,26 @@ internal static unsafe class CoreTest
         }
     }
 
+    public static void CharactersThatCannotWearTheGarmentAreRefused()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        {
+            var matrices = new float[16 * model.JointNames.Length];
+            for (int i = 0; i < matrices.Length; ++i) matrices[i] = i % 16 % 5 == 0 ? 1 : 0;
+            var character = new ClothCharacter { BoneNames = model.JointNames, BindMatrices = matrices };
+            Func<ClothStatus, string> textOf = status =>
+                Refused(() => new ClothPlayer(model, ClothSpace.Unity, character), status).Message;
+            string text = textOf(ClothStatus.Joints);
+            Check(text.Contains("no pair of legs or arms") && text.Contains("allowed: "), text);
+            character.BodyPositions = new float[3];
+            text = textOf(ClothStatus.Argument);
+            Check(text.Contains("BodyBones has 0 elements; allowed: 4"), text);
+            character.BindMatrices = new float[7];
+            text = textOf(ClothStatus.Argument);
+            Check(text.Contains("BindMatrices has 7 elements; allowed: " + matrices.Length), text);
+        }
+    }
+
     public static void ARigWithAxesOfItsOwnWearsTheGarmentOnceItsBindPoseIsKnown()
     {
         using (ClothModel model = ClothModel.Open(file))

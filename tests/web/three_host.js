@@ -1,14 +1,14 @@
-// A page's code without the page: a rig as Mixamo's files come, in centimetres, Z up, below a node that turns and scales it,
-// wears the skirt and walks. three_test.js starts it. Arguments: SITE PAGE; prints one line of JSON.
+// A page's code without the page: a rig as Mixamo's files come, in centimetres, Z up, below a node that turns and
+// scales it, wears the skirt and walks. three_test.js starts it. Arguments: SITE PAGE; prints one line of JSON.
 import { readFileSync } from "node:fs";
 import * as THREE from "three";
 import { loadEngine } from "dcloth";
-import { characterOf, ClothMesh } from "dcloth/three";
+import { ClothMesh } from "dcloth/three";
 
 const [site, page] = process.argv.slice(2);
 const { readSafetensors } = await import(`${page}/safetensors.js`);
 const { Figure } = await import("./figure.js");
-const bytes = (path) => { const file = readFileSync(path); return file.buffer.slice(file.byteOffset, file.byteOffset + file.length); };
+const bytes = (path) => new Uint8Array(readFileSync(path)).buffer;      // exactly the file's
 const engine = await loadEngine({ kernels: "simd", simd: bytes(`${site}/dcloth/dcloth.wasm`) });
 const model = engine.openModel(bytes(`${site}/garment/skirt.dcloth`), "skirt");
 const figure = new Figure(readSafetensors(bytes(`${site}/garment/character.safetensors`), "character"));
@@ -20,7 +20,8 @@ armature.rotation.x = -Math.PI / 2;
 armature.scale.setScalar(0.01);
 armature.updateMatrixWorld();
 const into = armature.matrixWorld.clone().invert();      // the scene -> centimetres, Z up
-const bones = names.map((name) => Object.assign(new THREE.Bone(), { name: `mixamorig:${name}`, matrixAutoUpdate: false }));
+const bones = names.map((name) =>
+  Object.assign(new THREE.Bone(), { name: `mixamorig:${name}`, matrixAutoUpdate: false }));
 const inverses = names.map((name) => {
   const bind = figure.inverses[figure.jointNames.indexOf(name)].clone().invert();
   return bind.premultiply(into).invert();
@@ -63,9 +64,8 @@ const attribute = skirt.geometry.getAttribute("position");
 const { center, radius } = skirt.geometry.boundingSphere;
 const { fit } = skirt.cloth;
 const shared = attribute.array === skirt.cloth.positions;
-const names2 = characterOf(hero).jointNames;
 skirt.dispose();
 plain.dispose();
 model.dispose();
-console.log(JSON.stringify({ mm: 1000 * sum / count, scale: fit.scale, warnings: fit.warnings, gap: fit.gapMm, shared, radius,
-  height: center.y, joints: names2.length, blocks: engine.memory.blockCount, vertices: attribute.count }));
+console.log(JSON.stringify({ mm: 1000 * sum / count, scale: fit.scale, warnings: fit.warnings, shared, radius,
+  height: center.y, blocks: engine.memory.blockCount, vertices: attribute.count }));

@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 from . import features, raster
 
 REACH = 0.05    # m: cloth farther from the body than this has no plane
-EVERY = 2       # every second frame is enough to learn from
+EVERY = 2       # every second frame of a motion is enough to learn from
 
 
-def planes(matrices, truth, character, vertices):
-    """[ceil(T / EVERY), v, 4] float16 of cloth vertices `vertices` [v]: m outside the plane, its normal in the world.
+def planes(matrices, truth, character, vertices, every=EVERY):
+    """[ceil(T / every), v, 4] float16 of cloth vertices `vertices` [v]: m outside the plane, its normal in the world.
 
     matrices [T, J, 4, 4], truth [T, n, 3] m. A vertex without a plane has a normal of zero. 12 ms a frame that is
     looked at, v = 2,043 and 6,059 body vertices.
@@ -26,12 +26,12 @@ def planes(matrices, truth, character, vertices):
     faces = local[character.body_faces]
     faces = faces[(faces >= 0).all(1)]
     rest, weights = character.body_vertices[collider].astype(np.float64), character.body_weights[collider]
-    out = np.zeros((-(-len(truth) // EVERY), len(vertices), 4), np.float16)
-    for frame, of_joints in enumerate(features.relative(matrices[::EVERY], character.bind)[:, :, :3]):
+    out = np.zeros((-(-len(truth) // every), len(vertices), 4), np.float16)
+    for frame, of_joints in enumerate(features.relative(matrices[::every], character.bind)[:, :, :3]):
         blended = np.tensordot(weights, of_joints, 1)
         body = (blended[..., :3] @ rest[..., None])[..., 0] + blended[..., 3]
         normals = raster.vertex_normals(body, faces)
-        cloth = truth[EVERY * frame, vertices].astype(np.float64)
+        cloth = truth[every * frame, vertices].astype(np.float64)
         distance, at = cKDTree(body).query(cloth, distance_upper_bound=REACH)
         found = np.flatnonzero(np.isfinite(distance))
         if character.touches is not None:

@@ -101,9 +101,9 @@ class Clip:
 
     def planes_at(self, ticks, rows):
         """Planes [t, v, 4] float32 of the sampled vertices `rows`, zero in frames and at vertices without one."""
-        ticks = np.arange(len(self))[ticks]
-        found = self.planes[ticks // body_planes.EVERY].take(rows, 1).astype(np.float32)
-        found[ticks % body_planes.EVERY != 0] = 0
+        ticks, every = np.arange(len(self))[ticks], -(-len(self) // len(self.planes))
+        found = self.planes[ticks // every].take(rows, 1).astype(np.float32)
+        found[ticks % every != 0] = 0
         return found
 
 
@@ -195,10 +195,13 @@ def add_planes(clips, character, folder):
     vertices = np.arange(0, len(character.template), SAMPLE_EVERY)
     for clip in clips:
         def make(clip=clip):
-            matrices = sequence.read(clip.path).joint_matrices.astype(np.float64)
+            read = sequence.read(clip.path)
+            matrices = read.joint_matrices.astype(np.float64)
             if clip.mirrored:
                 matrices = features.mirror_pose(matrices, character.joint_mirror)
-            return body_planes.planes(matrices, load_truth(clip.path, clip.mirrored, character.mirror), character, vertices)
+            every = 1 if read.kind == "static" else body_planes.EVERY       # drapes are single frames
+            truth = load_truth(clip.path, clip.mirrored, character.mirror)
+            return body_planes.planes(matrices, truth, character, vertices, every)
         if clip.planes is None:
             clip.planes = unskinned.kept(folder, clip, make)
 

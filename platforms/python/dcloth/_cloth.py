@@ -66,9 +66,9 @@ class Cloth:
         column_major    the last two axes are swapped: [J, column, row], as in glTF and for matrices on row vectors
         stages          for ticks that start now; stages that the model lacks are ignored
         outside_body    pushes vertices out of the model's body
-        positions       writable float32 [vertex_count, 3] that is written; without it a new array is made. Rows may have
-                        any distance, so a view of an interleaved vertex buffer works. They are also read: do not give
-                        memory that is slow to read
+        positions       writable float32 [vertex_count, 3] that is written; without it a new array is made. Rows may
+                        have any distance, so a view of an interleaved vertex buffer works. They are also read: do not
+                        give memory that is slow to read
         normals         the same for normals
 
         Returns positions [vertex_count, 3] in the world, in the host's unit (metres by default), and normals of unit
@@ -89,8 +89,8 @@ class Cloth:
         flags: FrameFlags = FrameFlags(0),  # noqa: B008 (a number)
     ) -> None:
         """As `update`, for a garment that is not seen: the network moves on, nothing is drawn."""
-        self._cloth.update(matrices(joint_matrices, "joint_matrices"), column_major, seconds, int(stages), int(flags), 0,
-                           None, None)
+        self._cloth.update(matrices(joint_matrices, "joint_matrices"), column_major, seconds, int(stages), int(flags),
+                           0, None, None)
 
     def bind_joints(self, names: Sequence[str]) -> None:
         """Finds the model's joints by name among the host's `names`; poses then have one matrix per name.
@@ -120,8 +120,8 @@ class Cloth:
     def set_bind_pose(self, joint_matrices: ArrayLike, *, column_major: bool = False) -> None:
         """Takes the bind pose of a rig whose joints have axes, positions or a scale of their own.
 
-        joint_matrices  [J, 4, 4] float32 as `update` takes them; the character stands in the stance, and at the place, of
-                        the figure of training
+        joint_matrices  [J, 4, 4] float32 as `update` takes them; the character stands in the stance, and at the
+                        place, of the figure of training
 
         Raises Error: POSE for matrices without inverse or a wrong number of joints.
         """
@@ -149,8 +149,8 @@ class Cloth:
 
         Call `set_space` before. A fitted cloth refuses `bind_joints`, `set_bind_pose` and `set_space`.
 
-        Raises Error: JOINTS where the skeleton lacks parts that the garment needs; POSE for a bind pose that would crumple
-        the garment; ARGUMENT.
+        Raises Error: JOINTS where the skeleton lacks parts that the garment needs; POSE for a bind pose that would
+        crumple the garment; ARGUMENT.
         """
         names = list(joint_names)
         arrays: list[Any] = [None] * 4

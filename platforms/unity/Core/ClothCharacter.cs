@@ -4,7 +4,8 @@ using System.Collections.Generic;
 namespace DCloth
 {
     /// <summary>A character that the garment was not trained on, in its bind pose: a standing T or A pose, in the space
-    /// of the cloth. What dcloth_character of dcloth_fit.h holds; without a body the garment follows bones alone.</summary>
+    /// of the cloth. What dcloth_character of dcloth_fit.h holds; without a body the garment follows bones
+    /// alone.</summary>
     public sealed class ClothCharacter
     {
         /// <summary>The whole skeleton; poses then hold one matrix per name.</summary>
@@ -33,7 +34,8 @@ namespace DCloth
 
         internal int BodyCount => BodyPositions == null ? 0 : BodyPositions.Length / 3;
 
-        /// <summary>Throws ClothException where a length is not what the others ask for: the engine reads by counts.</summary>
+        /// <summary>Throws ClothException where a length is not what the others ask for: the engine reads by
+        /// counts.</summary>
         internal void Check(string model)
         {
             if (BoneNames == null || BindMatrices == null)
@@ -43,7 +45,8 @@ namespace DCloth
             CheckLength(model, nameof(BodyPositions), BodyPositions, 3 * BodyCount);
             CheckLength(model, nameof(BodyBones), BodyBones, BodyInfluences * BodyCount);
             CheckLength(model, nameof(BodyWeights), BodyWeights, BodyInfluences * BodyCount);
-            if (BodyTriangles != null) CheckLength(model, nameof(BodyTriangles), BodyTriangles, BodyTriangles.Length / 3 * 3);
+            if (BodyTriangles == null) return;
+            CheckLength(model, nameof(BodyTriangles), BodyTriangles, BodyTriangles.Length / 3 * 3);
         }
 
         private static void CheckLength(string model, string what, Array array, int allowed)

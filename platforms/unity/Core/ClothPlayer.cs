@@ -25,27 +25,19 @@ namespace DCloth
         /// missing.</summary>
         public ClothPlayer(ClothModel model, dcloth_space space, IReadOnlyList<string> boneNames,
                            string prefix = "", float[] uv = null)
-            : this(model, space, cloth => JointSelection.Bind(cloth, boneNames, prefix), uv)
+            : this(model, space, boneNames, prefix, null, uv)
         {
         }
 
-        /// <summary>Fits the garment to `character` (ClothInstance.Fit); the pose then holds all of its bones. `Fit` says
-        /// how it fits. Errors: Joints, Pose, Argument.</summary>
+        /// <summary>Fits the garment to `character` (ClothInstance.Fit); the pose then holds all of its bones. `Fit`
+        /// says how it fits. Errors: Joints, Pose, Argument.</summary>
         public ClothPlayer(ClothModel model, dcloth_space space, ClothCharacter character, float[] uv = null)
-            : this(model, space, cloth => AllBones(character), uv)
+            : this(model, space, null, "", character ?? throw new ArgumentNullException(nameof(character)), uv)
         {
-            try
-            {
-                Fit = cloth.Fit(character);
-            }
-            catch
-            {
-                Dispose();
-                throw;
-            }
         }
 
-        private ClothPlayer(ClothModel model, dcloth_space space, Func<ClothInstance, int[]> choose, float[] uv)
+        private ClothPlayer(ClothModel model, dcloth_space space, IReadOnlyList<string> boneNames, string prefix,
+                            ClothCharacter character, float[] uv)
         {
             cloth = new ClothInstance(model);
             try
@@ -57,7 +49,16 @@ namespace DCloth
                                              " texture coordinates; allowed: " + allowed);
                 }
                 cloth.SetSpace(space);
-                Bones = choose(cloth);
+                if (character == null)
+                {
+                    Bones = JointSelection.Bind(cloth, boneNames, prefix);
+                }
+                else
+                {
+                    Fit = cloth.Fit(character);
+                    Bones = new int[character.BoneNames.Count];
+                    for (int i = 0; i < Bones.Length; ++i) Bones[i] = i;
+                }
                 VertexBytes = uv == null ? PlainVertexBytes : TangentVertexBytes;
                 long floats = (long)MatrixFloats * Bones.Length + BoundsFloats + (uv == null ? 0 : uv.Length);
                 memory = new AlignedMemory(floats * sizeof(float));
@@ -187,15 +188,6 @@ namespace DCloth
             JointMatrices = null;
             Vertices = null;
             Bounds = null;
-        }
-
-        private static int[] AllBones(ClothCharacter character)
-        {
-            if (character == null) throw new ArgumentNullException(nameof(character));
-            if (character.BoneNames == null) throw new ArgumentException("a character has BoneNames and BindMatrices");
-            var all = new int[character.BoneNames.Count];
-            for (int i = 0; i < all.Length; ++i) all[i] = i;
-            return all;
         }
 
         private dcloth_pose Pose()

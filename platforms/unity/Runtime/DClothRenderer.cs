@@ -18,8 +18,8 @@ namespace DCloth
         [SerializeField] private DClothAsset garment;
         [SerializeField, Tooltip("Its bones, and those below its root bone, carry the garment; its mesh does not.")]
         private SkinnedMeshRenderer character;
-        [SerializeField, Tooltip("Fit the garment to the skin and bind pose of that mesh: any humanoid rig. Off: its bones " +
-                                 "have the names and axes of training.")]
+        [SerializeField, Tooltip("Fit the garment to the skin and bind pose of that mesh: any humanoid rig. " +
+                                 "Off: its bones have the names and axes of training.")]
         private bool fitted = true;
         [SerializeField, Tooltip("Taken off the bones' names before they are compared with the model's joints.")]
         private string bonePrefix = "";
@@ -184,8 +184,8 @@ namespace DCloth
             for (int i = 0; i < bones.Length; ++i) bones[i] = all[player.Bones[i]];
         }
 
-        // Bones and skin as the mesh was bound, upright, in the size that they have in the scene. A mesh that scripts may
-        // not read gives no skin: the garment then follows the bones alone.
+        // Bones and skin as the mesh was bound, upright, in the size that they have in the scene. A mesh that scripts
+        // may not read gives no skin: the garment then follows the bones alone.
         private static ClothCharacter CharacterOf(SkinnedMeshRenderer skinned, float boneScale)
         {
             Mesh skin = skinned.sharedMesh;

@@ -1,8 +1,8 @@
 import * as THREE from "three";
 
 /**
- * The character of a skinned mesh as it was bound, whatever pose its bones are in: for `Model.createCloth`. The matrices
- * above the skeleton must be up to date (`updateMatrixWorld`).
+ * The character of a skinned mesh as it was bound, whatever pose its bones are in: for `Model.createCloth`. The
+ * matrices above the skeleton must be up to date (`updateMatrixWorld`).
  * @param {THREE.SkinnedMesh} body
  */
 export function characterOf(body) {

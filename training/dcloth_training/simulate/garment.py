@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from ..motion.skeleton import LOWER_BODY, WHOLE_BODY
 from . import body as parts
@@ -157,29 +158,36 @@ def skirt(figure, **changes):
 # The robe ------------------------------------------------------------------------------------------------------------
 
 ROBE = {
-    "spacing": 0.0141,
+    "spacing": 0.0137,
     "neck": 0.115,            # half width of the neck opening
     "front_neck": 0.13, "back_neck": 0.06,
     "rise": 0.085,            # of the shoulder line above the figure's shoulders: cloth that blouses over the belt
-    "sleeve": 0.17,           # half height of the sleeve's opening
+    "sleeve": 0.11,           # half height of the sleeve's opening
     "wrist": 0.05,            # the sleeve ends that far from the wrist, towards the elbow
-    "armpit": 0.275,         # half width of the body under the arms
+    "armpit": 0.29,          # half width of the body under the arms
     "armpit_drop": 0.25,      # below the shoulder line
-    "waist": 0.225, "waist_height": 1.075,
-    "hem": 0.38, "hem_height": 0.40, "flare": 1.7,
-    "slit": 0.30,             # m from the hem that the front stays open
+    "waist": 0.192, "waist_height": 1.075,
+    "hem": 0.38, "hem_height": 0.40, "flare": 2.4,
+    "slit": 0.40,             # m from the hem that the front stays open
     "belt": 0.035,
+    "ease": 0.0115,           # m between waist and belt
+    "pressed": 100.0,         # degrees that a sleeve is folded by along its two seams, as an iron leaves it,
+    "fading": 0.08,           # m beside the body over which it gets there
     "turned_up": 0.02, "hem_layers": 2.0,
+    "clear": 0.006,           # m between skin and cloth: more than other garments', as its triangles are larger
 }
+
+BELT_SMOOTHED = 0.15     # rad: a belt is smoother than the mesh of the skin
 
 
 def _smooth(a, b, t):
     return a + (b - a) * t * t * (3 - 2 * t)
 
 
-def _robe_start(x, y, low, half, top, armpit):
+def _robe_start(x, y, low, half, top, armpit, arm):
     """Where points of the left front panel stand before the first step, about the T-pose: the body an elliptic tube that
-    closes on the shoulders, the sleeve a round one. [n, 3] with z counted forward from the middle."""
+    closes on the shoulders, the sleeve a round one about the arm, whose axis is `arm` high. [n, 3] with z counted forward
+    from the middle."""
     closing = 0.14
     up = np.clip((y - top + closing) / closing, 0, 1)
     dome = np.sqrt(1 - up ** 2)
@@ -190,7 +198,7 @@ def _robe_start(x, y, low, half, top, armpit):
     height = np.maximum(top - low, 1e-3)
     radius = height / np.pi
     round_ = np.pi * np.clip((top - y) / height, 0, 1)
-    sleeve = np.stack([x, top - radius + radius * np.cos(round_), radius * np.sin(round_)], -1)
+    sleeve = np.stack([x, np.minimum(top - radius, arm) + radius * np.cos(round_), radius * np.sin(round_)], -1)
     share = np.clip((x - 0.55 * armpit) / (0.75 * armpit), 0, 1)[:, None] * (y >= low - 1e-6)[:, None]
     share = share * share * (3 - 2 * share)
     return trunk + share * (sleeve - trunk)
@@ -248,35 +256,41 @@ def robe(figure, **changes):
     start, height = np.zeros((sewn.count, 3)), np.zeros(sewn.count)
     outline = parts.section(figure, cut["waist_height"], half_width=0.2)
     belt_ring = np.linspace(0, 2 * np.pi, 2000)
-    ring = (outline(belt_ring) + 0.008)[:, None] * np.stack([np.sin(belt_ring), np.cos(belt_ring)], -1)
+    radius = gaussian_filter1d(outline(belt_ring), BELT_SMOOTHED / belt_ring[1], mode="wrap") + cut["ease"]
+    ring = radius[:, None] * np.stack([np.sin(belt_ring), np.cos(belt_ring)], -1)
     arc = np.r_[0, np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))]
-    pinned = np.zeros(sewn.count, bool)
+    pinned, crease = np.zeros(sewn.count, bool), np.zeros(sewn.count)
     sleeved = np.zeros(sewn.count, np.uint32)
     for p in range(4):
         points = panels[p % 2][0]
         own, sign, front = sewn.vertex[p], 1 if p < 2 else -1, 1 if p % 2 == 0 else -1
         keep = own >= 0
         x, y = points[:, 0], points[:, 1]
-        at = _robe_start(x, y, np.interp(x, *bottom), side(y), top, cut["armpit"])
+        at = _robe_start(x, y, np.interp(x, *bottom), side(y), top, cut["armpit"], arm)
         at *= [sign, 1, 1]
         at[:, 2] = joint["Spine2"][2] + front * at[:, 2]
         band = (np.abs(points[:, 1] - cut["waist_height"]) < 0.5 * cut["belt"] + 1e-6)
         share = np.clip(points[:, 0] / side(points[:, 1]), 0, 1)     # of the way from the fold to the side seam
         turn = 0.5 * np.pi * share if front > 0 else np.pi - 0.5 * np.pi * share
         phi = np.interp(turn / (2 * np.pi) * arc[-1], arc, belt_ring)
-        at[band] = np.stack([(outline(phi) + 0.008) * np.sin(phi) * sign, points[:, 1],
-                             (outline(phi) + 0.008) * np.cos(phi)], -1)[band]
+        away = np.interp(phi, belt_ring, radius)
+        at[band] = np.stack([away * np.sin(phi) * sign, points[:, 1], away * np.cos(phi)], -1)[band]
         start[own[keep]], height[own[keep]] = at[keep], points[keep, 1]
         pinned[own[keep]] |= band[keep]
         arms = parts.LEFT_ARM if p < 2 else parts.RIGHT_ARM
         body_parts = parts.TRUNK | parts.LEFT_LEG | parts.RIGHT_LEG
-        on_sleeve = x > cut["armpit"] + 0.06
+        on_sleeve = (x > cut["armpit"] + 0.06) & (y > underarm[1] - 0.02)
         on_shoulder = (x > 0.5 * cut["armpit"]) & (y > underarm[1] - 0.02) & ~on_sleeve
         own_mask = np.where(on_sleeve, arms, np.where(on_shoulder, arms | parts.TRUNK, body_parts)).astype(np.uint32)
         sleeved[own[keep]] |= own_mask[keep]
+        # Shoulder and under the arm, and the side seam where it is as wide: just above the hem. They fold outward.
+        seam = np.r_[rows[p % 2][2], rows[p % 2][4]]
+        pressed = np.clip((x[seam] - cut["armpit"] - 0.05) / cut["fading"], 0, 1)
+        crease[own[seam]] = -np.radians(cut["pressed"]) * pressed
     factor = np.where(height < cut["hem_height"] + cut["turned_up"], cut["hem_layers"], 1.0)
-    cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5)
-    return Garment("robe", "cotton", start, cloth, mirror, pinned, sleeved, _layout(sewn, panels), WHOLE_BODY)
+    cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5, crease)
+    return Garment("robe", "cotton", start, cloth, mirror, pinned, sleeved, _layout(sewn, panels), WHOLE_BODY,
+                   {"thickness": cut["clear"]})
 
 
 GARMENTS = {"skirt": skirt, "robe": robe}

@@ -14,7 +14,7 @@ WOOL = {
     "damping": 25.0,        # 1/s
     "friction": 0.25,
 }
-COTTON = {**WOOL, "density": 0.12, "bend": 9.0e-6, "friction": 0.3}
+COTTON = {**WOOL, "density": 0.13, "bend": 1.4e-5, "friction": 0.3}
 SOLVER = {
     "steps": 30,
     "stretch_passes": 7,
