@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Builds the web package and page and tests them: `test_web.sh`, or `test_web.sh --only PATTERN` for the tests whose
-# files match (grep -E): module, api, types, output (against the native command line, in Node), page (in Chromium), and
-# picture, the hashes of the reproducible mode with SIMD and scalar, in Node (tests/picture), or simd_picture, those of SIMD
-# alone in a fifth of the time.
+# files match (grep -E): module, api, worker, types, output (against the native command line, in Node), page (in
+# Chromium), and picture, the hashes of the reproducible mode with SIMD and scalar, in Node (tests/picture), or
+# simd_picture, those of SIMD alone in a fifth of the time.
 # DCLOTH_TOOL names a built `dcloth`; without it, it is built. Pictures of the page: build-web/pictures.
 # Not part of scripts/test.sh: two more builds of the engine, and three.js and TypeScript come from npm. Continuous
 # integration (.ci/run) runs all but page and the scalar pictures.

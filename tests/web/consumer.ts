@@ -1,6 +1,8 @@
 // A host in TypeScript, as strict as it gets; compiled by types_test.js against the package as users have it.
 import { Axis, DClothError, FrameFlags, Levels, loadEngine, Roles, Stages, STEPS } from "dcloth";
 import type { Cloth, Engine, Model } from "dcloth";
+import { startWorker } from "dcloth/worker";
+import type { WorkerCloth } from "dcloth/worker";
 
 export async function start(bones: { name: string; matrix: Float32Array }[], bytes: ArrayBuffer): Promise<Cloth> {
   const engine: Engine = await loadEngine({ kernels: "auto" });
@@ -28,6 +30,18 @@ export async function start(bones: { name: string; matrix: Float32Array }[], byt
   scene.plan(1 / 60, 1000);
   const top: boolean = scene.level(0) === Levels.MESH;
   console.log(STEPS.map((name, step) => `${name} ${timer.microseconds(step)}`), top, model.triangles.length);
+  return cloth;
+}
+
+export async function startThere(bytes: ArrayBuffer): Promise<WorkerCloth> {
+  const worker = await startWorker({ kernels: "auto" });
+  const model = await worker.openModel(bytes);
+  const cloth = await model.createCloth({ jointNames: model.jointNames });
+  cloth.pose.set(model.bindMatrices);
+  if (!cloth.busy) await cloth.update(1 / 60);
+  const positions: Float32Array = cloth.positions;
+  console.log(positions.length, cloth.fit?.gapMm, (await cloth.save()).length);
+  worker.terminate();
   return cloth;
 }
 

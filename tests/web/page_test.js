@@ -68,6 +68,32 @@ test("loads with SIMD and without a complaint", async () => {
   assert.ok(seen.errors[4] < seen.errors[1] && seen.errors[4] > 0, `${seen.errors}`);
 });
 
+test("a Web Worker draws what the page's own engine draws", async () => {
+  await open("?still");
+  const seen = await inPage(async () => {
+    const { startWorker } = await import("/dcloth/worker.js");
+    const { loadEngine } = await import("/dcloth/index.js");
+    const engine = await loadEngine(), worker = await startWorker();
+    const models = [await engine.fetchModel("garment/skirt.dcloth"), await worker.fetchModel("garment/skirt.dcloth")];
+    const cloths = await Promise.all(models.map((model) => model.createCloth({ jointNames: model.jointNames })));
+    let apart = 0, height = 0;
+    for (let frame = 0; frame < 30; ++frame) {
+      for (const cloth of cloths) {
+        cloth.pose.set(models[0].bindMatrices);
+        for (let j = 12; j < cloth.pose.length; j += 16) cloth.pose[j] += 0.01 * frame;
+        await cloth.update(1 / 30);
+      }
+      cloths[0].positions.forEach((x, i) => { apart = Math.max(apart, Math.abs(x - cloths[1].positions[i])); });
+      height = Math.max(height, cloths[1].bounds[4]);
+    }
+    worker.terminate();
+    return { apart, height, vertices: cloths[1].positions.length / 3, kernels: worker.instructionSet };
+  });
+  assert.deepEqual([seen.apart, seen.kernels], [0, "wasm"]);
+  assert.ok(seen.vertices > 1000 && seen.height > 0.5, JSON.stringify(seen));
+  assert.deepEqual(complaints(), []);
+});
+
 test("the browser's vertices are the native ones", async () => {
   for (const name of sequences) {
     const result = await inPage(async (sequenceName) => {
