@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # What takes too long for every change, some three hours on two cores: rollouts of 20,000 ticks, 2,000 frames of pictures with
 # their pinned hashes, here, on 64-bit Arm and in WebAssembly, all tests in C++ under sanitizers and on 64-bit Arm, tests that
-# start threads under ThreadSanitizer, five minutes of fuzzing each target, the Python wheel. `test_long.sh [STEP...]`: rollouts,
-# pictures, sanitized, threads, fuzz, aarch64, web, python; all when none is named. Before a release; after a change of training,
-# kernels or format.
+# start threads under ThreadSanitizer, five minutes of fuzzing each target, the Python wheel, the Rust crate. `test_long.sh
+# [STEP...]`: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust; all when none is named. Before a release;
+# after a change of training, kernels or format.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/steps.sh
 steps=("$@")
-[ $# -gt 0 ] || steps=(rollouts pictures sanitized threads fuzz aarch64 web python)
+[ $# -gt 0 ] || steps=(rollouts pictures sanitized threads fuzz aarch64 web python rust)
 
 scripts/install_dependencies.sh build test import
 step build scripts/build.sh build -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON \
@@ -27,7 +27,8 @@ for name in "${steps[@]}"; do
     aarch64) step aarch64 scripts/test_platforms.sh aarch64 || true ;;
     web) DCLOTH_PICTURE_FRAMES=2000 step web scripts/test_web.sh || true ;;
     python) step python scripts/test_python.sh || true ;;
-    *) echo "test_long: unknown step '$name'; allowed: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python" >&2; exit 2 ;;
+    rust) step rust scripts/test_rust.sh || true ;;
+    *) echo "test_long: unknown step '$name'; allowed: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust" >&2; exit 2 ;;
   esac
 done
 closing_line
