@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_i386] [cross_windows] [unity] [web] [npm] [import] [bench] [python] [lint]`; "build" when nothing is said. "test" and
+# [cross_i386] [cross_windows] [unity] [web] [npm] [import] [bench] [python] [rust] [lint]`; "build" when nothing is said. "test" and
 # "train" also install training/requirements.txt from PyPI into .venv, a virtual environment that sees Debian's Python packages
 # too; "lint" ruff.
 set -euo pipefail
@@ -21,6 +21,7 @@ declare -A groups=(
   [bench]="libbenchmark-dev libxnnpack-dev libpthreadpool-dev python3-venv python3-numpy python3-scipy python3-torch
            libopenblas0-pthread"
   [python]="python3-dev python3-venv"
+  [rust]="mesa-vulkan-drivers libvulkan1"  # Rust itself is newer than Debian's
   [lint]="clang-format clang-tidy python3-venv ca-certificates"
   [train]="g++ cmake ninja-build python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread
            python3-venv"
