@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Packs the Unity package with native libraries into one file for Unity's package manager ("Add package from tarball").
 
-Usage: package_unity.py OUT.tgz PLATFORM=LIBRARY...
+Usage: package_unity.py OUT.tgz [notices=TEXT.md] PLATFORM=LIBRARY...
 
 PLATFORM is one of linux, windows, macos, android, ios, webgl; LIBRARY the shared library, or the static one for ios and
-webgl, built for that platform (platforms/unity/README.md). Links are followed.
+webgl, built for that platform (platforms/unity/README.md). Links are followed. TEXT.md: licences of what the libraries
+contain.
 """
 import gzip
 import hashlib
@@ -46,13 +47,17 @@ def meta(relative, body):
     return f"fileFormatVersion: 2\nguid: {guid}\n{body}".encode()
 
 
-def entries(plugins):
+def entries(plugins, notices):
     """(path in the package, bytes) of everything."""
     for path in sorted(PACKAGE.rglob("*")):
         if path.is_file():
             yield path.relative_to(PACKAGE).as_posix(), path.read_bytes()
     folder = ("folderAsset: yes\nDefaultImporter:\n  externalObjects: {}\n  userData:\n  assetBundleName:\n"
               "  assetBundleVariant:\n")
+    if notices is not None:
+        name = "Third Party Notices.md"
+        yield name, notices.read_bytes()
+        yield name + ".meta", meta(name, "TextScriptImporter:\n" + folder.split("DefaultImporter:\n")[1])
     yield "Plugins.meta", meta("Plugins", folder)
     for platform, library in plugins.items():
         name = f"Plugins/{platform}/{PLATFORMS[platform][0]}"
@@ -64,9 +69,12 @@ def entries(plugins):
 def main():
     if len(sys.argv) < 3 or "=" in sys.argv[1]:
         sys.exit(__doc__)
-    plugins = {}
+    plugins, notices = {}, None
     for argument in sys.argv[2:]:
         platform, _, library = argument.partition("=")
+        if platform == "notices" and Path(library).is_file():
+            notices = Path(library)
+            continue
         if platform not in PLATFORMS:
             sys.exit(f"package_unity: unknown platform '{platform}'; allowed: {', '.join(PLATFORMS)}")
         if not Path(library).is_file():
@@ -75,7 +83,7 @@ def main():
     packed = io.BytesIO()
     # No times, owners or modes of this machine: the same content is the same file.
     with gzip.GzipFile(fileobj=packed, mode="wb", mtime=0) as zipped, tarfile.open(fileobj=zipped, mode="w") as tar:
-        for name, data in entries(plugins):
+        for name, data in entries(plugins, notices):
             info = tarfile.TarInfo(f"package/{name}")
             info.size = len(data)
             tar.addfile(info, io.BytesIO(data))

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # What takes too long for every change, some three hours on two cores: rollouts of 20,000 ticks, 2,000 frames of pictures with
 # their pinned hashes, here, on 64-bit Arm and in WebAssembly, all tests in C++ under sanitizers and on 64-bit Arm, tests that
-# start threads under ThreadSanitizer, five minutes of fuzzing each target, the Python wheel, the Rust crate. `test_long.sh
-# [STEP...]`: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust; all when none is named. Before a release;
-# after a change of training, kernels or format.
+# start threads under ThreadSanitizer, five minutes of fuzzing each target, the Python wheel, the Rust crate, the packages of a
+# release. `test_long.sh [STEP...]`: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust, packages; all when
+# none is named. Before a release; after a change of training, kernels or format.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/steps.sh
 steps=("$@")
-[ $# -gt 0 ] || steps=(rollouts pictures sanitized threads fuzz aarch64 web python rust)
+[ $# -gt 0 ] || steps=(rollouts pictures sanitized threads fuzz aarch64 web python rust packages)
 
 scripts/install_dependencies.sh build test import
 step build scripts/build.sh build -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON \
@@ -28,7 +28,11 @@ for name in "${steps[@]}"; do
     web) DCLOTH_PICTURE_FRAMES=2000 step web scripts/test_web.sh || true ;;
     python) step python scripts/test_python.sh || true ;;
     rust) step rust scripts/test_rust.sh || true ;;
-    *) echo "test_long: unknown step '$name'; allowed: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust" >&2; exit 2 ;;
+    packages) step packages scripts/package.sh --test || true ;;
+    *)
+      echo "test_long: unknown step '$name'; allowed: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust, packages" >&2
+      exit 2
+      ;;
   esac
 done
 closing_line

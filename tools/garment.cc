@@ -40,7 +40,8 @@ converter::OpenModel OpenGarment(const std::string& garment) {
       places.push_back(program / file);
       places.push_back(program.parent_path() / "share" / "dcloth" / file);
     }
-    places.push_back(std::filesystem::path(DCLOTH_SOURCE_MODELS) / garment / (garment + ".safetensors"));
+    const std::filesystem::path models = DCLOTH_SOURCE_MODELS;
+    if (!models.empty()) places.push_back(models / garment / (garment + ".safetensors"));
   }
   std::string looked;
   std::error_code failed;

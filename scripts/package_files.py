@@ -1,0 +1,119 @@
+#!/usr/bin/env python3
+"""Files of a release that no compiler makes (scripts/package.sh).
+
+Usage: package_files.py version
+       package_files.py sequence IN.safetensors OUT.safetensors
+       package_files.py clip IN.safetensors OUT.safetensors FRAMES
+       package_files.py examples FOLDER
+       package_files.py archive FOLDER OUT.tar.xz|OUT.zip SECONDS
+
+version: prints the project's, after comparing it with the packages that repeat it. sequence: the motion without the
+simulated cloth. clip: the first FRAMES of motion and cloth. examples: the host and CMakeLists.txt that docs/integrate.md
+shows. archive: FOLDER with all names sorted, every time SECONDS since 1970 and no owners, so that the same files are the
+same archive.
+"""
+import json
+import lzma
+import re
+import struct
+import sys
+import tarfile
+import time
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def version():
+    text = (ROOT / "CMakeLists.txt").read_text(encoding="utf-8")
+    found = re.search(r"project\(dcloth VERSION (\d+\.\d+\.\d+)", text)
+    if found is None:
+        sys.exit("package_files: CMakeLists.txt has no project(dcloth VERSION ...)")
+    for name in ("platforms/web/package.json", "platforms/unity/package.json"):
+        said = json.loads((ROOT / name).read_text(encoding="utf-8"))["version"]
+        if said != found[1]:
+            sys.exit(f"package_files: {name}: version {said}; CMakeLists.txt says {found[1]}; make them equal")
+    print(found[1])
+
+
+def rewrite(source, out, change):
+    """A sequence with the tensors that `change` keeps: (name, entry) -> bytes of the tensor, or None."""
+    data = Path(source).read_bytes()
+    size = struct.unpack_from("<Q", data)[0]
+    header = json.loads(data[8:8 + size])
+    kept, body = {}, b""
+    for name, entry in header.items():
+        if name == "__metadata__":
+            kept[name] = entry
+            continue
+        begin, end = entry["data_offsets"]
+        tensor = change(name, entry, data[8 + size + begin:8 + size + end])
+        if tensor is not None:
+            kept[name] = {**entry, "data_offsets": [len(body), len(body) + len(tensor)]}
+            body += tensor
+    if "joint_matrices" not in kept:
+        sys.exit(f"package_files: {source}: no joint_matrices; allowed: a sequence")
+    text = json.dumps(kept, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)
+    Path(out).write_bytes(struct.pack("<Q", len(text)) + text + body)
+
+
+def sequence(source, out):
+    rewrite(source, out, lambda name, _, data: None if name.startswith("truth") else data)
+
+
+def clip(source, out, frames):
+    def first(_, entry, data):
+        count = min(int(frames), entry["shape"][0])
+        kept = data[:len(data) // entry["shape"][0] * count]
+        entry["shape"][0] = count
+        return kept
+    rewrite(source, out, first)
+
+
+def examples(folder):
+    page = (ROOT / "docs/integrate.md").read_text(encoding="utf-8")
+    for language, begins, name in (("c", "#include", "game.c"), ("cmake", "cmake_minimum", "CMakeLists.txt")):
+        blocks = re.findall(rf"^```{language}\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+        blocks = [block for block in blocks if block.startswith(begins)]
+        if len(blocks) != 1:
+            sys.exit(f"package_files: docs/integrate.md: {len(blocks)} blocks of {language} begin with {begins}; expected: 1")
+        Path(folder, name).write_text(blocks[0], encoding="utf-8")
+
+
+def archive(folder, out, seconds):
+    folder, part, seconds = Path(folder), Path(out + ".part"), int(seconds)
+    files = sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda path: path.relative_to(folder).as_posix())
+    if not files:
+        sys.exit(f"package_files: {folder} is empty")
+    names = [(path, f"{folder.name}/{path.relative_to(folder).as_posix()}", 0o755 if path.stat().st_mode & 0o100 else 0o644)
+             for path in files]
+    if out.endswith(".zip"):
+        with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as packed:
+            for path, name, mode in names:
+                info = zipfile.ZipInfo(name, time.gmtime(max(seconds, 315532800))[:6])
+                info.create_system, info.external_attr, info.compress_type = 3, (0o100000 | mode) << 16, zipfile.ZIP_DEFLATED
+                packed.writestr(info, path.read_bytes())
+    else:
+        with (lzma.open(part, "wb", preset=1) as stream,
+              tarfile.open(fileobj=stream, mode="w", format=tarfile.GNU_FORMAT) as packed):
+            for path, name, mode in names:
+                info = tarfile.TarInfo(name)
+                info.size, info.mtime, info.mode = path.stat().st_size, seconds, mode
+                with path.open("rb") as data:
+                    packed.addfile(info, data)
+    part.replace(out)
+
+
+def main():
+    commands = {"version": (version, 0), "sequence": (sequence, 2), "clip": (clip, 3),
+                "examples": (examples, 1), "archive": (archive, 3)}
+    command, count = commands.get(sys.argv[1] if len(sys.argv) > 1 else "", (None, 0))
+    if command is None or len(sys.argv) != 2 + count:
+        sys.exit(__doc__)
+    command(*sys.argv[2:])
+
+
+if __name__ == "__main__":
+    main()
