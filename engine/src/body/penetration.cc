@@ -37,6 +37,9 @@ void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& mode
 constexpr int kMaxPushes = 4;
 constexpr double kShare[kMaxPushes] = {1, 1, 0.5, 0.25};  // of the clearance: a fold may be narrower than it
 constexpr double kPushed = 0.99;  // of the clearance: rounded to floats, a vertex that was pushed stays put
+// Clearances of cloth that was laid over a limb: its triangles are long, and the middle of an edge lies lower than its
+// ends.
+constexpr double kLaid = 3;
 // Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing
 // of.
 constexpr double kFarPush = 2;
@@ -61,11 +64,15 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.normals = arena->Take<float>(3 * b);
   memory.sites = PlaceBodySites(model.body, arena);
   memory.touch = PlaceTouchLists(model, arena);
+  memory.limbs = PlaceLimbCores(arena);
+  memory.deep = PlaceDeepCloth(model, arena);
   return memory;
 }
 
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
-  if (memory.touch.order != nullptr) FillTouchLists(model, memory.touch);
+  if (memory.touch.order == nullptr) return;
+  FillTouchLists(model, memory.touch);
+  MeasureLimbCores(model, memory.limbs);
 }
 
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
@@ -75,6 +82,8 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   const double units_per_metre = 1 / space.metres_per_unit;
   const double clearance = static_cast<double>(body.clearance) * units_per_metre;
   PoseBody(kernels, model, space, skin, memory);
+  PoseLimbCores(memory.matrices, memory.limbs);
+  LayOverLimbs(model, space.mirrored, memory.limbs, memory.touch, memory.deep, surface);
   FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
   kernels::NearestJob job = {};
   uint16_t nearest[kernels::kNearestPatch], suspect[kernels::kNearestPatch];
@@ -103,7 +112,9 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
       for (size_t i = 0; i < job.points_count; ++i) {
         if (suspect[i] == kernels::kNoSite) continue;
         auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
-        PushOut(posed, job, memory.touch, i, clearance, &budget, reinterpret_cast<float*>(bytes));
+        const bool laid = memory.deep.places[job.order[i]] != kNotDeep;
+        PushOut(posed, job, memory.touch, i, laid ? kLaid * clearance : clearance, &budget,
+                reinterpret_cast<float*>(bytes));
       }
     }
   }

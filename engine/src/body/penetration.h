@@ -8,6 +8,8 @@
 #include "engine/src/base/lent_memory.h"
 #include "engine/src/body/body_search.h"
 #include "engine/src/body/body_sites.h"
+#include "engine/src/body/deep_cloth.h"
+#include "engine/src/body/limb_cores.h"
 #include "engine/src/body/touch_lists.h"
 #include "engine/src/draw/output.h"
 #include "engine/src/pose/pose.h"
@@ -15,18 +17,20 @@
 
 namespace dcloth::engine {
 
-// Scratch of a frame but for `touch`; all null where the model has no body.
+// Scratch of a frame but for `touch` and `limbs`; all null where the model has no body.
 struct BodyMemory {
   float* matrices;   // [joint_count, 12]
   float* positions;  // [b, 3] posed
   float* normals;    // [b, 3]
   BodySites sites;
   TouchLists touch;
+  LimbCores limbs;  // measured once for each body, posed in each frame
+  DeepCloth deep;
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
 
-// Once, before the first KeepOutside: fills in `touch`.
+// Once, before the first KeepOutside: fills in `touch` and measures `limbs`.
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
 // Moves each vertex of `surface` that is less than the clearance outside the closest point of what it touches of the

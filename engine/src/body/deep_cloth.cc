@@ -1,0 +1,249 @@
+#include "engine/src/body/deep_cloth.h"
+
+#include <cmath>
+
+#include "kernels/kernels.h"
+
+namespace dcloth::engine {
+namespace {
+
+using format::ModelView;
+using kernels::kNearestPatch;
+
+constexpr float kMostTravel = 0.25f;  // metres; cloth further in than that stays
+constexpr int kHalvings = 8;          // of it, to find the surface of a core
+constexpr int kMostLimbs = 3;         // that a vertex leaves one after another
+constexpr int kRings = 2;             // of neighbours that give way
+constexpr int kSmoothings = 12;
+
+float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+float* PositionOf(const Surface& surface, size_t vertex) {
+  return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(surface.positions) +
+                                  vertex * surface.position_stride_bytes);
+}
+
+size_t PatchCount(const ModelView& model) { return model.vertex_count / kNearestPatch + format::kMaxTouchClasses; }
+
+size_t Most(const ModelView& model) { return model.vertex_count < kMostDeep ? model.vertex_count : kMostDeep; }
+
+// visit(touch, patch, vertices, count) for runs of neighbours of one class.
+template <typename Visit>
+void VisitPatches(const ModelView& model, const TouchLists& lists, Visit visit) {
+  uint16_t patch = 0;
+  for (size_t c = 0; c < ClassCount(model); ++c) {
+    const TouchClass touch = ClassAt(model, lists, c);
+    for (size_t begin = 0; begin < touch.vertex_count; begin += kNearestPatch, ++patch) {
+      const size_t left = touch.vertex_count - begin;
+      visit(touch, patch, touch.vertices + begin, left < kNearestPatch ? left : kNearestPatch);
+    }
+  }
+}
+
+uint32_t CoresNear(const LimbCores& limbs, const Surface& surface, const uint16_t* vertices, size_t count) {
+  float low[3], high[3];
+  for (size_t c = 0; c < 3; ++c) low[c] = high[c] = PositionOf(surface, vertices[0])[c];
+  for (size_t i = 1; i < count; ++i) {
+    const float* p = PositionOf(surface, vertices[i]);
+    for (size_t c = 0; c < 3; ++c) {
+      low[c] = p[c] < low[c] ? p[c] : low[c];
+      high[c] = p[c] > high[c] ? p[c] : high[c];
+    }
+  }
+  uint32_t near = 0;
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    const LimbCore& core = limbs.cores[k];
+    bool apart = false;
+    for (size_t c = 0; c < 3; ++c) apart |= !(low[c] <= core.high[c] && core.low[c] <= high[c]);
+    if (!apart) near |= 1u << k;
+  }
+  return near;
+}
+
+bool IsInAny(const LimbCores& limbs, uint32_t which, const float* point) {
+  float away[3], radius;
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    if ((which >> k & 1u) != 0 && IsInCore(limbs.cores[k], point, away, &radius)) return true;
+  }
+  return false;
+}
+
+// All vertices in a core that is under them; returns how many.
+size_t FindDeep(const ModelView& model, const LimbCores& limbs, const TouchLists& lists, const DeepCloth& deep,
+                const Surface& surface) {
+  size_t found = 0;
+  const size_t most = Most(model);
+  VisitPatches(model, lists, [&](const TouchClass& touch, uint16_t patch, const uint16_t* vertices, size_t count) {
+    const uint32_t near = CoresNear(limbs, surface, vertices, count);
+    if (near == 0) return;
+    for (size_t i = 0; i < count && found < most; ++i) {
+      const uint16_t v = vertices[i];
+      const float* position = PositionOf(surface, v);
+      if (!IsInAny(limbs, near, position)) continue;
+      const uint32_t under = CoresUnder(limbs, model.template_positions + size_t{3} * v, touch.bit);
+      if (!IsInAny(limbs, near & under, position)) continue;
+      deep.vertices[found] = v;
+      deep.patches[found] = patch;
+      deep.under[found++] = under;
+    }
+  });
+  return found;
+}
+
+// A patch's vector area depends on its edge alone, so pleats and folded layers do not turn it. `places` is scratch.
+void FillSides(const ModelView& model, bool mirrored, const TouchLists& lists, const DeepCloth& deep,
+               const Surface& surface) {
+  VisitPatches(model, lists, [&](const TouchClass&, uint16_t patch, const uint16_t* vertices, size_t count) {
+    for (size_t i = 0; i < count; ++i) deep.places[vertices[i]] = patch;
+  });
+  const size_t patches = PatchCount(model);
+  for (size_t i = 0; i < 3 * patches; ++i) deep.sides[i] = 0;
+  for (size_t t = 0; t < model.triangle_count; ++t) {
+    const uint16_t* face = model.faces + 3 * t;
+    const float *a = PositionOf(surface, face[0]), *b = PositionOf(surface, face[1]), *p = PositionOf(surface, face[2]);
+    const float ab[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, ac[3] = {p[0] - a[0], p[1] - a[1], p[2] - a[2]};
+    const float area[3] = {ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]};
+    for (size_t k = 0; k < 3; ++k) {
+      float* side = deep.sides + size_t{3} * deep.places[face[k]];
+      for (size_t c = 0; c < 3; ++c) side[c] += area[c];
+    }
+  }
+  for (size_t i = 0; i < patches; ++i) {
+    float* side = deep.sides + 3 * i;
+    const float length = std::sqrt(Dot(side, side)), scale = length > 0 ? (mirrored ? -1.0f : 1.0f) / length : 0.0f;
+    for (size_t c = 0; c < 3; ++c) side[c] *= scale;
+  }
+}
+
+// How far along the unit vector `side` a point in a core leaves it, at most `most`.
+float WayOut(const LimbCore& core, const float* point, const float* side, float most) {
+  float inside = 0, outside = most, away[3], radius;
+  for (int step = 0; step < kHalvings; ++step) {
+    const float middle = 0.5f * (inside + outside);
+    const float at[3] = {point[0] + middle * side[0], point[1] + middle * side[1], point[2] + middle * side[2]};
+    (IsInCore(core, at, away, &radius) ? inside : outside) = middle;
+  }
+  return outside;
+}
+
+// Straight out of all cores in which it lies, or not at all.
+void LiftOut(const LimbCores& limbs, uint32_t under, const float* side, float* position) {
+  float at[3] = {position[0], position[1], position[2]}, away[3], radius, travel = 0, most = 0;
+  for (int leave = 0; leave < kMostLimbs; ++leave) {
+    float way = 0;
+    for (uint32_t k = 0; k < *limbs.count; ++k) {
+      const LimbCore& core = limbs.cores[k];
+      if ((under >> k & 1u) == 0 || !IsInCore(core, at, away, &radius)) continue;
+      most = kMostTravel * core.scale;
+      const float out = WayOut(core, at, side, most);
+      way = out > way ? out : way;
+    }
+    if (!(way > 0)) break;
+    travel += way;
+    if (!(travel < most)) return;
+    for (size_t c = 0; c < 3; ++c) at[c] += way * side[c];
+  }
+  for (size_t c = 0; c < 3; ++c) position[c] = at[c];
+}
+
+// Neighbours of what was found join it; returns how many there are then. `places` is filled in.
+size_t AddRings(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found) {
+  for (size_t v = 0; v < model.vertex_count; ++v) deep.places[v] = kNotDeep;
+  for (size_t i = 0; i < found; ++i) deep.places[deep.vertices[i]] = static_cast<uint16_t>(i);
+  const size_t most = Most(model);
+  for (int ring = 0; ring < kRings; ++ring) {
+    const size_t before = found;
+    for (size_t t = 0; t < model.triangle_count; ++t) {
+      const uint16_t* face = model.faces + 3 * t;
+      bool beside = false;
+      for (size_t k = 0; k < 3; ++k) beside |= deep.places[face[k]] < before;
+      for (size_t k = 0; k < 3 && beside && found < most; ++k) {
+        const uint16_t v = face[k];
+        if (deep.places[v] != kNotDeep) continue;
+        const uint8_t* classes = model.body.touch_classes;
+        const auto bit = static_cast<uint8_t>(classes == nullptr ? 0u : 1u << classes[v]);
+        deep.places[v] = static_cast<uint16_t>(found);
+        deep.vertices[found] = v;
+        deep.under[found++] = CoresUnder(limbs, model.template_positions + size_t{3} * v, bit);
+      }
+    }
+  }
+  return found;
+}
+
+size_t ListTriangles(const ModelView& model, const DeepCloth& deep) {
+  size_t count = 0;
+  const size_t most = 3 * Most(model);
+  for (size_t t = 0; t < model.triangle_count && count < most; ++t) {
+    const uint16_t* face = model.faces + 3 * t;
+    const bool deep_corner = (deep.places[face[0]] & deep.places[face[1]] & deep.places[face[2]]) != kNotDeep;
+    if (deep_corner) deep.triangles[count++] = static_cast<uint32_t>(t);
+  }
+  return count;
+}
+
+void AddNeighbour(const float* position, float* sum) {
+  for (size_t c = 0; c < 3; ++c) sum[c] += position[c];
+  sum[3] += 1;
+}
+
+// Each vertex goes to the middle of its neighbours, and from there across the bone out of the cores under it.
+void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found, size_t triangles,
+            const Surface& surface) {
+  for (size_t i = 0; i < 4 * found; ++i) deep.sums[i] = 0;
+  for (size_t t = 0; t < triangles; ++t) {
+    const uint16_t* face = model.faces + size_t{3} * deep.triangles[t];
+    for (size_t k = 0; k < 3; ++k) {
+      const uint16_t place = deep.places[face[k]];
+      if (place == kNotDeep) continue;
+      AddNeighbour(PositionOf(surface, face[(k + 1) % 3]), deep.sums + size_t{4} * place);
+      AddNeighbour(PositionOf(surface, face[(k + 2) % 3]), deep.sums + size_t{4} * place);
+    }
+  }
+  for (size_t i = 0; i < found; ++i) {
+    const float* sum = deep.sums + 4 * i;
+    if (!(sum[3] > 0)) continue;
+    float* position = PositionOf(surface, deep.vertices[i]);
+    for (size_t c = 0; c < 3; ++c) position[c] = sum[c] / sum[3];
+    for (uint32_t k = 0; k < *limbs.count; ++k) {
+      float away[3], radius;
+      if ((deep.under[i] >> k & 1u) == 0 || !IsInCore(limbs.cores[k], position, away, &radius)) continue;
+      const float distance = std::sqrt(Dot(away, away));
+      if (!(distance > 0)) continue;
+      for (size_t c = 0; c < 3; ++c) position[c] += (radius - distance) / distance * away[c];
+    }
+  }
+}
+
+}  // namespace
+
+DeepCloth PlaceDeepCloth(const ModelView& model, Arena* arena) {
+  const size_t most = Most(model);
+  DeepCloth deep = {};
+  deep.places = arena->Take<uint16_t>(model.vertex_count);
+  deep.vertices = arena->Take<uint16_t>(most);
+  deep.patches = arena->Take<uint16_t>(most);
+  deep.under = arena->Take<uint32_t>(most);
+  deep.triangles = arena->Take<uint32_t>(3 * most);
+  deep.sums = arena->Take<float>(4 * most);
+  deep.sides = arena->Take<float>(3 * PatchCount(model));
+  return deep;
+}
+
+void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs, const TouchLists& lists,
+                  const DeepCloth& deep, const Surface& surface) {
+  const size_t lifted = *limbs.count == 0 ? 0 : FindDeep(model, limbs, lists, deep, surface);
+  if (lifted == 0) {
+    for (size_t v = 0; v < model.vertex_count; ++v) deep.places[v] = kNotDeep;
+    return;
+  }
+  FillSides(model, mirrored, lists, deep, surface);
+  for (size_t i = 0; i < lifted; ++i) {
+    LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], PositionOf(surface, deep.vertices[i]));
+  }
+  const size_t found = AddRings(model, limbs, deep, lifted);
+  const size_t triangles = ListTriangles(model, deep);
+  for (int k = 0; k < kSmoothings; ++k) Smooth(model, limbs, deep, found, triangles, surface);
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,217 @@
+#include "engine/src/body/limb_cores.h"
+
+#include <cmath>
+#include <initializer_list>
+
+namespace dcloth::engine {
+namespace {
+
+using format::BodyView;
+using format::ModelView;
+
+constexpr float kLeastBone = 0.05f;    // metres
+constexpr float kOwnWeight = 0.5f;     // of skin that shows how thick a bone's limb is
+constexpr float kOfFree = 0.9f;        // share of the free space that is core
+constexpr float kLeastRadius = 0.02f;  // metres
+constexpr float kFurthest = 0.4f;      // metres in the bind pose: bones further from cloth are not under it
+constexpr float kFar = 1e18f;
+
+float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+void Transform(const float* matrix, const float* point, float* out) {
+  for (size_t r = 0; r < 3; ++r) out[r] = Dot(matrix + 4 * r, point) + matrix[4 * r + 3];
+}
+
+// Where a joint is in the bind pose: B^-1, a rotation with a scale, takes it to the origin.
+void BindPosition(const float* inverse, float* out) {
+  for (size_t r = 0; r < 3; ++r) {
+    float sum = 0, squared = 0;
+    for (size_t k = 0; k < 3; ++k) {
+      sum += inverse[4 * k + r] * inverse[4 * k + 3];
+      squared += inverse[4 * k + r] * inverse[4 * k + r];
+    }
+    out[r] = squared > 0 ? -sum / squared : 0.0f;
+  }
+}
+
+struct OnBone {
+  float along;  // 0 to 1 between the bone's ends, beyond them less and more
+  float away[3];
+  float squared;  // |away|^2, from the bone
+};
+
+OnBone PlaceOnBone(const float* from, const float* along, float inverse_squared, const float* point) {
+  OnBone on = {};
+  float relative[3];
+  for (size_t c = 0; c < 3; ++c) relative[c] = point[c] - from[c];
+  on.along = Dot(relative, along) * inverse_squared;
+  const float clamped = on.along < 0 ? 0.0f : on.along < 1 ? on.along : 1.0f;
+  for (size_t c = 0; c < 3; ++c) on.away[c] = relative[c] - clamped * along[c];
+  on.squared = Dot(on.away, on.away);
+  return on;
+}
+
+OnBone InBindPose(const LimbCore& core, const float* point) {
+  const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
+  return PlaceOnBone(core.from, along, 1 / Dot(along, along), point);
+}
+
+// `along` is between 0 and 1.
+size_t SliceAt(float along) {
+  const auto slice = static_cast<size_t>(along * kCoreSlices);
+  return slice < kCoreSlices ? slice : kCoreSlices - 1;
+}
+
+// Eighths of a turn, in no order.
+size_t SectorAt(const float (&around)[2][3], const float* away) {
+  static_assert(kCoreSectors == 8);
+  const float u = Dot(around[0], away), w = Dot(around[1], away);
+  return (u < 0 ? 4u : 0u) + (w < 0 ? 2u : 0u) + (std::fabs(u) < std::fabs(w) ? 1u : 0u);
+}
+
+void FillAround(LimbCore* core) {
+  const float along[3] = {core->to[0] - core->from[0], core->to[1] - core->from[1], core->to[2] - core->from[2]};
+  float(&first)[3] = core->around[0], (&second)[3] = core->around[1];
+  size_t least = 0;
+  for (size_t c = 1; c < 3; ++c) least = std::fabs(along[c]) < std::fabs(along[least]) ? c : least;
+  const float lengthwise = along[least] / Dot(along, along);
+  for (size_t c = 0; c < 3; ++c) first[c] = (c == least ? 1.0f : 0.0f) - lengthwise * along[c];
+  for (size_t c = 0; c < 3; ++c) {
+    const size_t next = (c + 1) % 3, last = (c + 2) % 3;
+    second[c] = along[next] * first[last] - along[last] * first[next];
+  }
+  for (float(&vector)[3] : core->around) {
+    const float length = std::sqrt(Dot(vector, vector));
+    for (float& c : vector) c /= length;
+  }
+}
+
+// Most of the weight is the joint's.
+bool IsOwn(const BodyView& body, size_t vertex, uint32_t joint) {
+  float weight = 0;
+  for (size_t k = 0; k < body.influences; ++k) {
+    const size_t i = vertex * body.influences + k;
+    weight += body.joints[i] == joint ? body.weights[i] : 0.0f;
+  }
+  return weight >= kOwnWeight;
+}
+
+// Radii and classes; false where nothing is left. The first slice is no core: what lies around a joint when it is bound
+// sticks out when it is bent. Around the other end a ball may be.
+bool MeasureCore(const BodyView& body, LimbCore* core) {
+  float squared[kCoreSlices][kCoreSectors], beyond = kFar;
+  bool own[kCoreSlices] = {};
+  for (auto& slice : squared) {
+    for (float& least : slice) least = kFar;
+  }
+  core->touched_by = 0xFF;
+  for (size_t v = 0; v < body.vertex_count; ++v) {
+    const OnBone on = InBindPose(*core, body.positions + 3 * v);
+    if (on.along >= 1 && on.squared < beyond) beyond = on.squared;
+    if (!(on.along > 0 && on.along < 1)) continue;
+    const size_t slice = SliceAt(on.along);
+    float* least = &squared[slice][SectorAt(core->around, on.away)];
+    *least = on.squared < *least ? on.squared : *least;
+    if (!IsOwn(body, v, core->joint)) continue;
+    own[slice] = true;
+    if (body.touched_by != nullptr) core->touched_by &= body.touched_by[v];
+  }
+  float widest = 0, last = 0;
+  for (size_t s = 1; s < kCoreSlices; ++s) {
+    last = 0;
+    for (size_t k = 0; k < kCoreSectors; ++k) {
+      const float radius = own[s] && squared[s][k] < kFar ? kOfFree * std::sqrt(squared[s][k]) : 0.0f;
+      core->radii[s][k] = radius >= kLeastRadius ? radius : 0.0f;
+      last = core->radii[s][k] > last ? core->radii[s][k] : last;
+    }
+    widest = last > widest ? last : widest;
+  }
+  const float ball = kOfFree * std::sqrt(beyond);
+  core->cap = ball < last ? ball : last;
+  return widest > 0 && core->touched_by != 0;
+}
+
+}  // namespace
+
+LimbCores PlaceLimbCores(Arena* arena) { return {arena->Take<LimbCore>(kMostCores), arena->Take<uint32_t>(1)}; }
+
+void MeasureLimbCores(const ModelView& model, const LimbCores& limbs) {
+  *limbs.count = 0;
+  if (model.parents == nullptr) return;
+  for (uint32_t child = 0; child < model.joint_count && *limbs.count < kMostCores; ++child) {
+    const uint32_t joint = model.parents[child];
+    if (joint == format::kNoParent) continue;
+    LimbCore core = {};
+    core.joint = joint;
+    BindPosition(model.inverse_bind + size_t{12} * joint, core.from);
+    BindPosition(model.inverse_bind + size_t{12} * child, core.to);
+    const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
+    if (!(Dot(along, along) > kLeastBone * kLeastBone)) continue;
+    FillAround(&core);
+    if (MeasureCore(model.body, &core)) limbs.cores[(*limbs.count)++] = core;
+  }
+}
+
+void PoseLimbCores(const float* matrices, const LimbCores& limbs) {
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    LimbCore& core = limbs.cores[k];
+    const float* matrix = matrices + size_t{12} * core.joint;
+    float end[3], bound = 0, widest = core.cap;
+    Transform(matrix, core.from, core.posed_from);
+    Transform(matrix, core.to, end);
+    for (size_t c = 0; c < 3; ++c) {
+      core.along[c] = end[c] - core.posed_from[c];
+      bound += (core.to[c] - core.from[c]) * (core.to[c] - core.from[c]);
+    }
+    for (size_t a = 0; a < 2; ++a) {
+      for (size_t r = 0; r < 3; ++r) core.posed_around[a][r] = Dot(matrix + 4 * r, core.around[a]);
+    }
+    const float squared = Dot(core.along, core.along);
+    core.inverse_squared = squared > 0 ? 1 / squared : 0.0f;
+    core.scale = std::sqrt(squared / bound);
+    for (const auto& slice : core.radii) {
+      for (const float radius : slice) widest = radius > widest ? radius : widest;
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      const float a = core.posed_from[c], b = end[c], reach = widest * core.scale;
+      core.low[c] = (a < b ? a : b) - reach;
+      core.high[c] = (a < b ? b : a) + reach;
+    }
+  }
+}
+
+uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit) {
+  OnBone found[kMostCores], nearest = {};
+  nearest.squared = kFar;
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    found[k] = InBindPose(limbs.cores[k], point);
+    const bool counts = bit == 0 || (limbs.cores[k].touched_by & bit) != 0;
+    if (!counts) found[k].squared = kFar;
+    if (found[k].squared < nearest.squared) nearest = found[k];
+  }
+  uint32_t under = 0;
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    if (!(found[k].squared < kFurthest * kFurthest)) continue;
+    bool below = true;
+    for (const float* end : {limbs.cores[k].from, limbs.cores[k].to}) {
+      const float apart[3] = {end[0] - point[0], end[1] - point[1], end[2] - point[2]};
+      below &= Dot(apart, nearest.away) < 0;
+    }
+    if (below) under |= 1u << k;
+  }
+  return under;
+}
+
+bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius) {
+  for (size_t c = 0; c < 3; ++c) {
+    if (!(core.low[c] <= point[c] && point[c] <= core.high[c])) return false;
+  }
+  const OnBone on = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
+  if (!(on.along > 0)) return false;
+  const float metres = on.along < 1 ? core.radii[SliceAt(on.along)][SectorAt(core.posed_around, on.away)] : core.cap;
+  *radius = metres * core.scale;
+  for (size_t c = 0; c < 3; ++c) away[c] = on.away[c];
+  return on.squared < *radius * *radius;
+}
+
+}  // namespace dcloth::engine

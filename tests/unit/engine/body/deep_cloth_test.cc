@@ -1,0 +1,189 @@
+// Cloth deep in a limb is laid over it: a thigh of 80 mm, a sheet of cloth in front of it, an arm before the sheet.
+#include "engine/src/body/deep_cloth.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+namespace dcloth::testing {
+namespace {
+
+constexpr float kThigh = 0.08f, kArm = 0.05f, kLength = 0.4f, kBeside = 0.3f, kSheetZ = 0.15f;
+constexpr size_t kColumns = 41, kRows = 31;
+constexpr float kSpacing = 0.01f;
+
+// Joints: the thigh's and its knee, the arm's and its hand. Both bones point down -y.
+class DeepClothTest : public ::testing::Test {
+ protected:
+  DeepClothTest() {
+    for (const float x : {0.0f, kBeside}) {
+      for (const float y : {0.0f, -kLength}) {
+        const float inverse[12] = {1, 0, 0, -x, 0, 1, 0, -y, 0, 0, 1, -x};
+        inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
+      }
+      const float radius = x == 0 ? kThigh : kArm;
+      for (int ring = 0; ring <= 40; ++ring) {
+        for (int i = 0; i < 32; ++i) {
+          const float turn = static_cast<float>(i) * 0.19634954f, y = -kLength * static_cast<float>(ring) / 40;
+          body_.insert(body_.end(), {x + radius * std::cos(turn), y, x + radius * std::sin(turn)});
+          body_joints_.push_back(x == 0 ? 0 : 2);
+        }
+      }
+    }
+    body_weights_.assign(body_joints_.size(), 1.0f);
+    for (size_t r = 0; r < kRows; ++r) {
+      for (size_t c = 0; c < kColumns; ++c) {
+        const float x = kSpacing * (static_cast<float>(c) - 0.5f * (kColumns - 1));
+        bound_.insert(bound_.end(), {x, -0.05f - kSpacing * static_cast<float>(r), kSheetZ});
+        order_.push_back(static_cast<uint16_t>(order_.size()));
+      }
+    }
+    for (size_t r = 0; r + 1 < kRows; ++r) {
+      for (size_t c = 0; c + 1 < kColumns; ++c) {
+        const auto a = static_cast<uint16_t>(r * kColumns + c), b = static_cast<uint16_t>(a + kColumns);
+        for (const int corner : {0, 2, 1, 1, 2, 3}) {
+          const uint16_t corners[4] = {a, static_cast<uint16_t>(a + 1), b, static_cast<uint16_t>(b + 1)};
+          faces_.push_back(corners[corner]);
+        }
+      }
+    }
+    model_.parents = parents_;
+    model_.joint_count = 4;
+    model_.inverse_bind = inverse_bind_.data();
+    model_.template_positions = bound_.data();
+    model_.faces = faces_.data();
+    model_.vertex_count = static_cast<uint32_t>(order_.size());
+    model_.triangle_count = static_cast<uint32_t>(faces_.size() / 3);
+    model_.body.positions = body_.data();
+    model_.body.joints = body_joints_.data();
+    model_.body.weights = body_weights_.data();
+    model_.body.vertex_count = static_cast<uint32_t>(body_joints_.size());
+    model_.body.influences = 1;
+    lists_.order = order_.data();
+    for (size_t j = 0; j < 4; ++j) {
+      const float identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+      matrices_.insert(matrices_.end(), identity, identity + 12);
+    }
+    engine::Arena sizes(nullptr);
+    engine::PlaceLimbCores(&sizes);
+    engine::PlaceDeepCloth(model_, &sizes);
+    memory_.resize(sizes.size() + 64);
+    const auto address = reinterpret_cast<uintptr_t>(memory_.data());
+    engine::Arena arena(memory_.data() + (64 - address % 64) % 64);
+    limbs_ = engine::PlaceLimbCores(&arena);
+    deep_ = engine::PlaceDeepCloth(model_, &arena);
+    engine::MeasureLimbCores(model_, limbs_);
+  }
+
+  std::vector<float> SheetAt(float x, float z) const {
+    std::vector<float> sheet = bound_;
+    for (size_t i = 0; i < sheet.size(); i += 3) sheet[i] += x, sheet[i + 2] = z;
+    return sheet;
+  }
+
+  void Lay(std::vector<float>* sheet, bool mirrored = false) {
+    engine::PoseLimbCores(matrices_.data(), limbs_);
+    engine::Surface surface = {};
+    surface.positions = sheet->data();
+    surface.position_stride_bytes = 12;
+    engine::LayOverLimbs(model_, mirrored, limbs_, lists_, deep_, surface);
+  }
+
+  const uint16_t parents_[4] = {format::kNoParent, 0, format::kNoParent, 2};
+  std::vector<float> inverse_bind_, body_, body_weights_, bound_, matrices_;
+  std::vector<uint8_t> body_joints_, memory_;
+  std::vector<uint16_t> order_, faces_;
+  format::ModelView model_ = {};
+  engine::TouchLists lists_ = {};
+  engine::LimbCores limbs_ = {};
+  engine::DeepCloth deep_ = {};
+};
+
+float FromAxis(const std::vector<float>& sheet, size_t i) { return std::hypot(sheet[i], sheet[i + 2]); }
+
+TEST_F(DeepClothTest, CoresAreTheFreeSpaceAroundBones) {
+  ASSERT_EQ(*limbs_.count, 2u);
+  for (const auto& slice : limbs_.cores[0].radii) {
+    for (const float radius : slice) {
+      EXPECT_TRUE(&slice == &limbs_.cores[0].radii[0] ? radius == 0 : std::fabs(radius - 0.9f * kThigh) < 1e-4f) << radius;
+    }
+  }
+  model_.parents = nullptr;
+  engine::MeasureLimbCores(model_, limbs_);
+  EXPECT_EQ(*limbs_.count, 0u) << "a file without parents has none";
+}
+
+// In front of the axis, on it, and behind it up to where the sheet leaves the thigh again.
+TEST_F(DeepClothTest, ASheetThroughTheThighComesToLieInFrontOfIt) {
+  for (const float z : {0.06f, 0.03f, 0.0f, -0.03f, -0.05f}) {
+    std::vector<float> sheet = SheetAt(0, z);
+    const std::vector<float> before = sheet;
+    Lay(&sheet);
+    size_t moved = 0, rows = 0;
+    for (size_t i = 0; i < sheet.size(); i += 3) {
+      moved += std::memcmp(&before[i], &sheet[i], 12) != 0;
+      // The core begins an eighth along the bone.
+      if (sheet[i + 1] > -0.06f || std::fabs(sheet[i]) > 0.04f) continue;
+      ++rows;
+      EXPECT_GT(FromAxis(sheet, i), 0.9f * kThigh - 1e-4f) << z << " vertex " << i / 3;
+      EXPECT_GT(sheet[i + 2], 0) << z << " vertex " << i / 3 << ": behind the thigh";
+    }
+    EXPECT_GT(rows, 100u);
+    EXPECT_GT(moved, 200u) << z;
+    EXPECT_LT(moved, sheet.size() / 3 - 100) << z << ": cloth beside the thigh stays";
+  }
+}
+
+TEST_F(DeepClothTest, ClothOutsideOfCoresKeepsItsBits) {
+  for (const float z : {-0.15f, kSheetZ, 0.075f}) {
+    std::vector<float> sheet = SheetAt(0, z);
+    const std::vector<float> before = sheet;
+    Lay(&sheet);
+    EXPECT_EQ(sheet, before) << z;
+    for (size_t v = 0; v < order_.size(); ++v) ASSERT_EQ(deep_.places[v], engine::kNotDeep);
+  }
+}
+
+// The arm was outside of the sheet when it was bound: cloth in it is PushOut's.
+TEST_F(DeepClothTest, ALimbBesideTheGarmentLaysNothing) {
+  std::vector<float> sheet = SheetAt(kBeside, kBeside);
+  const std::vector<float> before = sheet;
+  size_t checked = 0;
+  Lay(&sheet);
+  for (size_t i = 0; i < sheet.size(); i += 3) {
+    if (std::fabs(sheet[i] - kBeside) > kArm) continue;
+    ASSERT_EQ(std::memcmp(&before[i], &sheet[i], 12), 0) << i / 3;
+    ++checked;
+  }
+  EXPECT_GT(checked, 200u);
+}
+
+// A host's space that mirrors, in centimetres.
+TEST_F(DeepClothTest, MirroredSpacesGiveTheMirrorImage) {
+  std::vector<float> sheet = SheetAt(0.004f, 0.01f), host = sheet;
+  Lay(&sheet);
+  for (size_t j = 0; j < 4; ++j) {
+    for (size_t r = 0; r < 3; ++r) matrices_[12 * j + 5 * r] = r == 0 ? -100.0f : 100.0f;
+  }
+  for (size_t i = 0; i < host.size(); ++i) host[i] *= i % 3 == 0 ? -100.0f : 100.0f;
+  Lay(&host, true);
+  for (size_t i = 0; i < host.size(); ++i)
+    ASSERT_NEAR(host[i], (i % 3 == 0 ? -100 : 100) * sheet[i], 0.2f) << i / 3;
+}
+
+TEST_F(DeepClothTest, NumbersThatAreNoneAndPosesWithoutSizeMoveNothingElsewhere) {
+  std::vector<float> sheet = SheetAt(0, 0);
+  for (size_t i = 0; i < sheet.size(); i += 30) sheet[i] = std::numeric_limits<float>::quiet_NaN();
+  Lay(&sheet);
+  for (float& entry : matrices_) entry = 0;
+  sheet = SheetAt(0, 0);
+  const std::vector<float> before = sheet;
+  Lay(&sheet);
+  EXPECT_EQ(sheet, before);
+}
+
+}  // namespace
+}  // namespace dcloth::testing
