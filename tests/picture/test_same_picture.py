@@ -1,7 +1,7 @@
-"""The shipped models draw the same picture on every instruction set: within 0.01 mm of each other, and the same bits in the
-reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside of the body, there
-within 0.01 mm on average: on which side a vertex deep inside comes out may hang on the last bit. Over 200 frames, or as many
-as DCLOTH_PICTURE_FRAMES says; hashes are pinned for 20, 200 and 2,000 (scripts/test_long.sh).
+"""The shipped models draw the same picture on every instruction set: within 0.01 mm of each other (int8: 0.02), and the same
+bits in the reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside of the body,
+there within 0.01 mm on average: on which side a vertex deep inside comes out may hang on the last bit. Over 200 frames, or as
+many as DCLOTH_PICTURE_FRAMES says; hashes are pinned for 20, 200 and 2,000 (scripts/test_long.sh).
 So do untrained models with wider graph layers than the shipped ones have, whose kernels nothing else runs on every platform;
 made by numpy, whose last bits differ from machine to machine, they are not pinned.
 
@@ -42,6 +42,8 @@ HOST_ISAS = ["reproducible", "sse4", "avx2", "avx3", "neon", "scalar"]
 OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"], "wasm": ["reproducible", "wasm"],
               "wasm-scalar": ["reproducible", "scalar"]}
 LIMIT_MM = 0.01
+# A last bit before the mesh stage's coefficients may round one of them to the next integer: 0.013 mm of the robe.
+INT8_LIMIT_MM = 0.02
 
 
 def bundle_of(garment, folder):
@@ -132,7 +134,9 @@ def drawn_alike(garment, variant, folder):
         # A vertex as deep under one side of a leg as under another is put out on either, by the last bit: few do.
         assert max(mean for _, _, mean, _ in drawn.values()) <= LIMIT_MM
     else:
-        assert max(largest for _, largest, _, _ in drawn.values()) <= LIMIT_MM
+        limit = INT8_LIMIT_MM if variant == "int8" else LIMIT_MM
+        assert max(largest for _, largest, _, _ in drawn.values()) <= limit
+        assert max(mean for _, _, mean, _ in drawn.values()) <= LIMIT_MM
     same = {picture for (_, isa), (picture, *_) in drawn.items() if isa == "reproducible"}
     assert len(same) == 1, f"the reproducible mode drew {drawn}"
     assert {label for label, isa in drawn if isa == "reproducible"} == labels
