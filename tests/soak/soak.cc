@@ -35,9 +35,9 @@ using dcloth::testing::PlayedModel;
 
 constexpr int kParts = 20;
 constexpr int kOwnMapping = 32 << 10;  // bytes from which a block has a mapping of its own
-constexpr size_t kHeapCaches = 4096;    // bytes that an allocator may hold for itself, over the whole run
-constexpr float kLargestReach = 10;     // metres from one end of a garment to the other
-constexpr size_t kControlEvery = 11;    // instances; odd, so that each of two threads has its share
+constexpr size_t kHeapCaches = 4096;   // bytes that an allocator may hold for itself, over the whole run
+constexpr float kLargestReach = 10;    // metres from one end of a garment to the other
+constexpr size_t kControlEvery = 11;   // instances; odd, so that each of two threads has its share
 
 struct Options {
   std::string model, poses, fault;

@@ -14,7 +14,7 @@ constexpr float kMostTravel = 0.25f;  // metres; cloth further in than that stay
 constexpr int kHalvings = 8;          // of it, to find the surface of a core
 constexpr int kMostLimbs = 3;         // that a vertex leaves one after another
 constexpr int kRings = 2;             // of neighbours that give way
-constexpr int kSmoothings = 12;
+constexpr int kSmoothings = 8;
 
 float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -90,20 +90,27 @@ size_t FindDeep(const ModelView& model, const LimbCores& limbs, const TouchLists
   return found;
 }
 
-// A patch's vector area depends on its edge alone, so pleats and folded layers do not turn it. `places` is scratch.
-void FillSides(const ModelView& model, bool mirrored, const TouchLists& lists, const DeepCloth& deep,
+// Of patches with one of the `found` vertices. A patch's vector area depends on its edge alone, so pleats and folded
+// layers do not turn it. `places` is scratch.
+void FillSides(const ModelView& model, bool mirrored, const TouchLists& lists, const DeepCloth& deep, size_t found,
                const Surface& surface) {
+  constexpr uint16_t kUnwanted = kNotDeep;
+  size_t next = 0;  // of `found`, which lie in the order of patches
   VisitPatches(model, lists, [&](const TouchClass&, uint16_t patch, const uint16_t* vertices, size_t count) {
-    for (size_t i = 0; i < count; ++i) deep.places[vertices[i]] = patch;
+    const bool wanted = next < found && deep.patches[next] == patch;
+    while (next < found && deep.patches[next] == patch) ++next;
+    for (size_t i = 0; i < count; ++i) deep.places[vertices[i]] = wanted ? patch : kUnwanted;
   });
   const size_t patches = PatchCount(model);
   for (size_t i = 0; i < 3 * patches; ++i) deep.sides[i] = 0;
   for (size_t t = 0; t < model.triangle_count; ++t) {
     const uint16_t* face = model.faces + 3 * t;
+    if ((deep.places[face[0]] & deep.places[face[1]] & deep.places[face[2]]) == kUnwanted) continue;
     const float *a = PositionOf(surface, face[0]), *b = PositionOf(surface, face[1]), *p = PositionOf(surface, face[2]);
     const float ab[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, ac[3] = {p[0] - a[0], p[1] - a[1], p[2] - a[2]};
     const float area[3] = {ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]};
     for (size_t k = 0; k < 3; ++k) {
+      if (deep.places[face[k]] == kUnwanted) continue;
       float* side = deep.sides + size_t{3} * deep.places[face[k]];
       for (size_t c = 0; c < 3; ++c) side[c] += area[c];
     }
@@ -237,12 +244,14 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
     for (size_t v = 0; v < model.vertex_count; ++v) deep.places[v] = kNotDeep;
     return;
   }
-  FillSides(model, mirrored, lists, deep, surface);
+  FillSides(model, mirrored, lists, deep, lifted, surface);
   for (size_t i = 0; i < lifted; ++i) {
     LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], PositionOf(surface, deep.vertices[i]));
   }
   const size_t found = AddRings(model, limbs, deep, lifted);
   const size_t triangles = ListTriangles(model, deep);
+  const uint32_t near = CoresNear(limbs, surface, deep.vertices, found);
+  for (size_t i = 0; i < found; ++i) deep.under[i] &= near;
   for (int k = 0; k < kSmoothings; ++k) Smooth(model, limbs, deep, found, triangles, surface);
 }
 

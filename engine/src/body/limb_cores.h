@@ -1,8 +1,8 @@
 // The inside of a body's limbs, by its bones: tells cloth that lies deep in a limb from cloth beside it.
 //
-// A core is a bone with the space around it that is free of skin in the bind pose, less a margin for what a pose does to
-// skin. The closest point of the skin cannot tell as much: where a bent knee presses the calf into the thigh, the skin
-// that is nearest is inside of the body itself.
+// A core is a bone with the space around it that is free of skin in the bind pose, less a margin for what a pose does
+// to skin. The closest point of the skin cannot tell as much: where a bent knee presses the calf into the thigh, the
+// skin that is nearest is inside of the body itself.
 #ifndef DCLOTH_ENGINE_SRC_BODY_LIMB_CORES_H_
 #define DCLOTH_ENGINE_SRC_BODY_LIMB_CORES_H_
 
@@ -26,11 +26,11 @@ struct LimbCore {
   float posed_from[3];                     // of this frame, in the host's space
   float along[3];                          // posed `to` less posed `from`
   float posed_around[2][3];
-  float low[3], high[3];                   // box around the posed core
-  float inverse_squared;                   // 1 / |along|^2
-  float scale;                             // host units a metre, of a frame's radii
+  float low[3], high[3];  // box around the posed core
+  float inverse_squared;  // 1 / |along|^2
+  float scale;            // host units a metre, of a frame's radii
   uint32_t joint;
-  uint8_t touched_by;                      // classes that touch all the skin around it; all where there are none
+  uint8_t touched_by;  // classes that touch all the skin around it; all where there are none
 };
 
 struct LimbCores {

@@ -108,7 +108,8 @@ TEST_F(DeepClothTest, CoresAreTheFreeSpaceAroundBones) {
   ASSERT_EQ(*limbs_.count, 2u);
   for (const auto& slice : limbs_.cores[0].radii) {
     for (const float radius : slice) {
-      EXPECT_TRUE(&slice == &limbs_.cores[0].radii[0] ? radius == 0 : std::fabs(radius - 0.9f * kThigh) < 1e-4f) << radius;
+      EXPECT_TRUE(&slice == &limbs_.cores[0].radii[0] ? radius == 0 : std::fabs(radius - 0.9f * kThigh) < 1e-4f)
+          << radius;
     }
   }
   model_.parents = nullptr;
@@ -170,8 +171,7 @@ TEST_F(DeepClothTest, MirroredSpacesGiveTheMirrorImage) {
   }
   for (size_t i = 0; i < host.size(); ++i) host[i] *= i % 3 == 0 ? -100.0f : 100.0f;
   Lay(&host, true);
-  for (size_t i = 0; i < host.size(); ++i)
-    ASSERT_NEAR(host[i], (i % 3 == 0 ? -100 : 100) * sheet[i], 0.2f) << i / 3;
+  for (size_t i = 0; i < host.size(); ++i) ASSERT_NEAR(host[i], (i % 3 == 0 ? -100 : 100) * sheet[i], 0.2f) << i / 3;
 }
 
 TEST_F(DeepClothTest, NumbersThatAreNoneAndPosesWithoutSizeMoveNothingElsewhere) {
