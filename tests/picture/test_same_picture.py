@@ -1,7 +1,7 @@
-"""The shipped models draw the same picture on every instruction set: within 0.01 mm of each other (int8: 0.02), and the same
-bits in the reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside of the body,
-there within 0.01 mm on average: on which side a vertex deep inside comes out may hang on the last bit. Over 200 frames, or as
-many as DCLOTH_PICTURE_FRAMES says; hashes are pinned for 20, 200 and 2,000 (scripts/test_long.sh).
+"""The shipped models draw the same picture on every instruction set: within 0.01 mm of each other (int8: 0.02), and the
+same bits in the reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside of
+the body, there within 0.01 mm on average: on which side a vertex deep inside comes out may hang on the last bit. Over 200
+frames, or as many as DCLOTH_PICTURE_FRAMES says; hashes are pinned for 20, 200 and 2,000 (scripts/test_long.sh).
 So do untrained models with wider graph layers than the shipped ones have, whose kernels nothing else runs on every platform;
 made by numpy, whose last bits differ from machine to machine, they are not pinned.
 

@@ -16,8 +16,6 @@ constexpr int kMostLimbs = 3;         // that a vertex leaves one after another
 constexpr int kRings = 2;             // of neighbours that give way
 constexpr int kSmoothings = 8;
 
-float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 float* PositionOf(const Surface& surface, size_t vertex) {
   return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(surface.positions) +
                                   vertex * surface.position_stride_bytes);
@@ -40,8 +38,9 @@ void VisitPatches(const ModelView& model, const TouchLists& lists, Visit visit) 
   }
 }
 
+// The cores, a bit each, that reach into the ball around some vertices.
 uint32_t CoresNear(const LimbCores& limbs, const Surface& surface, const uint16_t* vertices, size_t count) {
-  float low[3], high[3];
+  float low[3], high[3], squared = 0;
   for (size_t c = 0; c < 3; ++c) low[c] = high[c] = PositionOf(surface, vertices[0])[c];
   for (size_t i = 1; i < count; ++i) {
     const float* p = PositionOf(surface, vertices[i]);
@@ -50,13 +49,16 @@ uint32_t CoresNear(const LimbCores& limbs, const Surface& surface, const uint16_
       high[c] = p[c] > high[c] ? p[c] : high[c];
     }
   }
-  uint32_t near = 0;
-  for (uint32_t k = 0; k < *limbs.count; ++k) {
-    const LimbCore& core = limbs.cores[k];
-    bool apart = false;
-    for (size_t c = 0; c < 3; ++c) apart |= !(low[c] <= core.high[c] && core.low[c] <= high[c]);
-    if (!apart) near |= 1u << k;
+  const float centre[3] = {0.5f * (low[0] + high[0]), 0.5f * (low[1] + high[1]), 0.5f * (low[2] + high[2])};
+  for (size_t i = 0; i < count; ++i) {
+    const float* p = PositionOf(surface, vertices[i]);
+    const float apart[3] = {p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]};
+    const float found = Dot(apart, apart);
+    squared = found > squared ? found : squared;
   }
+  const float radius = std::sqrt(squared);
+  uint32_t near = 0;
+  for (uint32_t k = 0; k < *limbs.count; ++k) near |= ReachesInto(limbs.cores[k], centre, radius) ? 1u << k : 0u;
   return near;
 }
 
@@ -250,8 +252,6 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
   }
   const size_t found = AddRings(model, limbs, deep, lifted);
   const size_t triangles = ListTriangles(model, deep);
-  const uint32_t near = CoresNear(limbs, surface, deep.vertices, found);
-  for (size_t i = 0; i < found; ++i) deep.under[i] &= near;
   for (int k = 0; k < kSmoothings; ++k) Smooth(model, limbs, deep, found, triangles, surface);
 }
 

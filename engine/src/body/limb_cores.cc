@@ -16,8 +16,6 @@ constexpr float kLeastRadius = 0.02f;  // metres
 constexpr float kFurthest = 0.4f;      // metres in the bind pose: bones further from cloth are not under it
 constexpr float kFar = 1e18f;
 
-float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 void Transform(const float* matrix, const float* point, float* out) {
   for (size_t r = 0; r < 3; ++r) out[r] = Dot(matrix + 4 * r, point) + matrix[4 * r + 3];
 }
@@ -86,18 +84,17 @@ void FillAround(LimbCore* core) {
   }
 }
 
-// Most of the weight is the joint's.
-bool IsOwn(const BodyView& body, size_t vertex, uint32_t joint) {
+float WeightOf(const BodyView& body, size_t vertex, uint32_t joint) {
   float weight = 0;
   for (size_t k = 0; k < body.influences; ++k) {
     const size_t i = vertex * body.influences + k;
     weight += body.joints[i] == joint ? body.weights[i] : 0.0f;
   }
-  return weight >= kOwnWeight;
+  return weight;
 }
 
-// Radii and classes; false where nothing is left. The first slice is no core: what lies around a joint when it is bound
-// sticks out when it is bent. Around the other end a ball may be.
+// Radii and classes, from the skin that the joint moves; false where nothing is left. The first slice is no core: what
+// lies around a joint when it is bound sticks out when it is bent. Around the other end a ball may be.
 bool MeasureCore(const BodyView& body, LimbCore* core) {
   float squared[kCoreSlices][kCoreSectors], beyond = kFar;
   bool own[kCoreSlices] = {};
@@ -106,13 +103,15 @@ bool MeasureCore(const BodyView& body, LimbCore* core) {
   }
   core->touched_by = 0xFF;
   for (size_t v = 0; v < body.vertex_count; ++v) {
+    const float weight = WeightOf(body, v, core->joint);
+    if (!(weight > 0)) continue;
     const OnBone on = InBindPose(*core, body.positions + 3 * v);
     if (on.along >= 1 && on.squared < beyond) beyond = on.squared;
     if (!(on.along > 0 && on.along < 1)) continue;
     const size_t slice = SliceAt(on.along);
     float* least = &squared[slice][SectorAt(core->around, on.away)];
     *least = on.squared < *least ? on.squared : *least;
-    if (!IsOwn(body, v, core->joint)) continue;
+    if (weight < kOwnWeight) continue;
     own[slice] = true;
     if (body.touched_by != nullptr) core->touched_by &= body.touched_by[v];
   }
@@ -172,11 +171,7 @@ void PoseLimbCores(const float* matrices, const LimbCores& limbs) {
     for (const auto& slice : core.radii) {
       for (const float radius : slice) widest = radius > widest ? radius : widest;
     }
-    for (size_t c = 0; c < 3; ++c) {
-      const float a = core.posed_from[c], b = end[c], reach = widest * core.scale;
-      core.low[c] = (a < b ? a : b) - reach;
-      core.high[c] = (a < b ? b : a) + reach;
-    }
+    core.reach = widest * core.scale;
   }
 }
 
@@ -202,12 +197,14 @@ uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit) {
   return under;
 }
 
+bool ReachesInto(const LimbCore& core, const float* centre, float radius) {
+  const float apart = core.reach + radius;
+  return PlaceOnBone(core.posed_from, core.along, core.inverse_squared, centre).squared <= apart * apart;
+}
+
 bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius) {
-  for (size_t c = 0; c < 3; ++c) {
-    if (!(core.low[c] <= point[c] && point[c] <= core.high[c])) return false;
-  }
   const OnBone on = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
-  if (!(on.along > 0)) return false;
+  if (!(on.along > 0 && on.squared < core.reach * core.reach)) return false;
   const float metres = on.along < 1 ? core.radii[SliceAt(on.along)][SectorAt(core.posed_around, on.away)] : core.cap;
   *radius = metres * core.scale;
   for (size_t c = 0; c < 3; ++c) away[c] = on.away[c];

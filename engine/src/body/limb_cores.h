@@ -14,6 +14,8 @@
 
 namespace dcloth::engine {
 
+inline float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
 constexpr size_t kCoreSlices = 8;   // along the bone
 constexpr size_t kCoreSectors = 8;  // around it
 constexpr size_t kMostCores = 32;
@@ -26,7 +28,7 @@ struct LimbCore {
   float posed_from[3];                     // of this frame, in the host's space
   float along[3];                          // posed `to` less posed `from`
   float posed_around[2][3];
-  float low[3], high[3];  // box around the posed core
+  float reach;            // from the posed bone, all of the core is within it
   float inverse_squared;  // 1 / |along|^2
   float scale;            // host units a metre, of a frame's radii
   uint32_t joint;
@@ -42,7 +44,7 @@ struct LimbCores {
 LimbCores PlaceLimbCores(Arena* arena);
 
 // Once for each body: finds the cores in the bind pose. There are none where the file has no parents of joints. Cost:
-// 1 ms for 8,000 vertices of skin.
+// 0.35 ms for 8,000 vertices of skin.
 void MeasureLimbCores(const format::ModelView& model, const LimbCores& limbs);
 
 // Every frame: `matrices` [joint_count, 12] take the bind pose to the host's space.
@@ -52,6 +54,9 @@ void PoseLimbCores(const float* matrices, const LimbCores& limbs);
 // across its distance to the nearest bone, and not far from it. A hand beside a skirt does not; both legs do. `bit` is
 // of the vertex's class, 0 where every vertex touches everything.
 uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit);
+
+// Whether the posed core may reach into a ball.
+bool ReachesInto(const LimbCore& core, const float* centre, float radius);
 
 // Whether the posed core holds `point`; if so, `away` is the way to it from the bone and `radius` the core's there.
 bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius);
