@@ -191,12 +191,16 @@ size_t ListTriangles(const ModelView& model, const DeepCloth& deep) {
   return count;
 }
 
-void AddNeighbour(const float* position, float* sum) {
-  for (size_t c = 0; c < 3; ++c) sum[c] += position[c];
+void AddMove(const Surface& surface, const DeepCloth& deep, uint16_t vertex, float* sum) {
+  const uint16_t place = deep.places[vertex];
   sum[3] += 1;
+  if (place == kNotDeep) return;
+  const float *position = PositionOf(surface, vertex), *start = deep.starts + size_t{3} * place;
+  for (size_t c = 0; c < 3; ++c) sum[c] += position[c] - start[c];
 }
 
-// Each vertex goes to the middle of its neighbours, and from there across the bone out of the cores under it.
+// Each vertex moves as its neighbours do on average, and from there across the bone out of the cores under it. Moves
+// are smoothed, not places: so pleats stay, and cloth that is hardly in a core is hardly moved.
 void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found, size_t triangles,
             const Surface& surface) {
   for (size_t i = 0; i < 4 * found; ++i) deep.sums[i] = 0;
@@ -205,15 +209,15 @@ void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& dee
     for (size_t k = 0; k < 3; ++k) {
       const uint16_t place = deep.places[face[k]];
       if (place == kNotDeep) continue;
-      AddNeighbour(PositionOf(surface, face[(k + 1) % 3]), deep.sums + size_t{4} * place);
-      AddNeighbour(PositionOf(surface, face[(k + 2) % 3]), deep.sums + size_t{4} * place);
+      AddMove(surface, deep, face[(k + 1) % 3], deep.sums + size_t{4} * place);
+      AddMove(surface, deep, face[(k + 2) % 3], deep.sums + size_t{4} * place);
     }
   }
   for (size_t i = 0; i < found; ++i) {
-    const float* sum = deep.sums + 4 * i;
+    const float *sum = deep.sums + 4 * i, *start = deep.starts + 3 * i;
     if (!(sum[3] > 0)) continue;
     float* position = PositionOf(surface, deep.vertices[i]);
-    for (size_t c = 0; c < 3; ++c) position[c] = sum[c] / sum[3];
+    for (size_t c = 0; c < 3; ++c) position[c] = start[c] + sum[c] / sum[3];
     for (uint32_t k = 0; k < *limbs.count; ++k) {
       float away[3], radius;
       if ((deep.under[i] >> k & 1u) == 0 || !IsInCore(limbs.cores[k], position, away, &radius)) continue;
@@ -234,6 +238,7 @@ DeepCloth PlaceDeepCloth(const ModelView& model, Arena* arena) {
   deep.patches = arena->Take<uint16_t>(most);
   deep.under = arena->Take<uint32_t>(most);
   deep.triangles = arena->Take<uint32_t>(3 * most);
+  deep.starts = arena->Take<float>(3 * most);
   deep.sums = arena->Take<float>(4 * most);
   deep.sides = arena->Take<float>(3 * PatchCount(model));
   return deep;
@@ -247,12 +252,22 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
     return;
   }
   FillSides(model, mirrored, lists, deep, lifted, surface);
-  for (size_t i = 0; i < lifted; ++i) {
-    LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], PositionOf(surface, deep.vertices[i]));
-  }
   const size_t found = AddRings(model, limbs, deep, lifted);
+  for (size_t i = 0; i < found; ++i) {
+    float* position = PositionOf(surface, deep.vertices[i]);
+    for (size_t c = 0; c < 3; ++c) deep.starts[3 * i + c] = position[c];
+    if (i < lifted) LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], position);
+  }
   const size_t triangles = ListTriangles(model, deep);
   for (int k = 0; k < kSmoothings; ++k) Smooth(model, limbs, deep, found, triangles, surface);
+}
+
+float MoveOf(const DeepCloth& deep, const Surface& surface, size_t vertex) {
+  const uint16_t place = deep.places[vertex];
+  if (place == kNotDeep) return 0;
+  const float *position = PositionOf(surface, vertex), *start = deep.starts + size_t{3} * place;
+  const float move[3] = {position[0] - start[0], position[1] - start[1], position[2] - start[2]};
+  return std::sqrt(Dot(move, move));
 }
 
 }  // namespace dcloth::engine

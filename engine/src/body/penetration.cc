@@ -37,9 +37,9 @@ void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& mode
 constexpr int kMaxPushes = 4;
 constexpr double kShare[kMaxPushes] = {1, 1, 0.5, 0.25};  // of the clearance: a fold may be narrower than it
 constexpr double kPushed = 0.99;  // of the clearance: rounded to floats, a vertex that was pushed stays put
-// Clearances of cloth that was laid over a limb: its triangles are long, and the middle of an edge lies lower than its
-// ends.
-constexpr double kLaid = 3;
+// Clearances more for cloth that was laid over a limb by ten clearances or more: its triangles are long, and the middle
+// of an edge lies lower than its ends.
+constexpr double kLaid = 2, kLaidBy = 10;
 // Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing
 // of.
 constexpr double kFarPush = 2;
@@ -112,8 +112,8 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
       for (size_t i = 0; i < job.points_count; ++i) {
         if (suspect[i] == kernels::kNoSite) continue;
         auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
-        const bool laid = memory.deep.places[job.order[i]] != kNotDeep;
-        PushOut(posed, job, memory.touch, i, laid ? kLaid * clearance : clearance, &budget,
+        const double laid = static_cast<double>(MoveOf(memory.deep, surface, job.order[i])) / (kLaidBy * clearance);
+        PushOut(posed, job, memory.touch, i, (1 + kLaid * (laid < 1 ? laid : 1)) * clearance, &budget,
                 reinterpret_cast<float*>(bytes));
       }
     }

@@ -148,6 +148,19 @@ TEST_F(DeepClothTest, ClothOutsideOfCoresKeepsItsBits) {
   }
 }
 
+// So nothing jumps from one frame to the next as cloth comes into a core, and pleats stay.
+TEST_F(DeepClothTest, PleatsHardlyInACoreHardlyMove) {
+  constexpr float kDepth = 0.0005f, kPleat = 0.004f;
+  std::vector<float> sheet = SheetAt(0, 0.9f * kThigh - kDepth);
+  for (size_t i = 0; i < sheet.size(); i += 3) sheet[i + 2] += (i / 3) % kColumns % 2 == 0 ? 0.0f : kPleat;
+  const std::vector<float> before = sheet;
+  Lay(&sheet);
+  float most = 0;
+  for (size_t i = 0; i < sheet.size(); ++i) most = std::fmax(most, std::fabs(sheet[i] - before[i]));
+  EXPECT_GT(most, 0);
+  EXPECT_LT(most, 0.0015f) << "lifted by what the surface is searched to, 1 mm, at most";
+}
+
 // The arm was outside of the sheet when it was bound: cloth in it is PushOut's.
 TEST_F(DeepClothTest, ALimbBesideTheGarmentLaysNothing) {
   std::vector<float> sheet = SheetAt(kBeside, kBeside);
