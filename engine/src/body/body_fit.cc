@@ -16,6 +16,9 @@ using format::Path;
 constexpr float kNoHeight = -1e9f;
 constexpr double kReach = 0.12;        // of skin over or under the figure's
 constexpr double kBeside = 0.013;      // between a vertex's normal and a sample
+constexpr double kFacing = 0.5;        // cosine between the normals of a vertex and of skin that it may move to
+constexpr float kLayerGap = 0.008f;    // to the next layer of clothes over the skin; the next toe is further
+constexpr float kEmptyLow = 1e9f;      // of a layer without skin
 constexpr double kSampleStep = 0.012;  // between samples of a triangle
 constexpr int kMostSteps = 64;         // along an edge of a triangle
 constexpr double kClothReach = 0.04, kClothBeside = 0.010;
@@ -25,6 +28,8 @@ constexpr double kClothSearch = 0.25;  // further from the skin cloth stays
 constexpr uint32_t kCells = 4096;
 constexpr double kCell = 0.06;
 constexpr int kFillSteps = 40, kSmoothSteps = 3, kClothSmoothSteps = 6;
+// Heights of slices over the hip joints on the figure; and how far around them girth needs the skin.
+constexpr double kWaist[2] = {0.15, 0.22}, kHips[2] = {-0.03, 0.05}, kAroundSlices = 0.1;
 constexpr double kMostGirth = 1.18, kLeastGirth = 0.85;  // that the scale takes up; the rest is moved
 
 enum Region : uint8_t { kTrunkRegion, kLeftArm, kRightArm, kLeftLeg, kRightLeg };
@@ -51,9 +56,11 @@ int64_t CellAt(double x) {
   return x < 0 ? cell - 1 : cell;
 }
 
-void FillCells(const float* positions, uint32_t count, uint32_t* cells, uint32_t* next) {
+template <typename Wanted>
+void FillCells(const float* positions, uint32_t count, uint32_t* cells, uint32_t* next, Wanted wanted) {
   for (uint32_t i = 0; i < kCells; ++i) cells[i] = UINT32_MAX;
   for (uint32_t v = 0; v < count; ++v) {
+    if (!wanted(v)) continue;
     const float* at = positions + size_t{3} * v;
     uint32_t* head = cells + CellOf(CellAt(static_cast<double>(at[0])), CellAt(static_cast<double>(at[1])),
                                     CellAt(static_cast<double>(at[2])));
@@ -76,19 +83,32 @@ void VisitNear(const uint32_t* cells, const uint32_t* next, const double (&at)[3
   }
 }
 
-// Skin at `p` counts for the vertices that have it beside their normal.
-void Raise(const PlacedSurface& surface, const uint32_t* cells, const double (&p)[3], uint8_t region, double reach,
-           double beside) {
-  VisitNear(cells, surface.next, p, reach, [&](uint32_t v) {
-    if (!Meet(region, surface.regions[v])) return;
+// A point of the character's skin.
+struct Sample {
+  double at[3];
+  double normal[3];  // outward, unit; 0 where the skin has no triangles
+  double spread;     // times as wide as where it has some
+  uint8_t region;
+};
+
+double Dot3(const double (&a)[3], const double (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+// take(v, height) for the vertices that face as the sample does, to a cosine of `facing`, and have it within `reach`
+// along their normal and `beside` from it.
+template <typename Take>
+void VisitBeside(const PlacedSurface& surface, const uint32_t* cells, const Sample& sample, double facing, double reach,
+                 double beside, Take take) {
+  const double aside = sample.spread * beside;
+  VisitNear(cells, surface.next, sample.at, reach, [&](uint32_t v) {
+    if (!Meet(sample.region, surface.regions[v])) return;
     const float *at = surface.positions + size_t{3} * v, *n = surface.normals + size_t{3} * v;
-    const double d[3] = {p[0] - static_cast<double>(at[0]), p[1] - static_cast<double>(at[1]),
-                         p[2] - static_cast<double>(at[2])};
-    const double height =
-        d[0] * static_cast<double>(n[0]) + d[1] * static_cast<double>(n[1]) + d[2] * static_cast<double>(n[2]);
-    if (height <= static_cast<double>(surface.heights[v]) || height > reach || height < -reach) return;
-    if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - height * height > beside * beside) return;
-    surface.heights[v] = static_cast<float>(height);
+    const double normal[3] = {static_cast<double>(n[0]), static_cast<double>(n[1]), static_cast<double>(n[2])};
+    if (Dot3(normal, sample.normal) < facing) return;
+    const double d[3] = {sample.at[0] - static_cast<double>(at[0]), sample.at[1] - static_cast<double>(at[1]),
+                         sample.at[2] - static_cast<double>(at[2])};
+    const double height = Dot3(d, normal);
+    if (height > reach || height < -reach || Dot3(d, d) - height * height > aside * aside) return;
+    take(v, static_cast<float>(height));
   });
 }
 
@@ -113,21 +133,58 @@ Corner CornerAt(const dcloth_character& character, const Space& space, const uin
   return corner;
 }
 
+struct SkinTriangle {
+  Corner corners[3];
+  double area[3];  // twice, a vector
+};
+
+SkinTriangle TriangleAt(const dcloth_character& character, const Space& space, const uint8_t* regions, size_t t) {
+  SkinTriangle triangle = {};
+  for (size_t k = 0; k < 3; ++k)
+    triangle.corners[k] = CornerAt(character, space, regions, character.body_triangles[3 * t + k]);
+  const double(&a)[3] = triangle.corners[0].at, (&b)[3] = triangle.corners[1].at, (&c)[3] = triangle.corners[2].at;
+  for (size_t i = 0; i < 3; ++i) {
+    const size_t j = (i + 1) % 3, k = (i + 2) % 3;
+    triangle.area[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j]);
+  }
+  return triangle;
+}
+
+// 1 where triangles are counter-clockwise seen from outside in the model's axes, else -1: files and spaces turn them.
+double WindingOf(const dcloth_character& character, const Space& space, const uint8_t* regions) {
+  double middle[3] = {}, volume = 0;
+  for (uint32_t v = 0; v < character.body_vertex_count; ++v) {
+    const Corner corner = CornerAt(character, space, regions, v);
+    for (size_t c = 0; c < 3; ++c) middle[c] += corner.at[c] / character.body_vertex_count;
+  }
+  for (size_t t = 0; t < character.body_triangle_count; ++t) {
+    const SkinTriangle triangle = TriangleAt(character, space, regions, t);
+    double from_middle[3];
+    for (size_t c = 0; c < 3; ++c) from_middle[c] = triangle.corners[0].at[c] - middle[c];
+    volume += Dot3(from_middle, triangle.area);
+  }
+  return volume < 0 ? -1 : 1;
+}
+
 // All of the skin, as samples about kSampleStep apart where it has triangles.
-void RaiseAll(const dcloth_character& character, const Space& space, const uint8_t* regions,
-              const PlacedSurface& surface, uint32_t* cells, double reach, double beside) {
-  FillCells(surface.positions, surface.count, cells, surface.next);
-  for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = kNoHeight;
+template <typename Visit>
+void SampleSkin(const dcloth_character& character, const Space& space, const uint8_t* regions, Visit visit) {
+  Sample sample = {};
   if (character.body_triangles == nullptr) {
+    sample.spread = 2;
     for (uint32_t v = 0; v < character.body_vertex_count; ++v) {
       const Corner corner = CornerAt(character, space, regions, v);
-      Raise(surface, cells, corner.at, corner.region, reach, 2 * beside);
+      std::memcpy(sample.at, corner.at, sizeof(sample.at));
+      sample.region = corner.region;
+      visit(sample);
     }
     return;
   }
+  sample.spread = 1;
+  const double winding = WindingOf(character, space, regions);
   for (size_t t = 0; t < character.body_triangle_count; ++t) {
-    Corner c[3];
-    for (size_t k = 0; k < 3; ++k) c[k] = CornerAt(character, space, regions, character.body_triangles[3 * t + k]);
+    const SkinTriangle triangle = TriangleAt(character, space, regions, t);
+    const Corner(&c)[3] = triangle.corners;
     double longest = 0;
     for (size_t k = 0; k < 3; ++k) {
       double squared = 0;
@@ -137,16 +194,87 @@ void RaiseAll(const dcloth_character& character, const Space& space, const uint8
       }
       longest = squared > longest ? squared : longest;
     }
+    const double area = std::sqrt(Dot3(triangle.area, triangle.area));
+    for (size_t a = 0; a < 3; ++a) sample.normal[a] = area > 0 ? winding * triangle.area[a] / area : 0;
     const double wanted = std::sqrt(longest) / kSampleStep;
     const int steps = wanted < kMostSteps ? static_cast<int>(wanted) + 1 : kMostSteps;
     for (int i = 0; i <= steps; ++i) {
       for (int j = 0; i + j <= steps; ++j) {
         const double u = static_cast<double>(i) / steps, w = static_cast<double>(j) / steps;
-        double p[3];
-        for (int a = 0; a < 3; ++a) p[a] = c[0].at[a] + u * (c[1].at[a] - c[0].at[a]) + w * (c[2].at[a] - c[0].at[a]);
-        Raise(surface, cells, p, c[u > 0.5 ? 1 : w > 0.5 ? 2 : 0].region, reach, beside);
+        for (int a = 0; a < 3; ++a)
+          sample.at[a] = c[0].at[a] + u * (c[1].at[a] - c[0].at[a]) + w * (c[2].at[a] - c[0].at[a]);
+        sample.region = c[u > 0.5 ? 1 : w > 0.5 ? 2 : 0].region;
+        visit(sample);
       }
     }
+  }
+}
+
+// The outermost skin beside each vertex of a garment, whichever way it faces: pleats do not face as skin does.
+void FindOutermost(const dcloth_character& character, const Space& space, const uint8_t* regions,
+                   const PlacedSurface& surface, uint32_t* cells) {
+  FillCells(surface.positions, surface.count, cells, surface.next, [](uint32_t) { return true; });
+  for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = kNoHeight;
+  SampleSkin(character, space, regions, [&](const Sample& sample) {
+    VisitBeside(surface, cells, sample, -2, kClothReach, kClothBeside, [&](uint32_t v, float height) {
+      if (height > surface.heights[v]) surface.heights[v] = height;
+    });
+  });
+}
+
+bool IsEmpty(const Layers& layers, size_t k) { return layers.low[k] > layers.high[k]; }
+
+float FromSurface(const Layers& layers, size_t k) {
+  return layers.low[k] > 0 ? layers.low[k] : layers.high[k] < 0 ? -layers.high[k] : 0;
+}
+
+// Joins the layers within kLayerGap. Where there is no place for one more, those nearest to the surface stay.
+void AddToLayers(float height, Layers* layers) {
+  for (size_t k = 0; k < kMostLayers; ++k) {
+    if (height >= layers->low[k] && height <= layers->high[k]) return;
+  }
+  size_t into = kMostLayers, place = 0;
+  for (size_t k = 0; k < kMostLayers; ++k) {
+    if (IsEmpty(*layers, k) || height < layers->low[k] - kLayerGap || height > layers->high[k] + kLayerGap) continue;
+    if (into == kMostLayers) {
+      into = k;
+      layers->low[k] = height < layers->low[k] ? height : layers->low[k];
+      layers->high[k] = height > layers->high[k] ? height : layers->high[k];
+    } else {
+      layers->low[into] = layers->low[k] < layers->low[into] ? layers->low[k] : layers->low[into];
+      layers->high[into] = layers->high[k] > layers->high[into] ? layers->high[k] : layers->high[into];
+      layers->low[k] = kEmptyLow, layers->high[k] = kNoHeight;
+    }
+  }
+  if (into != kMostLayers) return;
+  for (size_t k = 1; k < kMostLayers; ++k) {
+    if (!IsEmpty(*layers, place) && (IsEmpty(*layers, k) || FromSurface(*layers, k) > FromSurface(*layers, place)))
+      place = k;
+  }
+  if (!IsEmpty(*layers, place) && FromSurface(*layers, place) <= std::fabs(height)) return;
+  layers->low[place] = layers->high[place] = height;
+}
+
+// The outside of the layer nearest to each vertex of the surface that is `wanted`. Skin that faces another way is
+// another part's, or the wall of a fold.
+template <typename Wanted>
+void FindNearestLayers(const dcloth_character& character, const Space& space, const uint8_t* regions,
+                       const PlacedSurface& surface, uint32_t* cells, Layers* layers, Wanted wanted) {
+  FillCells(surface.positions, surface.count, cells, surface.next, wanted);
+  for (uint32_t v = 0; v < surface.count; ++v) {
+    for (size_t k = 0; k < kMostLayers; ++k) layers[v].low[k] = kEmptyLow, layers[v].high[k] = kNoHeight;
+  }
+  SampleSkin(character, space, regions, [&](const Sample& sample) {
+    const double facing = Dot3(sample.normal, sample.normal) > 0 ? kFacing : 0;
+    VisitBeside(surface, cells, sample, facing, kReach, kBeside,
+                [&](uint32_t v, float height) { AddToLayers(height, layers + v); });
+  });
+  for (uint32_t v = 0; v < surface.count; ++v) {
+    size_t nearest = 0;
+    for (size_t k = 1; k < kMostLayers; ++k) {
+      if (FromSurface(layers[v], k) < FromSurface(layers[v], nearest)) nearest = k;
+    }
+    surface.heights[v] = layers[v].high[nearest];
   }
 }
 
@@ -245,30 +373,33 @@ void FindPushes(const format::BodyView& body, const BodyFitMemory& memory) {
   }
 }
 
-// Mean radius of a slice of the trunk after the push over before; 0 where the body has no such slice. `low` and `high`
-// are heights over the hip joints on the figure, in metres.
-double GirthRatio(const RigFit& fit, double scale, const BodyFitMemory& memory, double low, double high) {
-  double sum[2] = {}, count = 0, radius = 0, push = 0;
+// Where a vertex of the placed body is: left, up and forward of the hip joints' middle, up by the figure's trunk. False
+// for arms.
+bool PlaceInTrunk(const RigFit& fit, double scale, const BodyFitMemory& memory, size_t v, double (&at)[3]) {
   const Vector middle = fit.character_middle;
-  const double length = fit.trunk_ratio / scale;
-  const auto local = [&](size_t v, double(&at)[3]) {
-    const float* p = memory.body.positions + 3 * v;
-    const double d[3] = {static_cast<double>(p[0]) - middle.x / scale, static_cast<double>(p[1]) - middle.y / scale,
-                         static_cast<double>(p[2]) - middle.z / scale};
-    for (int c = 0; c < 3; ++c)
-      at[c] =
-          fit.character_frame.m[0][c] * d[0] + fit.character_frame.m[1][c] * d[1] + fit.character_frame.m[2][c] * d[2];
-    return at[1] / length >= low && at[1] / length <= high &&
-           (memory.body.regions[v] == kTrunkRegion || memory.body.regions[v] >= kLeftLeg);
+  const float* p = memory.body.positions + 3 * v;
+  const double d[3] = {static_cast<double>(p[0]) - middle.x / scale, static_cast<double>(p[1]) - middle.y / scale,
+                       static_cast<double>(p[2]) - middle.z / scale};
+  for (int c = 0; c < 3; ++c)
+    at[c] =
+        fit.character_frame.m[0][c] * d[0] + fit.character_frame.m[1][c] * d[1] + fit.character_frame.m[2][c] * d[2];
+  at[1] /= fit.trunk_ratio / scale;
+  return memory.body.regions[v] == kTrunkRegion || memory.body.regions[v] >= kLeftLeg;
+}
+
+// Mean radius of a slice of the trunk after the push over before; 0 where the body has no such slice.
+double GirthRatio(const RigFit& fit, double scale, const BodyFitMemory& memory, const double (&slice)[2]) {
+  double sum[2] = {}, count = 0, radius = 0, push = 0, at[3];
+  const auto within = [&](size_t v) {
+    return PlaceInTrunk(fit, scale, memory, v, at) && at[1] >= slice[0] && at[1] <= slice[1];
   };
-  double at[3];
   for (size_t v = 0; v < memory.body.count; ++v) {
-    if (!local(v, at)) continue;
+    if (!within(v)) continue;
     sum[0] += at[0], sum[1] += at[2], count += 1;
   }
   if (count < 8) return 0;
   for (size_t v = 0; v < memory.body.count; ++v) {
-    if (!local(v, at)) continue;
+    if (!within(v)) continue;
     const double x = at[0] - sum[0] / count, z = at[2] - sum[1] / count;
     radius += std::sqrt(x * x + z * z);
     push += static_cast<double>(memory.pushes[v]);
@@ -314,9 +445,10 @@ void PlaceAll(const ModelView& model, const RigFit& fit, double scale, const Bod
   }
 }
 
-// The body at `scale` in the character's bind pose, and how far each vertex is from its skin.
+// The body at `scale` in the character's bind pose, and how far each vertex is from its skin. `girth_alone`: only of
+// vertices around those that GirthRatio reads, in less time.
 void WrapBody(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
-              const RigFit& fit, double scale, const BodyFitMemory& memory) {
+              const RigFit& fit, double scale, bool girth_alone, const BodyFitMemory& memory) {
   uint8_t regions[format::kMaxJoints];
   PlaceAll(model, fit, scale, memory, regions);
   PlaceVertices(model.body.positions, BodyHolds(model), memory.places, regions, memory.body);
@@ -324,7 +456,11 @@ void WrapBody(const kernels::KernelTable& kernels, const ModelView& model, const
                  memory.body.normals);
   Space space = fit.space;
   space.metres_per_unit /= scale;
-  RaiseAll(character, space, memory.joint_regions, memory.body, memory.cells, kReach, kBeside);
+  FindNearestLayers(character, space, memory.joint_regions, memory.body, memory.cells, memory.layers, [&](uint32_t v) {
+    double at[3];
+    return !girth_alone || (PlaceInTrunk(fit, scale, memory, v, at) && at[1] >= kHips[0] - kAroundSlices &&
+                            at[1] <= kWaist[1] + kAroundSlices);
+  });
   FindPushes(model.body, memory);
 }
 
@@ -333,7 +469,7 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
   const format::BodyView& body = model.body;
   const size_t n = model.vertex_count;
   // Where skin and cloth were at bind; normals of the body at bind are in body.normals, moves go into garment.normals.
-  FillCells(body.positions, body.vertex_count, memory.cells, memory.body.next);
+  FillCells(body.positions, body.vertex_count, memory.cells, memory.body.next, [](uint32_t) { return true; });
   float* moves = memory.garment.normals;
   for (size_t g = 0; g < n; ++g) {
     const float* x = model.template_positions + 3 * g;
@@ -391,7 +527,7 @@ void MeasureGarment(const kernels::KernelTable& kernels, const ModelView& model,
                  memory.garment.normals);
   Space space = fit.space;
   space.metres_per_unit /= scale;
-  RaiseAll(character, space, memory.joint_regions, memory.garment, memory.cells, kClothReach, kClothBeside);
+  FindOutermost(character, space, memory.joint_regions, memory.garment, memory.cells);
   double gap = 0, figure_gap = 0, on_skin = 0, near = 0, under = 0, deepest = 0;
   float nearest = 1;
   for (size_t g = 0; g < model.vertex_count; ++g) {
@@ -440,6 +576,7 @@ BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Ar
   memory.cells = arena->Take<uint32_t>(kCells);
   memory.garment = PlaceSurface(n, arena);
   memory.body = PlaceSurface(b, arena);
+  memory.layers = arena->Take<Layers>(b);
   memory.pushes = arena->Take<float>(b);
   memory.sums = arena->Take<float>(larger);
   memory.counts = arena->Take<uint32_t>(larger);
@@ -475,9 +612,9 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
              const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report) {
   FindRegions(character, fit, memory.joint_regions);
   if (model.body.vertex_count != 0) {
-    WrapBody(kernels, model, character, fit, *scale, memory);
-    const double waist = GirthRatio(fit, *scale, memory, 0.15, 0.22);
-    const double hips = GirthRatio(fit, *scale, memory, -0.03, 0.05);
+    WrapBody(kernels, model, character, fit, *scale, true, memory);
+    const double waist = GirthRatio(fit, *scale, memory, kWaist);
+    const double hips = GirthRatio(fit, *scale, memory, kHips);
     report->waist_ratio = static_cast<float>(waist);
     report->hips_ratio = static_cast<float>(hips);
     for (const double ratio : {waist, hips}) {
@@ -489,8 +626,8 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
       const double taken = 0.5 + 0.5 * girth;
       *scale *= taken < kLeastGirth ? kLeastGirth : taken > kMostGirth ? kMostGirth : taken;
       report->scale = static_cast<float>(*scale);
-      WrapBody(kernels, model, character, fit, *scale, memory);
     }
+    WrapBody(kernels, model, character, fit, *scale, false, memory);
     // Regions of the garment, then the normals of the figure's skin at bind in place of the character's.
     uint8_t regions[format::kMaxJoints];
     PlaceAll(model, fit, *scale, memory, regions);

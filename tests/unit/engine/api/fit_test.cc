@@ -571,6 +571,77 @@ TEST_F(BodyFitTest, MovesTheSurfaceOntoTheSkin) {
   }
 }
 
+// A knob of skin as large as a toe beside the egg, as the next toe is beside a toe: the outermost skin over the egg's
+// vertices, and none of theirs. A file may turn its triangles either way.
+TEST_F(BodyFitTest, SkinOfAPartBesideDoesNotMoveTheSurface) {
+  constexpr double kGap = 0.04, kRadius = 0.03;
+  constexpr int kRings = 12, kSegments = 16;
+  const auto drawn = [&](Host host) {
+    OwnedCloth cloth(opened_);
+    dcloth_fit fit = EmptyFit();
+    EXPECT_EQ(Fit(&cloth, host, &fit), DCLOTH_OK);
+    EXPECT_NEAR(fit.scale, 1, 0.002);
+    std::vector<float> positions(3 * size_t{opened_.info().vertex_count});
+    dcloth_output output = FloatOutput(positions.size() / 3, positions.data(), 12, nullptr);
+    output.flags = DCLOTH_OUTPUT_OUTSIDE_BODY;
+    const dcloth_pose pose = OwnedCloth::Pose(host.bind);
+    const dcloth_frame frame = {sizeof(frame), kAll, kFrame, 0, nullptr};
+    EXPECT_EQ(dcloth_cloth_update(cloth.get(), &pose, &frame, &output, nullptr), DCLOTH_OK);
+    return positions;
+  };
+  const Host alone = Wearer(1);
+  Host host = alone;
+  // Over the vertices of one meridian, up and down: one knob each.
+  for (size_t vertex = 0; vertex < egg_.positions.size() / 3 - 2; vertex += 15) {
+    const float* at = &egg_.positions[3 * vertex];
+    const double out[3] = {static_cast<double>(at[0]) / 0.09, (static_cast<double>(at[1]) - 0.6) / 0.2025,
+                           static_cast<double>(at[2]) / 0.0676};
+    const double length = std::sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]);
+    const auto first = static_cast<uint32_t>(host.body.size() / 3);
+    for (int r = 0; r <= kRings; ++r) {
+      for (int s = 0; s < kSegments; ++s) {
+        const double down = std::numbers::pi * r / kRings, turn = 2 * std::numbers::pi * s / kSegments;
+        const double ball[3] = {std::sin(down) * std::cos(turn), std::cos(down), std::sin(down) * std::sin(turn)};
+        for (size_t c = 0; c < 3; ++c)
+          host.body.push_back(
+              static_cast<float>(static_cast<double>(at[c]) + (kGap + kRadius) * out[c] / length + kRadius * ball[c]));
+        for (size_t k = 0; k < 2; ++k) {
+          host.body_joints.push_back(egg_.joints[2 * vertex + k]);
+          host.body_weights.push_back(egg_.weights[2 * vertex + k]);
+        }
+        if (r == kRings) continue;
+        const auto next = static_cast<uint32_t>((s + 1) % kSegments);
+        const uint32_t a = first + static_cast<uint32_t>(r * kSegments), b = a + kSegments,
+                       i = static_cast<uint32_t>(s);
+        host.triangles.insert(host.triangles.end(), {a + i, a + next, b + next, a + i, b + next, b + i});
+      }
+    }
+  }
+  const std::vector<float> expected = drawn(alone);
+  for (const bool turned : {false, true}) {
+    for (size_t t = 0; turned && t < host.triangles.size(); t += 3) std::swap(host.triangles[t], host.triangles[t + 1]);
+    const std::vector<float> found = drawn(host);
+    ASSERT_EQ(found.size(), expected.size());
+    float most = 0;
+    for (size_t i = 0; i < found.size(); ++i) most = std::max(most, std::fabs(found[i] - expected[i]));
+    EXPECT_LT(most, 0.001f) << (turned ? "turned" : "");
+  }
+}
+
+// A shirt over the skin: the surface moves onto the shirt.
+TEST_F(BodyFitTest, LayersCloseOverTheSkinCount) {
+  const Host shirt = Wearer(1.02);
+  Host host = Wearer(1);
+  const auto first = static_cast<uint32_t>(host.body.size() / 3);
+  host.body.insert(host.body.end(), shirt.body.begin(), shirt.body.end());
+  host.body_joints.insert(host.body_joints.end(), shirt.body_joints.begin(), shirt.body_joints.end());
+  host.body_weights.insert(host.body_weights.end(), shirt.body_weights.begin(), shirt.body_weights.end());
+  for (const uint32_t corner : shirt.triangles) host.triangles.push_back(first + corner);
+  OwnedCloth cloth(opened_);
+  ASSERT_EQ(Fit(&cloth, host), DCLOTH_OK);
+  EXPECT_LT(Deepest(&cloth, shirt), 0.003);
+}
+
 TEST_F(BodyFitTest, ChecksTheBodyAndItsStorage) {
   OwnedCloth cloth(opened_);
   const auto refused = [&](const std::function<void(Host*)>& spoil) {
