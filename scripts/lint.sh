@@ -15,7 +15,7 @@ failed=()
 lint_format() {
   local -a files
   # Public headers and the solver of training are aligned by hand.
-  mapfile -t files < <(git ls-files '*.c' '*.cc' '*.h' | grep -vE '^(engine/include|training|tests/abi/kept)/')
+  mapfile -t files < <(git ls-files '*.c' '*.cc' '*.cpp' '*.h' | grep -vE '^(engine/include|training|tests/abi/kept)/')
   [ ${#files[@]} -gt 100 ] || { echo "lint: found ${#files[@]} files to format; is this the repository?" >&2; return 1; }
   if [ -n "$fix" ]; then clang-format -i "${files[@]}"; return; fi
   printf '%s\0' "${files[@]}" | xargs -0 -n 40 -P "$(nproc)" clang-format --dry-run --Werror --ferror-limit=1 ||
