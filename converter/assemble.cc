@@ -160,6 +160,14 @@ BodyParts AssembleBody(const Bundle& bundle, const FoldedBundle& folded) {
   return parts;
 }
 
+void AddCoarseMesh(const CoarseMesh& mesh, ModelParts* parts) {
+  if (mesh.empty()) return;
+  parts->coarse_vertices = PackIndices("garment.coarse_vertices", StoredType::kU16,
+                                       {static_cast<uint32_t>(mesh.vertices.size())}, mesh.vertices);
+  parts->coarse_faces = PackIndices("garment.coarse_faces", StoredType::kU16,
+                                    {static_cast<uint32_t>(mesh.faces.size() / 3), 3}, mesh.faces);
+}
+
 }  // namespace
 
 FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences) {
@@ -171,6 +179,7 @@ FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body
     folded.body = Prune(folded.body_weights, body_influences);
   }
   folded.surface = MakeBodySurface(bundle, body_influences);
+  folded.coarse = MakeCoarseMesh(bundle.template_positions, bundle.template_faces, bundle.vertex_count() / 2);
   folded.joints = ChooseJoints(bundle, folded.body, folded.surface.skin);
   return folded;
 }
@@ -208,6 +217,7 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const Prec
                                 bundle.template_faces.data() + bundle.template_faces.size());
   parts.faces =
       PackIndices("garment.faces", StoredType::kU16, {static_cast<uint32_t>(bundle.template_faces.rows()), 3}, corners);
+  AddCoarseMesh(folded.coarse, &parts);
   parts.inverse_bind = PackFloats("character.inverse_bind", InverseBinds(bundle, folded.joints.joints));
   parts.mean = PackFloats("features.mean", bundle.feature_mean);
   parts.inverse_deviation = PackFloats("features.inverse_deviation", Reciprocal(bundle.feature_deviation));

@@ -8,6 +8,7 @@
 
 #include "converter/body_surface.h"
 #include "converter/bundle.h"
+#include "converter/coarse_mesh.h"
 #include "converter/fold.h"
 #include "converter/precision.h"
 #include "converter/prune.h"
@@ -23,6 +24,7 @@ struct FoldedBundle {
   MatrixD body_weights;  // [n, J], empty without a mesh stage
   PrunedWeights body;    // columns index bundle.joint_names; empty without a mesh stage
   BodySurface surface;   // empty where no skin collides
+  CoarseMesh coarse;     // empty where no vertex could be left out
   JointSubset joints;
   std::optional<ReducedBasis> reduced;  // stored in place of the stacked basis
 };

@@ -18,12 +18,14 @@ namespace {
 namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
-constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4, kFormatMinorNewest = 5;
+constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4, kFormatMinorOfOrders = 5,
+                   kFormatMinorNewest = 6;
 
 // The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
 uint16_t FormatMinor(const ModelParts& parts) {
+  if (parts.coarse_vertices) return kFormatMinorNewest;
   const bool orders = parts.body && parts.body->garment_order;
-  if (parts.root_motion == RootMotion::kAir || orders || !parts.parents.empty()) return kFormatMinorNewest;
+  if (parts.root_motion == RootMotion::kAir || orders || !parts.parents.empty()) return kFormatMinorOfOrders;
   if (parts.body && parts.body->touch_classes) return kFormatMinorOfTouch;
   const auto has_integers = [](const MeshLayerParts& layer) { return layer.weights.has_value(); };
   const bool integers = parts.mesh && std::any_of(parts.mesh->layers.begin(), parts.mesh->layers.end(), has_integers);
@@ -119,7 +121,9 @@ class Writer {
     const auto name = String(parts_.garment);
     const auto positions = Tensor(parts_.template_positions);
     const auto faces = Tensor(parts_.faces);
-    return format::CreateGarment(builder_, name, parts_.vertices, positions, faces);
+    const auto coarse_vertices = Tensor(parts_.coarse_vertices);
+    const auto coarse_faces = Tensor(parts_.coarse_faces);
+    return format::CreateGarment(builder_, name, parts_.vertices, positions, faces, coarse_vertices, coarse_faces);
   }
 
   fb::Offset<format::Character> Character() {
@@ -254,6 +258,7 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
   if (parts.head) add_linear(*parts.head);
   if (parts.basis) add_linear(*parts.basis);
   add(parts.template_positions, parts.influence_bones, parts.influence_weights, parts.faces);
+  add_present(parts.coarse_vertices, parts.coarse_faces);
   if (parts.body) {
     const BodyParts& body = *parts.body;
     add(body.positions, body.joints, body.weights, body.faces, body.row_starts, body.columns);

@@ -54,6 +54,7 @@ struct ModelParts {
   uint32_t skeleton_rows = 0, mesh_rows = 0;
 
   PackedTensor template_positions, faces, inverse_bind;
+  std::optional<PackedTensor> coarse_vertices, coarse_faces;
   PackedTensor mean, inverse_deviation, low, high;
   PackedTensor pivots, influence_bones, influence_weights;
   PackedLinear static_hidden, static_increments;

@@ -43,6 +43,8 @@ Json Describe(const converter::OpenModel& model, const Options& options) {
           {"tick_rate", TickRate(model)},
           {"vertices", info.vertex_count},
           {"triangles", info.triangle_count},
+          {"coarse_vertices", info.coarse_vertex_count},
+          {"coarse_triangles", info.coarse_triangle_count},
           {"stages", stages},
           {"joints", model.joint_names()},
           {"joint_parents", JointParents(model)}};
@@ -59,6 +61,10 @@ int Inspect(const Options& options) {
   std::printf("%s\n", text("path").c_str());
   std::printf("  garment    %s, %u vertices, %u triangles\n", text("garment").c_str(), model.info().vertex_count,
               model.info().triangle_count);
+  if (model.info().coarse_vertex_count != 0) {
+    std::printf("  coarse     %u vertices, %u triangles, for characters far away\n", model.info().coarse_vertex_count,
+                model.info().coarse_triangle_count);
+  }
   std::printf("  precision  %s, format %s\n", text("precision").c_str(), text("format").c_str());
   std::printf("  model      %.3f MB (%zu bytes), shared by all instances\n",
               static_cast<double>(model.bytes().size()) / 1e6, model.bytes().size());

@@ -10,6 +10,33 @@ namespace {
 
 uint32_t PaddedToEven(uint32_t count) { return count + (count & 1u); }
 
+// Rising, so that a vertex is drawn once and the last one alone may lie at the end of its arrays.
+bool VerifyRising(const Path& path, const uint16_t* values, uint32_t count, Checker* check) {
+  for (uint32_t i = 1; i < count; ++i) {
+    if (values[i] > values[i - 1]) continue;
+    return check->FailElement(path, values, i, sizeof(uint16_t), "an index that does not rise",
+                              "indices in rising order, each once");
+  }
+  return true;
+}
+
+bool VerifyCoarseMesh(const Garment& garment, const Path& path, Checker* check, ModelView* view) {
+  view->coarse = {};
+  const Path vertices = {&path, "coarse_vertices"}, faces = {&path, "coarse_faces"};
+  const Tensor *const kept = garment.coarse_vertices(), *const triangles = garment.coarse_faces();
+  if (kept == nullptr && triangles == nullptr) return true;
+  if (kept == nullptr || triangles == nullptr) {
+    return check->Fail(kept == nullptr ? vertices : faces, &garment, "nothing", "both coarse_vertices and coarse_faces",
+                       "convert the bundle again");
+  }
+  CoarseMeshView* const coarse = &view->coarse;
+  return check->Dimension(vertices, kept, 0, kMinVertices, view->vertex_count, &coarse->vertex_count) &&
+         check->Indices(vertices, kept, {coarse->vertex_count}, view->vertex_count, &coarse->vertices) &&
+         VerifyRising(vertices, coarse->vertices, coarse->vertex_count, check) &&
+         check->Dimension(faces, triangles, 0, 1, kMaxTriangles, &coarse->triangle_count) &&
+         check->Indices(faces, triangles, {coarse->triangle_count, 3}, coarse->vertex_count, &coarse->faces);
+}
+
 bool VerifyGarment(const Garment& garment, Checker* check, ModelView* view) {
   const Path path = {nullptr, "garment"};
   const uint32_t n = garment.vertices();
@@ -23,7 +50,8 @@ bool VerifyGarment(const Garment& garment, Checker* check, ModelView* view) {
   return check->Floats({&path, "template_positions"}, garment.template_positions(), {n, 3},
                        &view->template_positions) &&
          check->Dimension(faces, garment.faces(), 0, 1, kMaxTriangles, &view->triangle_count) &&
-         check->Indices(faces, garment.faces(), {view->triangle_count, 3}, n, &view->faces);
+         check->Indices(faces, garment.faces(), {view->triangle_count, 3}, n, &view->faces) &&
+         VerifyCoarseMesh(garment, path, check, view);
 }
 
 bool SameName(const flatbuffers::String& a, const flatbuffers::String& b) {

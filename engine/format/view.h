@@ -116,6 +116,15 @@ struct BodyView {
   float reach;                    // metres
 };
 
+// Some of the garment's vertices, and triangles between them: what is drawn at a distance. All null and zero where the
+// model has none.
+struct CoarseMeshView {
+  const uint16_t* vertices;  // [vertex_count], rising
+  const uint16_t* faces;     // [triangle_count, 3], indices into `vertices`
+  uint32_t vertex_count;
+  uint32_t triangle_count;
+};
+
 struct ModelView {
   const char* name;
   const char* precision;
@@ -130,6 +139,7 @@ struct ModelView {
   MeshStageView mesh_stage;
   DisplacementView displacement;
   BodyView body;
+  CoarseMeshView coarse;  // since 1.6
   uint32_t joint_count;
   uint32_t hips;
   uint32_t vertex_count;  // n

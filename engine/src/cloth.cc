@@ -126,15 +126,16 @@ void SkinFrame(Cloth* cloth, const SkinPose& skin, double behind, const dcloth_o
                           {cloth->displacement[from], cloth->displacement[to]},
                           static_cast<float>(1 - (behind - whole))};
   const Space& space = cloth->rig.space;
+  const DrawnMesh mesh = MeshOf(model, output);
   const Surface surface = SurfaceOf(output);
-  SkinRelative(kernels, model, space, skin, ticks, cloth->matrices, surface);
+  SkinRelative(kernels, model, space, skin, ticks, cloth->matrices, mesh, surface);
   watch->Lap(DCLOTH_STEP_SKINNING, "skinning");
   if ((output.flags & DCLOTH_OUTPUT_OUTSIDE_BODY) != 0) {
     KeepOutside(kernels, model, space, skin, cloth->body, surface);
     watch->Lap(DCLOTH_STEP_PENETRATION, "penetration");
   }
-  RunNormals(kernels, model, surface);
-  RunTangents(kernels, model, space.mirrored, output, surface);
+  RunNormals(kernels, mesh, surface);
+  RunTangents(kernels, mesh, space.mirrored, output, surface);
   watch->Lap(DCLOTH_STEP_NORMALS, "normals");
   // To the host's floats and back is exact but for the unit, whose error a float does not see.
   float origin[3];

@@ -21,9 +21,11 @@ struct SkinningJob {
   float* out;               // first vertex; the next one lies out_stride_bytes further
   size_t out_stride_bytes;  // at least 12, a multiple of 4
   size_t vertices;
-  size_t influences;            // 1 to kMaxInfluences
-  float blend;                  // delta = delta0 + blend (delta1 - delta0)
-  const void* ahead = nullptr;  // [vertices, 12 bytes] used after the job, asked for into L2; or null
+  size_t influences;                 // 1 to kMaxInfluences
+  float blend;                       // delta = delta0 + blend (delta1 - delta0)
+  const void* ahead = nullptr;       // [vertices, 12 bytes] used after the job, asked for into L2; or null
+  const uint16_t* chosen = nullptr;  // [vertices], rising: which of the arrays' vertices are skinned; null for all.
+                                     // `out` has no gaps
 };
 
 }  // namespace dcloth::kernels

@@ -44,8 +44,14 @@ HWY_INLINE V SumLanes(V a, V b, V c) {
   return hn::Add(hn::ConcatLowerLower(d, cc, ab), hn::ConcatUpperUpper(d, cc, ab));
 }
 
+// Where slot `slot` of the output has its numbers.
+HWY_INLINE size_t SourceOf(const SkinningJob& job, size_t slot) {
+  return job.chosen == nullptr ? slot : job.chosen[slot];
+}
+
 template <size_t kInfluences, class Loader>
-HWY_INLINE void SkinVertex(const SkinningJob& job, size_t i, V blend) {
+HWY_INLINE void SkinVertex(const SkinningJob& job, size_t slot, V blend) {
+  const size_t i = SourceOf(job, slot);
   V p = Loader::Load(job.positions + 3 * i);
   if (job.delta0 != nullptr) {
     const V from = Loader::Load(job.delta0 + 3 * i);
@@ -65,12 +71,12 @@ HWY_INLINE void SkinVertex(const SkinningJob& job, size_t i, V blend) {
     row2 = MultiplyAdd(weight, hn::LoadU(d, matrix + 8), row2);
   }
   const V out = SumLanes(hn::Mul(row0, p), hn::Mul(row1, p), hn::Mul(row2, p));
-  float* to = reinterpret_cast<float*>(reinterpret_cast<char*>(job.out) + i * job.out_stride_bytes);
+  float* to = reinterpret_cast<float*>(reinterpret_cast<char*>(job.out) + slot * job.out_stride_bytes);
   hn::StoreU(hn::LowerHalf(d2, out), d2, to);
   to[2] = hn::GetLane(hn::UpperHalf(d2, out));
 }
 
-// Vertices [first, end).
+// Slots [first, end).
 template <size_t kInfluences, class Loader>
 HWY_NOINLINE void SkinRun(const SkinningJob& job, size_t first, size_t end) {
   const V blend = hn::Set(d, job.blend);
@@ -81,10 +87,10 @@ HWY_NOINLINE void SkinRun(const SkinningJob& job, size_t first, size_t end) {
 // instead of 51, warm 35 instead of 33 (AVX-512, a Xeon). 32, 128 and 256 vertices ahead are no different.
 constexpr size_t kAhead = 64, kRun = 16;
 
-HWY_INLINE void PrefetchRun(const void* array, size_t stride_bytes, size_t first) {
+HWY_INLINE void PrefetchRun(const void* array, size_t stride_bytes, size_t first, size_t count) {
   const char* bytes = static_cast<const char*>(array) + first * stride_bytes;
   const size_t step = HWY_MAX(size_t{64}, stride_bytes);
-  for (size_t i = 0; i < kRun * stride_bytes; i += step) hwy::Prefetch(bytes + i);
+  for (size_t i = 0; i < count * stride_bytes; i += step) hwy::Prefetch(bytes + i);
 }
 
 using Run = void (*)(const SkinningJob& job, size_t first, size_t end);
@@ -95,14 +101,15 @@ HWY_NOINLINE void SkinAll(const SkinningJob& job, Run skin, Run skin_last) {
   for (size_t first = 0; first < last; first += kRun) {
     const size_t ahead = first + kAhead;
     if (ahead + kRun <= job.vertices) {
-      PrefetchRun(job.positions, 3 * sizeof(float), ahead);
+      const size_t from = SourceOf(job, ahead), count = SourceOf(job, ahead + kRun - 1) + 1 - from;
+      PrefetchRun(job.positions, 3 * sizeof(float), from, count);
       if (job.delta0 != nullptr) {
-        PrefetchRun(job.delta0, 3 * sizeof(float), ahead);
-        PrefetchRun(job.delta1, 3 * sizeof(float), ahead);
+        PrefetchRun(job.delta0, 3 * sizeof(float), from, count);
+        PrefetchRun(job.delta1, 3 * sizeof(float), from, count);
       }
-      PrefetchRun(job.bones, job.influences, ahead);
-      PrefetchRun(job.weights, job.influences * sizeof(float), ahead);
-      PrefetchRun(job.out, job.out_stride_bytes, ahead);
+      PrefetchRun(job.bones, job.influences, from, count);
+      PrefetchRun(job.weights, job.influences * sizeof(float), from, count);
+      PrefetchRun(job.out, job.out_stride_bytes, ahead, kRun);
     }
     if (job.ahead != nullptr) PrefetchBytes(reinterpret_cast<uintptr_t>(job.ahead) + 12 * first, 12 * kRun);
     skin(job, first, HWY_MIN(first + kRun, last));

@@ -10,6 +10,7 @@ TestModel Sound(const Corruption& corruption) {
   spec.skeleton = corruption.stages != DCLOTH_STAGES_STATIC;
   spec.integer_layers = corruption.integer_layers;
   spec.body = spec.touch = corruption.touch;
+  spec.coarse = corruption.coarse;
   spec.rank = corruption.rank;
   return BuildModel(spec);
 }

@@ -26,6 +26,7 @@ struct Corruption {
   uint32_t stages = DCLOTH_STAGES_MESH;  // of the sound model
   bool integer_layers = false;           // in it
   bool touch = false;                    // a body in parts in it
+  bool coarse = false;                   // a coarse mesh in it
   uint32_t rank = 0;                     // of its basis, where that is reduced
 };
 

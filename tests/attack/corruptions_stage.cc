@@ -235,6 +235,34 @@ std::vector<Corruption> IntegerLayers() {
   };
 }
 
+// Of every second of 60 vertices.
+std::vector<Corruption> CoarseMesh() {
+  using G = format::GarmentT;
+  using Spoil = std::function<void(M*, G*)>;
+  const auto spoil = [](const char* name, const char* field, const char* reason, const Spoil& how) {
+    Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->garment.get()); }};
+    corruption.coarse = true;
+    return corruption;
+  };
+  return {
+      spoil("coarse_vertex_beyond", "garment.coarse_vertices[29]: ", "found 60; allowed: indices below 60",
+            [](M* m, G* g) { *Data<uint16_t>(m, *g->coarse_vertices, 29) = 60; }),
+      spoil("coarse_vertex_twice", "garment.coarse_vertices[7]: ", "found an index that does not rise",
+            [](M* m, G* g) { *Data<uint16_t>(m, *g->coarse_vertices, 7) = 12; }),
+      spoil("coarse_vertices_two", "garment.coarse_vertices.shape[0]: ", "found 2; allowed: 3 to 60",
+            [](M*, G* g) { g->coarse_vertices->shape[0] = 2; }),
+      spoil("coarse_vertices_alone", "garment.coarse_faces: ", "allowed: both coarse_vertices and coarse_faces",
+            [](M*, G* g) { g->coarse_faces.reset(); }),
+      spoil("coarse_faces_alone", "garment.coarse_vertices: ", "allowed: both coarse_vertices and coarse_faces",
+            [](M*, G* g) { g->coarse_vertices.reset(); }),
+      // Below the garment's vertices, not below the coarse mesh's.
+      spoil("coarse_face_beyond", "garment.coarse_faces[83]: ", "found 30; allowed: indices below 30",
+            [](M* m, G* g) { *Data<uint16_t>(m, *g->coarse_faces, 83) = 30; }),
+      spoil("coarse_faces_none", "garment.coarse_faces.shape[0]: ", "found 0; allowed: 1 to 1048576",
+            [](M*, G* g) { g->coarse_faces->shape[0] = 0; }),
+  };
+}
+
 // Of the egg's 17 vertices and the garment's 60; the body's other fields are in format_body_test.cc.
 std::vector<Corruption> BodyParts() {
   using B = format::BodyT;
@@ -288,7 +316,7 @@ std::vector<Corruption> BodyParts() {
 
 std::vector<Corruption> StageCorruptions() {
   std::vector<Corruption> all = IndicesAndWeights();
-  for (const auto& more : {GraphRows(), Layers(), IntegerLayers(), BodyParts(), StagesThatDoNotFit()})
+  for (const auto& more : {GraphRows(), Layers(), IntegerLayers(), CoarseMesh(), BodyParts(), StagesThatDoNotFit()})
     all.insert(all.end(), more.begin(), more.end());
   return all;
 }

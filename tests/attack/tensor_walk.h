@@ -33,7 +33,8 @@ inline size_t StoredElements(const format::TensorT& tensor) {
 class TensorWalk {
  public:
   explicit TensorWalk(format::ModelT* m) {
-    Add(m->garment->template_positions, m->garment->faces, m->character->inverse_bind);
+    Add(m->garment->template_positions, m->garment->faces, m->garment->coarse_vertices, m->garment->coarse_faces,
+        m->character->inverse_bind);
     Add(m->features->mean, m->features->inverse_deviation, m->features->low, m->features->high);
     Add(m->static_stage->pivots, m->static_stage->influence_bones, m->static_stage->influence_weights);
     AddLinear(m->static_stage->hidden, m->static_stage->increments);

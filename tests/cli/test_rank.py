@@ -41,7 +41,7 @@ def test_a_rank_that_is_there_is_used_unasked(dcloth, files, low_rank, tmp_path)
     assert shapes["mesh_stage.coefficients.weights"][1] == rows
     assert whole["model_bytes"] - said["model_bytes"] > 0.9 * (FULL - rows) * 3 * small_garment.VERTICES
     mesh_error(said["trials"][0]["error"])
-    assert json.loads(dcloth("inspect", out, "--json").stdout)["format"] == "1.5"
+    assert json.loads(dcloth("inspect", out, "--json").stdout)["format"] == "1.6"
 
 
 def test_given_ranks_trade_millimetres(dcloth, files, tmp_path):

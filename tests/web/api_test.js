@@ -4,7 +4,7 @@ import test from "node:test";
 import { bytesOf, load, model as modelFile, site, tensorsOf } from "./files.js";
 import { transpose } from "./playback.js";
 
-const { Axis, DClothError, FrameFlags, Levels, Stages, STEPS } = await import(`${site}/dcloth/index.js`);
+const { Axis, DClothError, Draw, FrameFlags, Levels, Stages, STEPS } = await import(`${site}/dcloth/index.js`);
 const engine = await load("simd");
 const file = bytesOf(modelFile);
 const sequence = tensorsOf(`${site}/garment/walk_turn.safetensors`);
@@ -353,6 +353,52 @@ test("a scene keeps to its budget", () => {
   refused(() => scene.setImportance(0, NaN), "ARGUMENT", /importance/);
   assert.throws(() => scene.level(6), /character 6 of a scene of 6/);
   for (const each of [scene, ...cloths, model]) each.dispose();
+  assert.equal(engine.memory.blockCount, 0);
+});
+
+test("less of a frame is drawn", () => {
+  const model = engine.openModel(file);
+  const uv = Float32Array.from({ length: 2 * model.vertexCount }, (_, i) => (i % 2 ? 0.37 * i : 0.11 * i) % 1);
+  const [full, less] = [model.createCloth({ jointNames, uv }), model.createCloth({ jointNames, uv })];
+  const coarse = model.coarseVertices;
+  assert.equal(coarse.length, model.vertexCount >> 1);
+  assert.ok(model.coarseTriangles.length % 3 === 0 && Math.max(...model.coarseTriangles) === coarse.length - 1);
+  /** @type {(draw: number, f: number) => void} */
+  const step = (draw, f) => {
+    for (const each of [full, less]) pose(each, f);
+    full.update(1 / 30);
+    less.update(1 / 30, less.stages, less.flags, draw);
+  };
+  for (let f = 0; f < 10; ++f) step(Draw.FULL, f);
+  assert.deepEqual(less.tangents, full.tangents);
+  const [positions, normals] = [less.positions.slice(), less.normals.slice()];
+  step(Draw.NONE, 10);
+  assert.deepEqual(less.positions, positions, "an undrawn frame leaves the vertices");
+  step(Draw.POSITIONS, 11);
+  assert.deepEqual(less.positions, full.positions);
+  assert.deepEqual(less.normals, normals, "and this one the normals");
+  step(Draw.COARSE, 12);
+  coarse.forEach((vertex, i) => assert.deepEqual(less.positions.slice(3 * i, 3 * i + 3),
+    full.positions.slice(3 * vertex, 3 * vertex + 3)));
+  for (let i = 0; i < coarse.length; ++i) {
+    assert.ok(Math.abs(Math.hypot(...less.normals.slice(3 * i, 3 * i + 3)) - 1) < 1e-5);
+    assert.ok(Math.abs(Math.hypot(...less.tangents.slice(4 * i, 4 * i + 3)) - 1) < 1e-5);
+  }
+  step(Draw.FULL, 13);
+  assert.deepEqual([less.positions, less.normals, less.tangents], [full.positions, full.normals, full.tangents]);
+  const scene = engine.createScene(2);
+  const costs = { drawMicroseconds: 100, tickMicroseconds: [0, 10, 100, 100, 1000], errorMm: [20, 12, 3.6, 3.5, 3] };
+  scene.set(0, { cloth: full, importance: 1, ...costs });
+  scene.set(1, { cloth: less, importance: 0.01, positionsMicroseconds: 80, coarseMicroseconds: 50, undrawnMicroseconds: 1,
+    mostUndrawn: 3, ...costs });
+  const seen = [0, 0, 0, 0];
+  for (let frame = 0; frame < 8; ++frame) {
+    scene.plan(1 / 60, 130);
+    assert.equal(scene.draw(0), Draw.FULL, "nothing less was offered");
+    ++seen[scene.draw(1)];
+  }
+  assert.deepEqual(seen, [6, 2, 0, 0], "the coarse mesh in every fourth frame");
+  for (const each of [scene, full, less, model]) each.dispose();
   assert.equal(engine.memory.blockCount, 0);
 });
 

@@ -113,6 +113,13 @@ typedef struct dcloth_model_info {
   const uint16_t* triangles; /* [triangle_count, 3], in the model bytes; counter-clockwise seen from outside */
   const float* positions;    /* [vertex_count, 3], in the model bytes: the garment in the bind pose of training, in
                                 metres and the default axes. Since 0.2 */
+  /* The coarse mesh, about half of the vertices, for characters that are far away: see DCLOTH_OUTPUT_COARSE. All are
+   * null and 0 in files before format 1.6. Since 0.2 */
+  const uint16_t* coarse_vertices;  /* [coarse_vertex_count], in the model bytes, rising: the garment's vertices that it
+                                       has; take texture coordinates and materials from there */
+  const uint16_t* coarse_triangles; /* [coarse_triangle_count, 3], in the model bytes: indices of coarse vertices */
+  uint32_t coarse_vertex_count;
+  uint32_t coarse_triangle_count;
 } dcloth_model_info;
 
 /* The host's axes and unit, as the character stands in its bind pose. Conversion costs no time per vertex.
@@ -232,7 +239,11 @@ enum {
    * by up to three times that where cloth was laid. Other vertices stay. Both steps have a budget per frame, so in
    * impossible poses some vertices may stay inside. Each frame stands alone; the network's state does not change. Only
    * skin that the vertex could touch in training counts. Does nothing where dcloth_model_body_vertex_count is 0. */
-  DCLOTH_OUTPUT_OUTSIDE_BODY = 1
+  DCLOTH_OUTPUT_OUTSIDE_BODY = 1,
+  /* Writes the coarse mesh instead: vertex_count is dcloth_model_info.coarse_vertex_count, vertex i is vertex
+   * coarse_vertices[i] of the garment, and normals and tangents are those of coarse_triangles. It costs half of the
+   * drawing; the ticks are the same. Not together with DCLOTH_OUTPUT_OUTSIDE_BODY. Since 0.2 */
+  DCLOTH_OUTPUT_COARSE = 2
 };
 
 /* Where the vertices are written. Each attribute has the address of the first vertex, the distance to the next one and
@@ -244,7 +255,7 @@ enum {
  * that is slow to read. */
 typedef struct dcloth_output {
   uint32_t struct_size;          /* set to sizeof(dcloth_output) */
-  uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count */
+  uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count, or coarse_vertex_count */
   void* positions;               /* 3 numbers each: world, host's unit */
   uint32_t position_stride_bytes;
   uint32_t normal_stride_bytes;

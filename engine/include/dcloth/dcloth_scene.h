@@ -7,11 +7,15 @@
  * `seconds`, in any order and on any threads. Do not plan while a cloth of the scene is being updated. Numbers above
  * 1e9 count as 1e9.
  *
- * Promises, in the costs as given. A plan costs at most the budget, if the budget covers the drawing of all characters.
- * If it also covers the longest tick of the levels in use, no character waits for its tick for more frames than there
- * are characters; a character at FROZEN waits at most that long after a second has passed. Idle cloths cost no tick.
- * The frame in which one wakes is paid from what the others leave over; if that is too little, it wakes in the next
- * frame. */
+ * Drawing has levels of its own (DCLOTH_DRAW_*). Where it takes too much of the budget, characters lose normals in every
+ * second frame, then half of their vertices, then whole frames: those first that matter least. Half of the budget always
+ * goes to ticks, if they need it.
+ *
+ * Promises, in the costs as given. A plan costs at most the budget, if the budget covers the least drawing of all
+ * characters that their costs allow. If it also covers the longest tick of the levels in use, no character waits for its
+ * tick for more frames than there are characters; a character at FROZEN waits at most that long after a second has
+ * passed. Idle cloths cost no tick. The frame in which one wakes is paid from what the others leave over; if that is too
+ * little, it wakes in the next frame. */
 #ifndef DCLOTH_DCLOTH_SCENE_H_
 #define DCLOTH_DCLOTH_SCENE_H_
 
@@ -33,6 +37,16 @@ enum {
   DCLOTH_LEVEL_COUNT
 };
 
+/* What is drawn of a character in a frame. */
+enum {
+  DCLOTH_DRAW_NONE = 0,  /* update without an output. Keep the vertices of its last drawing and move them with the
+                            character's hips; hide a character that was never drawn */
+  DCLOTH_DRAW_COARSE,    /* the coarse mesh, with normals: DCLOTH_OUTPUT_COARSE */
+  DCLOTH_DRAW_POSITIONS, /* the garment without normals: keep those of its last drawing */
+  DCLOTH_DRAW_FULL,      /* the garment with all that you draw of it */
+  DCLOTH_DRAW_COUNT
+};
+
 /* Length of arrays in dcloth_scene_character. It never changes; a further level would be a further field. */
 #define DCLOTH_SCENE_LEVELS 5
 
@@ -47,6 +61,13 @@ typedef struct dcloth_scene_character {
   float tick_microseconds[DCLOTH_SCENE_LEVELS];
   /* Error of each level, from `dcloth evaluate`. It decides which raise is worth most. */
   float error_mm[DCLOTH_SCENE_LEVELS];
+  /* Cost of a frame without a tick that draws less: positions alone, the coarse mesh, nothing. Positions or a coarse mesh
+   * of cost 0 are never chosen, so that a host that sets nothing here draws everything in every frame. Since 0.2 */
+  float positions_microseconds;
+  float coarse_microseconds;
+  float undrawn_microseconds;
+  uint32_t most_undrawn;    /* frames in a row that may pass without drawing it, 0 to 15; larger numbers count as 15.
+                               Since 0.2 */
 } dcloth_scene_character;
 
 typedef struct dcloth_scene_frame {
@@ -65,6 +86,7 @@ typedef struct dcloth_scene_choice {
   uint32_t ticks;        /* ticks that run in this frame */
   float microseconds;    /* planned cost, in the costs as given, before scaling */
   float stale_seconds;   /* time since the character's last tick, this frame included */
+  uint32_t draw;         /* DCLOTH_DRAW_*. Since 0.2 */
 } dcloth_scene_choice;
 
 /* Returns the exact number of bytes that a scene needs.

@@ -79,8 +79,7 @@ bool CheckTimer(const dcloth_timer* timer, Diagnostic* diagnostic) {
 }
 
 bool ReadOutput(const dcloth_output* given, const ModelView& model, dcloth_output* output, Diagnostic* diagnostic) {
-  return Read(given, "output", output, diagnostic) &&
-         dcloth::engine::CheckOutput(*output, model.vertex_count, diagnostic);
+  return Read(given, "output", output, diagnostic) && dcloth::engine::CheckOutput(*output, model, diagnostic);
 }
 
 // At most what the model holds: a host need not know.
@@ -171,6 +170,10 @@ dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info
   filled.precision = view.precision;
   filled.triangles = view.faces;
   filled.positions = view.template_positions;
+  filled.coarse_vertices = view.coarse.vertices;
+  filled.coarse_triangles = view.coarse.faces;
+  filled.coarse_vertex_count = view.coarse.vertex_count;
+  filled.coarse_triangle_count = view.coarse.triangle_count;
   dcloth::engine::WriteStruct(filled, info);
   return DCLOTH_OK;
 }

@@ -40,8 +40,9 @@ bool AreUsable(const float* values) {
 
 bool CharacterIsUsable(const dcloth_scene_character& character) {
   return character.cloth != nullptr && character.top_level < DCLOTH_LEVEL_COUNT && IsUsable(character.importance) &&
-         IsUsable(character.draw_microseconds) && AreUsable(character.tick_microseconds) &&
-         AreUsable(character.error_mm);
+         IsUsable(character.draw_microseconds) && IsUsable(character.positions_microseconds) &&
+         IsUsable(character.coarse_microseconds) && IsUsable(character.undrawn_microseconds) &&
+         AreUsable(character.tick_microseconds) && AreUsable(character.error_mm);
 }
 
 bool FrameIsUsable(const dcloth_scene_frame& frame) {
@@ -86,6 +87,9 @@ dcloth_status dcloth_scene_set(dcloth_scene* scene, uint32_t index, const dcloth
   if (!CharacterIsUsable(limited)) return DCLOTH_ERROR_ARGUMENT;
   Limit(&limited.importance);
   Limit(&limited.draw_microseconds);
+  Limit(&limited.positions_microseconds);
+  Limit(&limited.coarse_microseconds);
+  Limit(&limited.undrawn_microseconds);
   for (float& cost : limited.tick_microseconds) Limit(&cost);
   for (float& error : limited.error_mm) Limit(&error);
   dcloth::engine::SetCharacter(limited, &SceneOf(scene)->characters[index]);
@@ -126,6 +130,7 @@ dcloth_status dcloth_scene_get(const dcloth_scene* scene, uint32_t index, dcloth
   filled.ticks = character.ticks;
   filled.microseconds = static_cast<float>(character.microseconds);
   filled.stale_seconds = static_cast<float>(character.stale_seconds);
+  filled.draw = character.draw;
   dcloth::engine::WriteStruct(filled, choice);
   return DCLOTH_OK;
 }

@@ -2,21 +2,21 @@
 
 namespace dcloth::engine {
 
-void RunNormals(const kernels::KernelTable& kernels, const format::ModelView& model, const Surface& surface) {
+void RunNormals(const kernels::KernelTable& kernels, const DrawnMesh& mesh, const Surface& surface) {
   if (surface.normals == nullptr) return;
   kernels::NormalsJob job = {};
   job.positions = surface.positions;
   job.position_stride_bytes = surface.position_stride_bytes;
-  job.triangles = model.faces;
+  job.triangles = mesh.faces;
   job.normals = surface.normals;
   job.normal_stride_bytes = surface.normal_stride_bytes;
-  job.vertices = model.vertex_count;
-  job.triangle_count = model.triangle_count;
+  job.vertices = mesh.vertex_count;
+  job.triangle_count = mesh.triangle_count;
   kernels.normals(job);
 }
 
-void RunTangents(const kernels::KernelTable& kernels, const format::ModelView& model, bool mirrored,
-                 const dcloth_output& output, const Surface& surface) {
+void RunTangents(const kernels::KernelTable& kernels, const DrawnMesh& mesh, bool mirrored, const dcloth_output& output,
+                 const Surface& surface) {
   if (surface.tangents == nullptr) return;
   kernels::TangentsJob job = {};
   job.positions = surface.positions;
@@ -27,9 +27,9 @@ void RunTangents(const kernels::KernelTable& kernels, const format::ModelView& m
   job.texture_stride_bytes = output.texture_stride_bytes;
   job.tangents = surface.tangents;
   job.tangent_stride_bytes = surface.tangent_stride_bytes;
-  job.triangles = model.faces;
-  job.vertices = model.vertex_count;
-  job.triangle_count = model.triangle_count;
+  job.triangles = mesh.faces;
+  job.vertices = mesh.vertex_count;
+  job.triangle_count = mesh.triangle_count;
   job.hand = mirrored ? -1.0f : 1.0f;
   kernels.tangents(job);
 }

@@ -2,7 +2,6 @@
 #ifndef DCLOTH_ENGINE_SRC_DRAW_NORMALS_H_
 #define DCLOTH_ENGINE_SRC_DRAW_NORMALS_H_
 
-#include "engine/format/view.h"
 #include "engine/src/draw/output.h"
 #include "kernels/kernels.h"
 
@@ -10,13 +9,13 @@ namespace dcloth::engine {
 
 // Run it while positions are relative to the hips: ten kilometres out, world floats are a millimetre apart and normals
 // from them would be noise. Does nothing where surface.normals is null.
-void RunNormals(const kernels::KernelTable& kernels, const format::ModelView& model, const Surface& surface);
+void RunNormals(const kernels::KernelTable& kernels, const DrawnMesh& mesh, const Surface& surface);
 
 // xyz: the direction in which u grows, the triangles' (dP/du |det|) summed, made perpendicular to the normal
 // and unit. w: 1 or -1, so that the bitangent is w cross(normal, tangent); `mirrored` as in Space. Run it
 // after the normals and before FinishOutput. Does nothing where surface.tangents is null.
-void RunTangents(const kernels::KernelTable& kernels, const format::ModelView& model, bool mirrored,
-                 const dcloth_output& output, const Surface& surface);
+void RunTangents(const kernels::KernelTable& kernels, const DrawnMesh& mesh, bool mirrored, const dcloth_output& output,
+                 const Surface& surface);
 
 }  // namespace dcloth::engine
 

@@ -54,23 +54,38 @@ void Store(const kernels::KernelTable& kernels, const Attribute& attribute, cons
 
 }  // namespace
 
-bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Diagnostic* diagnostic) {
+DrawnMesh MeshOf(const format::ModelView& model, const dcloth_output& output) {
+  if ((output.flags & DCLOTH_OUTPUT_COARSE) == 0)
+    return {nullptr, model.faces, model.vertex_count, model.triangle_count};
+  return {model.coarse.vertices, model.coarse.faces, model.coarse.vertex_count, model.coarse.triangle_count};
+}
+
+bool CheckOutput(const dcloth_output& output, const format::ModelView& model, format::Diagnostic* diagnostic) {
   const auto refuse = [diagnostic](const char* field, const char* found, const char* allowed) {
     const format::Path parent = {nullptr, "output"}, path = {&parent, field};
     return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, found, allowed, "");
   };
+  constexpr uint32_t kFlags = DCLOTH_OUTPUT_OUTSIDE_BODY | DCLOTH_OUTPUT_COARSE;
+  if ((output.flags & ~kFlags) != 0) return refuse("flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
+  const bool coarse = (output.flags & DCLOTH_OUTPUT_COARSE) != 0;
+  if (coarse && model.coarse.vertex_count == 0)
+    return refuse("flags", "DCLOTH_OUTPUT_COARSE, for a model without a coarse mesh",
+                  "a model of format 1.6 that has one");
+  if (output.flags == kFlags)
+    return refuse("flags", "DCLOTH_OUTPUT_COARSE with DCLOTH_OUTPUT_OUTSIDE_BODY", "one of the two");
+  const uint32_t vertex_count = MeshOf(model, output).vertex_count;
   if (output.vertex_count != vertex_count) {
     const format::Path parent = {nullptr, "output"}, path = {&parent, "vertex_count"};
-    char allowed[32];
-    format::Text(allowed, sizeof(allowed)).Add(uint64_t{vertex_count}).Add(", the model's");
+    char allowed[48];
+    format::Text(allowed, sizeof(allowed))
+        .Add(uint64_t{vertex_count})
+        .Add(coarse ? ", of the model's coarse mesh" : ", the model's");
     return diagnostic->FailCount(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, output.vertex_count, "", allowed, "");
   }
   constexpr char kAttribute[] = "an invalid pointer, stride or format";
   constexpr char kAttributes[] =
       "DCLOTH_FORMAT_*; address and stride divisible by the size of a number; stride no less than the attribute's "
       "bytes";
-  if ((output.flags & ~uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY}) != 0)
-    return refuse("flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
   if (output.positions == nullptr) return refuse("positions", "a null pointer", "memory for the positions");
   if (!IsUsable(Positions(output))) return refuse("positions", kAttribute, kAttributes);
   if (output.normals != nullptr && !IsUsable(Normals(output))) return refuse("normals", kAttribute, kAttributes);

@@ -6,6 +6,7 @@
 
 #include "dcloth/dcloth.h"
 #include "engine/format/diagnostic.h"
+#include "engine/format/view.h"
 #include "engine/src/pose/space.h"
 #include "kernels/kernels.h"
 
@@ -22,8 +23,17 @@ struct Surface {
   size_t tangent_stride_bytes;
 };
 
+// What an output draws: the garment, or its coarse mesh.
+struct DrawnMesh {
+  const uint16_t* vertices;  // [vertex_count], which of the garment's they are; null for all of them
+  const uint16_t* faces;     // [triangle_count, 3], indices of drawn vertices
+  uint32_t vertex_count;
+  uint32_t triangle_count;
+};
+DrawnMesh MeshOf(const format::ModelView& model, const dcloth_output& output);
+
 // Tells the first thing that is wrong with an output; `output` is not touched.
-bool CheckOutput(const dcloth_output& output, uint32_t vertex_count, format::Diagnostic* diagnostic);
+bool CheckOutput(const dcloth_output& output, const format::ModelView& model, format::Diagnostic* diagnostic);
 
 // Bytes of scratch that the output's formats need; 0 where all are floats.
 size_t ScratchBytes(const dcloth_output& output);

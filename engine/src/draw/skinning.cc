@@ -16,7 +16,8 @@ Affine BoneMatrix(const Affine& skin, const double increment[3]) {
 }  // namespace
 
 void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
-                  const SkinPose& skin, const TickPair& ticks, float* matrices, const Surface& surface) {
+                  const SkinPose& skin, const TickPair& ticks, float* matrices, const DrawnMesh& mesh,
+                  const Surface& surface) {
   const format::StaticStageView& stage = model.static_stage;
   const double blend = static_cast<double>(ticks.blend);
   for (size_t bone = 0; bone < stage.bone_count; ++bone) {
@@ -37,7 +38,8 @@ void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& 
   job.weights = stage.influence_weights;
   job.out = surface.positions;
   job.out_stride_bytes = surface.position_stride_bytes;
-  job.vertices = model.vertex_count;
+  job.chosen = mesh.vertices;
+  job.vertices = mesh.vertex_count;
   job.influences = stage.influences;
   job.blend = ticks.blend;
   // Normals begin with clearing their sums: 8 us less for the skirt with emptied caches, 1 more with warm ones.

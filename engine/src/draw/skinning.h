@@ -18,7 +18,8 @@ struct TickPair {
 // Writes positions in the host's space relative to the hips, so that floats stay fine wherever the character
 // is. `matrices` is scratch of [m, 12] floats.
 void SkinRelative(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
-                  const SkinPose& skin, const TickPair& ticks, float* matrices, const Surface& surface);
+                  const SkinPose& skin, const TickPair& ticks, float* matrices, const DrawnMesh& mesh,
+                  const Surface& surface);
 
 }  // namespace dcloth::engine
 

@@ -5,6 +5,7 @@
 #include <new>
 
 #include "engine/src/base/lent_memory.h"
+#include "engine/src/scene/drawing.h"
 #include "engine/src/time/idle.h"
 
 namespace dcloth::engine {
@@ -53,8 +54,8 @@ bool FindRaise(SceneCharacter* character, uint32_t top, double frame_seconds, do
     const double worth = (level <= character->held_level ? kHeldWorth : 1) * gain / cost;
     if (!(worth > character->worth)) continue;
     character->worth = worth;
-    character->raise_level = level;
-    character->raise_share = share;
+    character->next = level;
+    character->next_share = share;
   }
   return character->worth > 0;
 }
@@ -85,14 +86,14 @@ void ChooseLevels(Scene* scene, double left) {
   while (count > 0) {
     std::pop_heap(scene->order, scene->order + count, by_worth);
     SceneCharacter& character = all[scene->order[count - 1]];
-    const double raised = sum + character.raise_share - character.share;
+    const double raised = sum + character.next_share - character.share;
     uint32_t top = character.top_level;
     if (raised <= kFull) {
       sum = raised;
-      character.level = character.raise_level;
-      character.share = character.raise_share;
+      character.level = character.next;
+      character.share = character.next_share;
     } else {
-      top = character.raise_level - 1;
+      top = character.next - 1;
     }
     if (FindRaise(&character, top, scene->frame_seconds, left)) {
       std::push_heap(scene->order, scene->order + count, by_worth);
@@ -134,7 +135,7 @@ double GrantTicks(Scene* scene, double seconds, double left) {
     SceneCharacter& character = all[i];
     if (character.cloth == nullptr) continue;
     character.held = true;
-    character.microseconds = static_cast<double>(character.draw_microseconds);
+    character.microseconds = static_cast<double>(character.draw_microseconds[character.draw]);
     character.stale_seconds += seconds;
     character.ticks = TicksDue(character, seconds);
     if (character.ticks != 0 || IsFrozen(*character.cloth)) {
@@ -172,12 +173,17 @@ double GrantTicks(Scene* scene, double seconds, double left) {
   return spent;
 }
 
+constexpr double kDrawingShare = 0.5;   // of the budget, that drawing may take at any rate
 constexpr double kLongestFrame = 0.1;   // longer ones are hitches, which say nothing of the next frame
 constexpr double kFollowSeconds = 0.1;  // of a new frame in the mean
 constexpr double kFollowSlower = 0.25;  // frames that cost more than planned are believed soon
 constexpr double kFollowFaster = 0.02;  // those that cost less, late
 constexpr double kMostStep = 2;         // a frame that took longer was interrupted
 constexpr double kLeastLoad = 0.5, kMostLoad = 4;
+// What is kept back of the budget, for frames that take longer than the load says: a frame over its budget adds part of
+// what it was over, and it is forgotten within some thousand frames. Steady state: about one frame in a thousand is
+// over.
+constexpr double kReserveOfOver = 0.3, kMostOver = 0.2, kMostReserve = 0.25, kReserveKept = 1 - 1.0 / 2000;
 
 uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {
   const uint32_t stages = ModelStages(*cloth.model);
@@ -187,6 +193,19 @@ uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {
   return asked < held ? asked : held;
 }
 
+// Of a mean frame in which all are at their top levels, microseconds.
+double WantedTicks(const Scene& scene) {
+  double sum = 0;
+  for (uint32_t i = 0; i < scene.count; ++i) {
+    const SceneCharacter& character = scene.characters[i];
+    if (character.cloth == nullptr || IsFrozen(*character.cloth) || !(character.importance > 0)) continue;
+    const double step = scene.frame_seconds * static_cast<double>(character.cloth->model->tick_rate);
+    sum += std::min(step, static_cast<double>(kMaxTicks)) *
+           static_cast<double>(character.tick_microseconds[character.top_level]);
+  }
+  return sum;
+}
+
 void FollowLoad(double spent, Scene* scene) {
   if (!(spent > 0) || !(scene->planned_microseconds > 0)) return;
   double load = scene->load * spent / scene->planned_microseconds;
@@ -194,6 +213,14 @@ void FollowLoad(double spent, Scene* scene) {
   scene->load += (load > scene->load ? kFollowSlower : kFollowFaster) * (load - scene->load);
   if (scene->load < kLeastLoad) scene->load = kLeastLoad;
   if (scene->load > kMostLoad) scene->load = kMostLoad;
+}
+
+void FollowOverruns(double spent, Scene* scene) {
+  if (!(spent > 0)) return;
+  scene->reserve *= kReserveKept;
+  if (!(spent > scene->budget) || scene->planned_microseconds > scene->budget) return;
+  scene->reserve += kReserveOfOver * std::min(spent / scene->budget - 1, kMostOver);
+  scene->reserve = std::min(scene->reserve, kMostReserve);
 }
 
 void FollowFrame(double seconds, Scene* scene) {
@@ -224,7 +251,11 @@ void SetCharacter(const dcloth_scene_character& character, SceneCharacter* slot)
   slot->cloth = reinterpret_cast<const Cloth*>(character.cloth);
   slot->importance = character.importance;
   slot->top_level = TopLevel(*slot->cloth, character.top_level);
-  slot->draw_microseconds = character.draw_microseconds;
+  slot->draw_microseconds[DCLOTH_DRAW_NONE] = character.undrawn_microseconds;
+  slot->draw_microseconds[DCLOTH_DRAW_COARSE] = character.coarse_microseconds;
+  slot->draw_microseconds[DCLOTH_DRAW_POSITIONS] = character.positions_microseconds;
+  slot->draw_microseconds[DCLOTH_DRAW_FULL] = character.draw_microseconds;
+  slot->most_undrawn = std::min(character.most_undrawn, kMostUndrawn);
   std::memcpy(slot->tick_microseconds, character.tick_microseconds, sizeof(slot->tick_microseconds));
   std::memcpy(slot->error_mm, character.error_mm, sizeof(slot->error_mm));
   slot->held = true;
@@ -233,14 +264,14 @@ void SetCharacter(const dcloth_scene_character& character, SceneCharacter* slot)
 void PlanScene(Scene* scene, const dcloth_scene_frame& frame) {
   const double seconds = static_cast<double>(frame.seconds);
   FollowLoad(static_cast<double>(frame.spent_microseconds), scene);
+  FollowOverruns(static_cast<double>(frame.spent_microseconds), scene);
   FollowFrame(seconds, scene);
-  double drawing = 0;
-  for (uint32_t i = 0; i < scene->count; ++i) {
-    if (scene->characters[i].cloth != nullptr) drawing += static_cast<double>(scene->characters[i].draw_microseconds);
-  }
-  const double left = static_cast<double>(frame.budget_microseconds) / scene->load - drawing;
-  ChooseLevels(scene, left);
-  const double ticking = GrantTicks(scene, seconds, left);
+  scene->budget = static_cast<double>(frame.budget_microseconds);
+  const double budget = scene->budget * (1 - scene->reserve) / scene->load;
+  const DrawingCosts costs = ChooseDetails(scene, std::max(kDrawingShare * budget, budget - WantedTicks(*scene)));
+  const double drawing = GrantDrawing(scene);
+  ChooseLevels(scene, budget - costs.longest);
+  const double ticking = GrantTicks(scene, seconds, budget - drawing);
   scene->planned_microseconds = (drawing + ticking) * scene->load;
 }
 

@@ -19,24 +19,31 @@ namespace dcloth::engine {
 // A character at DCLOTH_LEVEL_FROZEN gets a tick of the static stage this often.
 constexpr double kRefreshSeconds = 1;
 
+constexpr uint32_t kMostUndrawn = 15;
+
 struct SceneCharacter {
   const Cloth* cloth;  // null: an empty slot
   float importance;
-  uint32_t top_level;  // that the model and the host allow
-  float draw_microseconds;
+  uint32_t top_level;                          // that the model and the host allow
+  float draw_microseconds[DCLOTH_DRAW_COUNT];  // of a frame without a tick; 0 where it is not offered
+  uint32_t most_undrawn;                       // frames in a row, up to kMostUndrawn
   float tick_microseconds[DCLOTH_LEVEL_COUNT];
   float error_mm[DCLOTH_LEVEL_COUNT];
-  uint32_t level;        // of the last plan
-  uint32_t ticks;        // of the last plan's frame: 0 to kMaxTicks
-  bool held;             // no tick may start in the last plan's frame
-  double microseconds;   // planned for that frame
-  double stale_seconds;  // since a plan last gave it a tick
-  double late_seconds;   // since its tick fell due
+  uint32_t level;          // of the last plan
+  uint32_t ticks;          // of the last plan's frame: 0 to kMaxTicks
+  bool held;               // no tick may start in the last plan's frame
+  double microseconds;     // planned for that frame
+  double stale_seconds;    // since a plan last gave it a tick
+  double late_seconds;     // since its tick fell due
+  uint32_t detail;         // of the last plan, see drawing.cc
+  uint32_t draw;           // of the last plan's frame: DCLOTH_DRAW_*
+  uint32_t drawn;          // the last one that was not DCLOTH_DRAW_NONE
+  uint32_t waited_frames;  // since what its detail does not draw in every frame was drawn
   // Scratch of a plan.
-  uint32_t held_level;   // of the plan before
-  double share;          // of a frame, see ChooseLevels
-  uint32_t raise_level;  // the best raise from here
-  double raise_share, worth;
+  uint32_t held_level, held_detail;  // of the plan before
+  double share;                      // of a frame, see ChooseLevels; microseconds in ChooseDetails
+  uint32_t next;                     // the best raise, or the next lowering
+  double next_share, worth;
 };
 
 struct Scene {
@@ -45,7 +52,12 @@ struct Scene {
   uint32_t* order;              // [count], scratch
   double frame_seconds;         // mean of late
   double load;                  // what frames really cost over what their plans said
+  double reserve;               // share of the budget that is kept back, of late overruns
+  double budget;                // of the last plan, microseconds
   double planned_microseconds;  // of the last plan, `load` included
+  double turns_left;            // microseconds of drawing that earlier frames left over
+  double mean_turns,
+      dearest_turn;  // of the last plan's details: microseconds that take turns in a frame, of the dearest
 };
 
 // With `storage` null it only returns the size.

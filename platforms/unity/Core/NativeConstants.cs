@@ -45,6 +45,7 @@ namespace DCloth
         public const uint DCLOTH_FORMAT_FLOAT32 = 0;
         public const uint DCLOTH_FORMAT_FLOAT16 = 1;
         public const uint DCLOTH_OUTPUT_OUTSIDE_BODY = 1;
+        public const uint DCLOTH_OUTPUT_COARSE = 2;
 
         public const int DCLOTH_STEP_POSE = 0;
         public const int DCLOTH_STEP_STATIC = 1;
@@ -66,6 +67,11 @@ namespace DCloth
         public const uint DCLOTH_LEVEL_MESH = 4;
         public const int DCLOTH_LEVEL_COUNT = 5;
         public const int DCLOTH_SCENE_LEVELS = 5;
+        public const uint DCLOTH_DRAW_NONE = 0;
+        public const uint DCLOTH_DRAW_COARSE = 1;
+        public const uint DCLOTH_DRAW_POSITIONS = 2;
+        public const uint DCLOTH_DRAW_FULL = 3;
+        public const int DCLOTH_DRAW_COUNT = 4;
 
         public const int DCLOTH_FIT_ROLES = 32;
         public const int DCLOTH_ROLE_NONE = 0;

@@ -55,6 +55,10 @@ namespace DCloth
         public byte* precision;
         public ushort* triangles;
         public float* positions;
+        public ushort* coarse_vertices;
+        public ushort* coarse_triangles;
+        public uint coarse_vertex_count;
+        public uint coarse_triangle_count;
     }
 
     [StructLayout(LayoutKind.Sequential)]
@@ -141,6 +145,10 @@ namespace DCloth
         public float draw_microseconds;
         public fixed float tick_microseconds[Native.DCLOTH_SCENE_LEVELS];
         public fixed float error_mm[Native.DCLOTH_SCENE_LEVELS];
+        public float positions_microseconds;
+        public float coarse_microseconds;
+        public float undrawn_microseconds;
+        public uint most_undrawn;
     }
 
     [StructLayout(LayoutKind.Sequential)]
@@ -162,6 +170,7 @@ namespace DCloth
         public uint ticks;
         public float microseconds;
         public float stale_seconds;
+        public uint draw;
     }
 
     [StructLayout(LayoutKind.Sequential)]

@@ -39,6 +39,7 @@ export const DCLOTH_FRAME_FREEZE_IDLE = 16;
 export const DCLOTH_FORMAT_FLOAT32 = 0;
 export const DCLOTH_FORMAT_FLOAT16 = 1;
 export const DCLOTH_OUTPUT_OUTSIDE_BODY = 1;
+export const DCLOTH_OUTPUT_COARSE = 2;
 export const DCLOTH_STEP_POSE = 0;
 export const DCLOTH_STEP_STATIC = 1;
 export const DCLOTH_STEP_SKELETON = 2;
@@ -87,6 +88,11 @@ export const DCLOTH_LEVEL_SKELETON = 2;
 export const DCLOTH_LEVEL_HALF_RATE_MESH = 3;
 export const DCLOTH_LEVEL_MESH = 4;
 export const DCLOTH_LEVEL_COUNT = 5;
+export const DCLOTH_DRAW_NONE = 0;
+export const DCLOTH_DRAW_COARSE = 1;
+export const DCLOTH_DRAW_POSITIONS = 2;
+export const DCLOTH_DRAW_FULL = 3;
+export const DCLOTH_DRAW_COUNT = 4;
 
 export const dcloth_character = Object.freeze({
   bytes: 52,
@@ -159,7 +165,7 @@ export const dcloth_frame = Object.freeze({
 });
 
 export const dcloth_model_info = Object.freeze({
-  bytes: 48,
+  bytes: 64,
   struct_size: 0,
   joint_count: 4,
   vertex_count: 8,
@@ -172,6 +178,10 @@ export const dcloth_model_info = Object.freeze({
   precision: 36,
   triangles: 40,
   positions: 44,
+  coarse_vertices: 48,
+  coarse_triangles: 52,
+  coarse_vertex_count: 56,
+  coarse_triangle_count: 60,
 });
 
 export const dcloth_output = Object.freeze({
@@ -205,7 +215,7 @@ export const dcloth_pose = Object.freeze({
 });
 
 export const dcloth_scene_character = Object.freeze({
-  bytes: 60,
+  bytes: 76,
   struct_size: 0,
   top_level: 4,
   cloth: 8,
@@ -213,10 +223,14 @@ export const dcloth_scene_character = Object.freeze({
   draw_microseconds: 16,
   tick_microseconds: 20,
   error_mm: 40,
+  positions_microseconds: 60,
+  coarse_microseconds: 64,
+  undrawn_microseconds: 68,
+  most_undrawn: 72,
 });
 
 export const dcloth_scene_choice = Object.freeze({
-  bytes: 28,
+  bytes: 32,
   struct_size: 0,
   level: 4,
   stages: 8,
@@ -224,6 +238,7 @@ export const dcloth_scene_choice = Object.freeze({
   ticks: 16,
   microseconds: 20,
   stale_seconds: 24,
+  draw: 28,
 });
 
 export const dcloth_scene_frame = Object.freeze({

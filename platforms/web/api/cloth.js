@@ -46,6 +46,7 @@ export class Cloth {
   #frame = 0;
   #output = 0;
   #info = 0;
+  #normals = false;
   #jumped = false;
   #held = false;
   /** @type {{ start: number, floats: number, view: Float32Array }[]} */
@@ -67,6 +68,7 @@ export class Cloth {
     }
     model.retain();
     this.#held = true;
+    this.#normals = normals;
     this.model = model;
     this.#engine = engine;
     this.#storage = 0;
@@ -76,8 +78,9 @@ export class Cloth {
     /** @type {Fit | null} how the garment fits the character of the options */
     this.fit = null;
     const n = model.vertexCount;
+    const coarse = model.coarseVertices;
     const floats = [this.jointCount * MATRIX_FLOATS, 3 * n, normals ? 3 * n : 0, uv ? 4 * n : 0, BOUNDS_FLOATS,
-      uv ? 2 * n : 0, 3];
+      uv ? 2 * n : 0, 3, uv ? 2 * coarse.length : 0];
     const structBytes = STRUCTS.reduce((sum, struct) => sum + round16(struct.bytes), 0);
     try {
       this.#storage = memory.lend(model.clothBytes);
@@ -107,7 +110,10 @@ export class Cloth {
     };
     [this.#pose, this.#frame, this.#output, this.#info] = STRUCTS.map((struct) => take(struct.bytes));
     this.#views = floats.map((count) => ({ start: take(4 * count), floats: count, view: new Float32Array(0) }));
-    if (uv) this.#view(5).set(uv);
+    if (uv) {
+      this.#view(5).set(uv);
+      coarse.forEach((vertex, i) => this.#view(7).set([uv[2 * vertex], uv[2 * vertex + 1]], 2 * i));
+    }
 
     /** Which stages run from now on, DCLOTH_STAGES_* of `Stages`. */
     this.stages = model.stages;
@@ -121,7 +127,7 @@ export class Cloth {
     this.timer = null;
     /** Of the last describe(). */
     this.info = new ClothInfo(memory, this.#info);
-    this.#fillStructs(options.rowMajor ? 0 : 1, normals, uv !== undefined);
+    this.#fillStructs(options.rowMajor ? 0 : 1);
   }
 
   /** [jointCount, 16] joint to world, to be written before update. The array is another one after memory has grown. */
@@ -156,7 +162,8 @@ export class Cloth {
   }
 
   /** [vertexCount, 3] of the last frame drawn, in the engine's memory: for a GPU upload without a copy. The array is
-   * another one after memory has grown; take it anew for each frame. */
+   * another one after memory has grown; take it anew for each frame. After Draw.COARSE it begins with the coarse mesh's
+   * vertices, as normals and tangents do. */
   get positions() {
     return this.#view(1);
   }
@@ -178,15 +185,16 @@ export class Cloth {
    * @param {number} seconds since the last one, 0 or more
    * @param {number} [stages]
    * @param {number} [flags] FrameFlags
+   * @param {number} [draw] one of Draw; the coarse mesh is not kept outside of the body
    */
-  update(seconds, stages = this.stages, flags = this.flags) {
+  update(seconds, stages = this.stages, flags = this.flags, draw = abi.DCLOTH_DRAW_FULL) {
     this.#checkAlive("dcloth_cloth_update");
     const { exports, memory } = this.#engine;
     const frame = this.#frame;
     memory.u32[(frame + abi.dcloth_frame.stages) / 4] = stages;
     memory.f32[(frame + abi.dcloth_frame.seconds) / 4] = seconds;
     memory.u32[(frame + abi.dcloth_frame.flags) / 4] = flags | (this.#jumped ? abi.DCLOTH_FRAME_JUMPED : 0);
-    const output = this.visible ? this.#prepareOutput() : 0;
+    const output = this.visible && draw !== abi.DCLOTH_DRAW_NONE ? this.#prepareOutput(draw) : 0;
     throwUnlessOk(exports.dcloth_cloth_update(this.address, this.#pose, frame, output, this.timer?.address ?? 0),
       "dcloth_cloth_update");
     this.#jumped = false;
@@ -204,7 +212,7 @@ export class Cloth {
   /** @param {number} blend 0: the tick before the last one, 1: the last one */
   skin(blend) {
     this.#checkAlive("dcloth_cloth_skin");
-    const output = this.#prepareOutput();
+    const output = this.#prepareOutput(abi.DCLOTH_DRAW_FULL);
     throwUnlessOk(
       this.#engine.exports.dcloth_cloth_skin(this.address, this.#pose, blend, output, this.timer?.address ?? 0),
       "dcloth_cloth_skin");
@@ -284,25 +292,33 @@ export class Cloth {
     throw new DClothError(abi.DCLOTH_ERROR_ARGUMENT, `${call}: this cloth of ${this.model.name} was disposed of`);
   }
 
-  #prepareOutput() {
-    this.#engine.memory.u32[(this.#output + abi.dcloth_output.flags) / 4] =
-      this.outsideBody ? abi.DCLOTH_OUTPUT_OUTSIDE_BODY : 0;
+  /** @param {number} draw */
+  #prepareOutput(draw) {
+    const { u32 } = this.#engine.memory;
+    const o = abi.dcloth_output;
+    const coarse = draw === abi.DCLOTH_DRAW_COARSE;
+    const positionsAlone = draw === abi.DCLOTH_DRAW_POSITIONS;
+    const tangents = this.#views[3].floats !== 0 && !positionsAlone;
+    u32[(this.#output + o.flags) / 4] = coarse ? abi.DCLOTH_OUTPUT_COARSE
+      : this.outsideBody ? abi.DCLOTH_OUTPUT_OUTSIDE_BODY : 0;
+    u32[(this.#output + o.vertex_count) / 4] = coarse ? this.model.coarseVertices.length : this.model.vertexCount;
+    u32[(this.#output + o.normals) / 4] = this.#normals && !positionsAlone ? this.#views[2].start : 0;
+    u32[(this.#output + o.tangents) / 4] = tangents ? this.#views[3].start : 0;
+    u32[(this.#output + o.texture_coordinates) / 4] = tangents ? this.#views[coarse ? 7 : 5].start : 0;
     return this.#output;
   }
 
   /**
    * What stays the same from frame to frame.
    * @param {number} columnMajor
-   * @param {boolean} normals
-   * @param {boolean} tangents
    */
-  #fillStructs(columnMajor, normals, tangents) {
+  #fillStructs(columnMajor) {
     const { u32 } = this.#engine.memory;
     /** @type {(at: number, offset: number, value: number) => void} */
     const put = (at, offset, value) => {
       u32[(at + offset) / 4] = value;
     };
-    const [pose, positions, normal, tangent, bounds, uv] = this.#views.map((entry) => entry.start);
+    const [pose, positions, , , bounds] = this.#views.map((entry) => entry.start);
     const p = abi.dcloth_pose;
     put(this.#pose, p.struct_size, p.bytes);
     put(this.#pose, p.joint_count, this.jointCount);
@@ -313,20 +329,12 @@ export class Cloth {
     put(this.#info, abi.dcloth_cloth_info.struct_size, abi.dcloth_cloth_info.bytes);
     const o = abi.dcloth_output;
     put(this.#output, o.struct_size, o.bytes);
-    put(this.#output, o.vertex_count, this.model.vertexCount);
     put(this.#output, o.positions, positions);
     put(this.#output, o.position_stride_bytes, 12);
     put(this.#output, o.bounds, bounds);
-    if (normals) {
-      put(this.#output, o.normals, normal);
-      put(this.#output, o.normal_stride_bytes, 12);
-    }
-    if (tangents) {
-      put(this.#output, o.tangents, tangent);
-      put(this.#output, o.tangent_stride_bytes, 16);
-      put(this.#output, o.texture_coordinates, uv);
-      put(this.#output, o.texture_stride_bytes, 8);
-    }
+    put(this.#output, o.normal_stride_bytes, 12);
+    put(this.#output, o.tangent_stride_bytes, 16);
+    put(this.#output, o.texture_stride_bytes, 8);
   }
 
   /** @param {readonly string[]} names */

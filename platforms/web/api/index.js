@@ -34,6 +34,14 @@ export const Levels = Object.freeze({
   MESH: abi.DCLOTH_LEVEL_MESH,
 });
 
+/** How a frame is drawn: Cloth.update and Scene.draw. */
+export const Draw = Object.freeze({
+  NONE: abi.DCLOTH_DRAW_NONE,
+  COARSE: abi.DCLOTH_DRAW_COARSE,
+  POSITIONS: abi.DCLOTH_DRAW_POSITIONS,
+  FULL: abi.DCLOTH_DRAW_FULL,
+});
+
 /** Where the character's left, up or forward points. */
 export const Axis = Object.freeze({
   X: abi.DCLOTH_AXIS_X,

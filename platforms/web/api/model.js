@@ -26,6 +26,10 @@ export class Model {
   tickSeconds = 0;
   /** [triangleCount, 3], a copy */
   triangles = new Uint16Array();
+  /** The coarse mesh, for Draw.COARSE: which vertices of the garment it has, rising; empty before format 1.6. A copy. */
+  coarseVertices = new Uint16Array();
+  /** [t, 3], indices into coarseVertices, a copy. */
+  coarseTriangles = new Uint16Array();
 
   /**
    * Use Engine.openModel.
@@ -111,8 +115,11 @@ export class Model {
       this.triangleCount = word(info.triangle_count);
       this.stages = word(info.stages);
       this.tickSeconds = memory.f32[(at + info.tick_seconds) / 4];
-      const triangles = word(info.triangles);
-      this.triangles = new Uint16Array(memory.buffer.slice(triangles, triangles + 6 * this.triangleCount));
+      /** @type {(start: number, count: number) => Uint16Array} */
+      const halfWords = (start, count) => new Uint16Array(memory.buffer.slice(start, start + 2 * count));
+      this.triangles = halfWords(word(info.triangles), 3 * this.triangleCount);
+      this.coarseVertices = halfWords(word(info.coarse_vertices), word(info.coarse_vertex_count));
+      this.coarseTriangles = halfWords(word(info.coarse_triangles), 3 * word(info.coarse_triangle_count));
     });
   }
 

@@ -13,10 +13,14 @@ import { throwUnlessOk } from "./error.js";
  * @property {ArrayLike<number>} tickMicroseconds of one tick at each level
  * @property {ArrayLike<number>} errorMm
  * @property {number} [topLevel] no higher one is wanted
+ * @property {number} [positionsMicroseconds] of a frame without a tick that draws positions alone; not said: never so
+ * @property {number} [coarseMicroseconds] of one that draws the coarse mesh with its normals; not said: never so
+ * @property {number} [undrawnMicroseconds] of one that draws nothing; 0 where not said
+ * @property {number} [mostUndrawn] frames in a row that may pass undrawn; 0 where not said
  */
 
 /**
- * Many characters in one budget. Every frame: plan, then update each cloth with stages(i) and flags(i).
+ * Many characters in one budget. Every frame: plan, then update each cloth with stages(i), flags(i) and draw(i).
  * Errors: DClothError. Cost: plan and update make no garbage.
  */
 export class Scene {
@@ -71,6 +75,10 @@ export class Scene {
         u32[(at + layout.cloth) / 4] = character.cloth.address;
         f32[(at + layout.importance) / 4] = character.importance;
         f32[(at + layout.draw_microseconds) / 4] = character.drawMicroseconds;
+        f32[(at + layout.positions_microseconds) / 4] = character.positionsMicroseconds ?? 0;
+        f32[(at + layout.coarse_microseconds) / 4] = character.coarseMicroseconds ?? 0;
+        f32[(at + layout.undrawn_microseconds) / 4] = character.undrawnMicroseconds ?? 0;
+        u32[(at + layout.most_undrawn) / 4] = character.mostUndrawn ?? 0;
         for (let level = 0; level < abi.DCLOTH_LEVEL_COUNT; ++level) {
           f32[(at + layout.tick_microseconds) / 4 + level] = character.tickMicroseconds[level];
           f32[(at + layout.error_mm) / 4 + level] = character.errorMm[level];
@@ -125,6 +133,10 @@ export class Scene {
   /** For Cloth.update. @param {number} index */
   flags(index) {
     return this.#word(index, abi.dcloth_scene_choice.flags);
+  }
+  /** For Cloth.update, one of Draw. @param {number} index */
+  draw(index) {
+    return this.#word(index, abi.dcloth_scene_choice.draw);
   }
   /** That the frame runs. @param {number} index */
   ticks(index) {

@@ -294,12 +294,12 @@ TEST(BodySurfaceTest, TheEngineOpensIt) {
     ASSERT_FALSE(folded.surface.empty());
     const OpenModel model(WriteModel(Assemble(marked, folded, {precision, {}})));
     EXPECT_EQ(dcloth_model_body_vertex_count(model.model()), folded.surface.vertices.size());
-    EXPECT_EQ(model.info().format_minor, 5u) << "with the orders of the search";
+    EXPECT_EQ(model.info().format_minor, 6u) << "with the coarse mesh";
     marked.touches.assign(60, 1);
     marked.body_parts.assign(12, 1);
     const OpenModel in_parts(WriteModel(Assemble(marked, FoldBundle(marked, 4, 4), {precision, {}})));
     EXPECT_EQ(dcloth_model_body_vertex_count(in_parts.model()), folded.surface.vertices.size());
-    EXPECT_EQ(in_parts.info().format_minor, 5u);
+    EXPECT_EQ(in_parts.info().format_minor, 6u);
   }
 }
 

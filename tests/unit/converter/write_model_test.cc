@@ -57,8 +57,8 @@ TEST(WriteModelTest, TensorsLieInPlaceAndGapsAreZero) {
       }
     }
     // A spot check that fields were not swapped: the last tensors written are the garment's.
-    const format::Tensor& faces = *model.garment()->faces();
-    EXPECT_EQ(faces.offset() + (parts.faces.bytes.size() + 63) / 64 * 64, used.size());
+    const format::Tensor& faces = *model.garment()->coarse_faces();
+    EXPECT_EQ(faces.offset() + (parts.coarse_faces->bytes.size() + 63) / 64 * 64, used.size());
     EXPECT_EQ(faces.shape()->Get(1), 3u);
     EXPECT_EQ(model.mesh_stage()->layers()->size(), 2u);
     EXPECT_EQ(model.displacement()->skeleton_rows() + model.displacement()->mesh_rows(),
@@ -78,6 +78,11 @@ TEST(WriteModelTest, MinorVersionIsThatOfItsParts) {
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
   ModelParts floats = Assemble(bundle, folded, {Precision::kFp32, {}});
   ModelParts integers = Assemble(bundle, folded, {Precision::kInt8, {}});
+  for (ModelParts* parts : {&floats, &integers}) {
+    EXPECT_EQ(minor(*parts), 6) << "a coarse mesh";
+    parts->coarse_vertices.reset();
+    parts->coarse_faces.reset();
+  }
   EXPECT_EQ(minor(floats), 2);
   EXPECT_EQ(minor(integers), 3);
   ASSERT_EQ(integers.mesh->layers.size(), 2u);

@@ -11,6 +11,16 @@
 namespace dcloth::testing {
 namespace {
 
+void AddCoarseMesh(uint32_t n, TensorWriter* writer, format::GarmentT* garment) {
+  std::vector<uint16_t> vertices, faces;
+  for (uint32_t v = 0; v < n; v += 2) vertices.push_back(static_cast<uint16_t>(v));
+  for (uint16_t v = 2; v < vertices.size(); ++v) {
+    for (const int corner : {0, 1, 2}) faces.push_back(static_cast<uint16_t>(v - corner));
+  }
+  garment->coarse_vertices = writer->Add(format::DType_U16, {static_cast<uint32_t>(vertices.size())}, vertices);
+  garment->coarse_faces = writer->Add(format::DType_U16, {static_cast<uint32_t>(faces.size() / 3), 3}, faces);
+}
+
 // A tube of 1 m around the hips, open at both ends.
 void AddTube(const ModelSpec& spec, Numbers* numbers) {
   numbers->n = size_t{spec.rings} * spec.segments;
@@ -244,6 +254,7 @@ TestModel BuildModel(const ModelSpec& spec) {
       writer.Floats({n, 3}, std::vector<float>(numbers.positions.begin(), numbers.positions.end()), &numbers.positions);
   tables.garment->faces =
       writer.Add(format::DType_U16, {static_cast<uint32_t>(numbers.faces.size() / 3), 3}, numbers.faces);
+  if (spec.coarse) AddCoarseMesh(n, &writer, tables.garment.get());
   tables.character = std::make_unique<format::CharacterT>();
   AddSkeleton(spec, &writer, &numbers, tables.character.get());
   tables.features = std::make_unique<format::FeaturesT>();

@@ -73,5 +73,42 @@ TEST_P(SkinningTest, EveryInfluenceCountStrideAndBoneCount) {
   }
 }
 
+// What is drawn of some vertices is what is drawn of all, to the bit: of every second one, of those at the ends, of
+// all.
+TEST_P(SkinningTest, ChosenVerticesAsOfAll) {
+  const size_t vertices = 301;
+  for (const size_t influences : {size_t{1}, size_t{4}, kMaxInfluences}) {
+    Random random(static_cast<uint32_t>(influences));
+    const GuardedBuffer<float> matrices(random.Floats(12 * 24, -2.0f, 2.0f));
+    const GuardedBuffer<float> positions(random.Floats(3 * vertices, -2.0f, 2.0f));
+    const GuardedBuffer<float> delta0(random.Floats(3 * vertices, -0.2f, 0.2f));
+    const GuardedBuffer<float> delta1(random.Floats(3 * vertices, -0.2f, 0.2f));
+    GuardedBuffer<uint8_t> bones(vertices * influences);
+    for (size_t i = 0; i < bones.size(); ++i) bones[i] = static_cast<uint8_t>(random.Below(24));
+    const GuardedBuffer<float> weights(random.Floats(vertices * influences, 0.0f, 1.0f));
+    std::vector<float> all(3 * vertices);
+    SkinningJob job = {matrices.data(), positions.data(), delta0.data(), delta1.data(),
+                       bones.data(),    weights.data(),   all.data(),    12,
+                       vertices,        influences,       0.375f};
+    table().skinning(job);
+    for (const size_t step : {size_t{1}, size_t{2}, size_t{7}, size_t{300}}) {
+      std::vector<uint16_t> rising;
+      for (size_t v = 0; v < vertices; v += step) rising.push_back(static_cast<uint16_t>(v));
+      GuardedBuffer<uint16_t> chosen(rising.size());
+      std::copy(rising.begin(), rising.end(), &chosen[0]);
+      GuardedBuffer<float> out(5 * (rising.size() - 1) + 3);
+      job.chosen = chosen.data();
+      job.vertices = rising.size();
+      job.out = &out[0];
+      job.out_stride_bytes = 5 * sizeof(float);
+      table().skinning(job);
+      ASSERT_TRUE(out.SlackUntouched());
+      for (size_t i = 0; i < rising.size(); ++i)
+        ASSERT_EQ(std::memcmp(&out[5 * i], &all[size_t{3} * rising[i]], 12), 0)
+            << table().name << " step " << step << " " << i;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace dcloth::kernels

@@ -105,6 +105,10 @@ structs! {
         precision: *const c_char,
         triangles: *const u16,
         positions: *const f32,
+        coarse_vertices: *const u16,
+        coarse_triangles: *const u16,
+        coarse_vertex_count: u32,
+        coarse_triangle_count: u32,
     }
     struct dcloth_space {
         struct_size: u32,
@@ -217,6 +221,7 @@ constants! {
     DCLOTH_FRAME_HOLD: u32 = 8;
     DCLOTH_FRAME_FREEZE_IDLE: u32 = 16;
     DCLOTH_OUTPUT_OUTSIDE_BODY: u32 = 1;
+    DCLOTH_OUTPUT_COARSE: u32 = 2;
     DCLOTH_JOINT_TOP: i32 = -1;
     DCLOTH_JOINT_UNKNOWN: i32 = -2;
     DCLOTH_RESTORE_OTHER_MODEL: u32 = 1;

@@ -13,6 +13,7 @@ const LEFT_OUT_FUNCTIONS: &[&str] = &[
 ];
 const LEFT_OUT_STRUCTS: &[&str] = &["dcloth_scene_", "dcloth_timer"];
 const LEFT_OUT_CONSTANTS: &[&str] = &[
+    "DCLOTH_DRAW_",
     "DCLOTH_LEVEL_",
     "DCLOTH_SCENE_",
     "DCLOTH_STEP_",

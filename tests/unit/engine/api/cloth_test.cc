@@ -72,7 +72,7 @@ TEST_F(ClothTest, ExactStorageWorksAndOneByteLessIsRefused) {
 TEST_F(ClothTest, StorageSizeIsPinned) {
   const bool wide = sizeof(void*) == 8;
   EXPECT_EQ(dcloth_cloth_storage_size(opened_.get()), wide ? 36096u : 35840u);
-  EXPECT_EQ(dcloth_model_storage_size(), wide ? 1536u : 896u);
+  EXPECT_EQ(dcloth_model_storage_size(), wide ? 1600u : 896u);
 }
 
 TEST_F(ClothTest, HostBuffersAreReadAndWrittenWithinTheirBounds) {

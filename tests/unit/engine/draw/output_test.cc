@@ -1,5 +1,6 @@
 // What reaches the host: formats, tangents, bounds, and nothing beside them.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 
@@ -56,7 +57,7 @@ class OutputTest : public ::testing::Test {
     return frame;
   }
 
-  TestModel model_ = BuildModel({.segments = 11});  // 66 vertices: no whole groups of four
+  TestModel model_ = BuildModel({.segments = 11, .coarse = true});  // 66 vertices: no whole groups of four
   OpenedModel opened_{model_};
   OwnedCloth cloth_{opened_};
   std::vector<float> texture_;
@@ -253,6 +254,83 @@ TEST_F(OutputTest, BrokenOutputsAreRefused) {
     o->normal_format = kHalf;
     o->normal_stride_bytes = 41;
   });
+}
+
+// The coarse mesh has the garment's positions, and normals of its own triangles; in half floats and with bounds too.
+TEST_F(OutputTest, CoarseMeshIsPartOfTheGarment) {
+  const Frame frame = Floats();
+  const dcloth_model_info info = opened_.info();
+  ASSERT_EQ(info.coarse_vertex_count, 33u);
+  const size_t coarse = info.coarse_vertex_count;
+  GuardedBuffer<float> positions(3 * coarse), normals(3 * coarse);
+  dcloth_output output = FloatOutput(coarse, positions.data(), 12, normals.data());
+  std::array<float, 6> bounds = {};
+  output.bounds = bounds.data();
+  output.flags = DCLOTH_OUTPUT_COARSE;
+  ASSERT_EQ(Skin(output), DCLOTH_OK);
+  std::array<float, 6> expected = {1e9f, 1e9f, 1e9f, -1e9f, -1e9f, -1e9f};
+  for (size_t i = 0; i < coarse; ++i) {
+    const float* of_garment = &frame.positions[size_t{3} * info.coarse_vertices[i]];
+    EXPECT_EQ(0, std::memcmp(positions.data() + 3 * i, of_garment, 12)) << i;
+    for (size_t c = 0; c < 3; ++c) {
+      expected[c] = std::min(expected[c], of_garment[c]);
+      expected[3 + c] = std::max(expected[3 + c], of_garment[c]);
+    }
+  }
+  EXPECT_EQ(bounds, expected);
+  std::vector<double> sums(3 * coarse);
+  for (size_t t = 0; t < info.coarse_triangle_count; ++t) {
+    const uint16_t* corner = info.coarse_triangles + 3 * t;
+    const float *a = positions.data() + 3 * corner[0], *b = positions.data() + 3 * corner[1],
+                *c = positions.data() + 3 * corner[2];
+    for (size_t k = 0; k < 3; ++k) {
+      const size_t y = (k + 1) % 3, z = (k + 2) % 3;
+      const double part = static_cast<double>(b[y] - a[y]) * static_cast<double>(c[z] - a[z]) -
+                          static_cast<double>(b[z] - a[z]) * static_cast<double>(c[y] - a[y]);
+      for (size_t v = 0; v < 3; ++v) sums[size_t{3} * corner[v] + k] += part;
+    }
+  }
+  for (size_t i = 0; i < coarse; ++i) {
+    const double length =
+        std::sqrt(sums[3 * i] * sums[3 * i] + sums[3 * i + 1] * sums[3 * i + 1] + sums[3 * i + 2] * sums[3 * i + 2]);
+    if (length < 1e-3) continue;  // strips on both sides of a vertex may cancel
+    for (size_t k = 0; k < 3; ++k)
+      EXPECT_NEAR(static_cast<double>(normals[3 * i + k]), sums[3 * i + k] / length, 1e-3) << i;
+  }
+  std::vector<uint16_t> halves(3 * coarse);
+  std::vector<float> scratch(3 * coarse);
+  output = FloatOutput(coarse, nullptr, 6, nullptr);
+  output.positions = halves.data();
+  output.position_format = kHalf;
+  output.flags = DCLOTH_OUTPUT_COARSE;
+  output.scratch = scratch.data();
+  output.scratch_size = dcloth_output_scratch_size(&output);
+  ASSERT_EQ(output.scratch_size, 12 * coarse);
+  ASSERT_EQ(Skin(output), DCLOTH_OK);
+  for (size_t i = 0; i < halves.size(); ++i) ASSERT_EQ(halves[i], kernels::HalfFromFloat(positions[i])) << i;
+}
+
+TEST_F(OutputTest, RefusesACoarseMeshThatIsNone) {
+  std::vector<float> positions(3 * n());
+  dcloth_output output = FloatOutput(n(), positions.data(), 12, nullptr);
+  output.flags = DCLOTH_OUTPUT_COARSE;
+  EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT) << "the garment's count";
+  output.vertex_count = 33;
+  EXPECT_EQ(Skin(output), DCLOTH_OK);
+  output.flags |= DCLOTH_OUTPUT_OUTSIDE_BODY;
+  EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT) << "kept outside of the body";
+  const TestModel plain = BuildModel({.segments = 11});
+  const OpenedModel opened(plain);
+  EXPECT_EQ(opened.info().coarse_vertex_count, 0u);
+  EXPECT_EQ(opened.info().coarse_vertices, nullptr);
+  OwnedCloth cloth(opened);
+  output.flags = DCLOTH_OUTPUT_COARSE;
+  const std::vector<float> matrices = Pose(4);
+  const dcloth_pose pose = OwnedCloth::Pose(matrices);
+  for (const uint32_t count : {0u, 33u, 66u}) {
+    output.vertex_count = count;
+    EXPECT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &output, nullptr), DCLOTH_ERROR_ARGUMENT) << count;
+  }
 }
 
 }  // namespace
