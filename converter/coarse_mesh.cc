@@ -1,7 +1,6 @@
 #include "converter/coarse_mesh.h"
 
 #include <Eigen/Geometry>  // cross
-
 #include <algorithm>
 #include <array>
 #include <iterator>
@@ -15,9 +14,9 @@ namespace {
 using Point = Eigen::Vector3d;
 using Face = std::array<uint32_t, 3>;
 
-constexpr double kBorderWeight = 10;    // of a plane through a border edge, beside the triangle's own
-constexpr double kNearWeight = 1e-3;    // of a vertex's own place: in a plane, short edges merge first
-constexpr double kLeastTurn = 0.25;     // cosine between a triangle's normals before and after
+constexpr double kBorderWeight = 10;  // of a plane through a border edge, beside the triangle's own
+constexpr double kNearWeight = 1e-3;  // of a vertex's own place: in a plane, short edges merge first
+constexpr double kLeastTurn = 0.25;   // cosine between a triangle's normals before and after
 
 // Squared distances to planes and points, summed: x A x + 2 b x + c.
 struct Quadric {
@@ -108,9 +107,7 @@ class Simplifier {
   static bool Has(const Face& face, uint32_t v) { return face[0] == v || face[1] == v || face[2] == v; }
 
   // Twice the area long.
-  Point NormalOf(const Face& face) const {
-    return (At(face[1]) - At(face[0])).cross(At(face[2]) - At(face[0]));
-  }
+  Point NormalOf(const Face& face) const { return (At(face[1]) - At(face[0])).cross(At(face[2]) - At(face[0])); }
 
   size_t SharedFaces(uint32_t a, uint32_t b) const {
     return static_cast<size_t>(

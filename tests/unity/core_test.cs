@@ -3,6 +3,7 @@ using System;
 using System.Collections.Generic;
 using System.IO;
 using System.Linq;
+using System.Threading;
 using DCloth;
 using static TestRun;
 
@@ -337,6 +338,43 @@ internal static unsafe class CoreTest
             Check(GC.CollectionCount(0) == collections, "no collection");
             Check(Garbage(player, 1000, true) > 0 && kept != null, "one byte array in a thousand frames is seen");
             Console.WriteLine("{0} frames: {1} bytes of garbage", LongRun, bytes);
+        }
+    }
+
+    // As jobs do it: each player on a thread of its own, all of one model.
+    public static void PlayersOnManyThreadsDrawTheSame()
+    {
+        const int count = 8, frames = 200;
+        using (ClothModel model = ClothModel.Open(file))
+        {
+            var drawn = new byte[2][][];
+            for (int way = 0; way < 2; ++way)
+            {
+                var players = new ClothPlayer[count];
+                var threads = new Thread[count];
+                for (int i = 0; i < count; ++i)
+                {
+                    int own = i;
+                    players[i] = NewPlayer(model);
+                    players[i].Pipelined = i % 2 == 0;
+                    threads[i] = new Thread(() =>
+                    {
+                        for (int frame = 0; frame < frames; ++frame)
+                        {
+                            Pose(players[own], 0.01f * frame * (own + 1));
+                            players[own].Advance(1 / 60f);
+                        }
+                    });
+                    threads[i].Start();
+                    if (way == 0) threads[i].Join();
+                }
+                foreach (Thread thread in threads) thread.Join();
+                Check(players.All(player => player.LastStatus == ClothStatus.Ok), "frames are drawn");
+                drawn[way] = players.Select(Drawn).ToArray();
+                foreach (ClothPlayer player in players) player.Dispose();
+            }
+            for (int i = 0; i < count; ++i) Check(drawn[0][i].SequenceEqual(drawn[1][i]), "player " + i);
+            Check(!drawn[0][0].SequenceEqual(drawn[0][1]), "players differ");
         }
     }
 

@@ -106,6 +106,9 @@ namespace DCloth
         /// <summary>Whether OutsideBody does anything.</summary>
         public bool HasBody { get; }
 
+        /// <summary>What the last Advance returned.</summary>
+        public ClothStatus LastStatus { get; private set; }
+
         /// <summary>What runs from now on; more than the model holds counts as all of it.</summary>
         public ClothStages Stages { get; set; }
 
@@ -176,6 +179,7 @@ namespace DCloth
             dcloth_output output = Output();
             ClothStatus status = cloth.Update(&pose, &frame, draw ? &output : null);
             if (status == ClothStatus.Ok) jumped = false;
+            LastStatus = status;
             GC.KeepAlive(this);
             return status;
         }

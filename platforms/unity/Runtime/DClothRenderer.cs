@@ -1,5 +1,7 @@
 using System;
 using System.Collections.Generic;
+using System.Runtime.InteropServices;
+using Unity.Jobs;
 using UnityEngine;
 using UnityEngine.Rendering;
 using UnityEngine.SceneManagement;
@@ -9,7 +11,7 @@ namespace DCloth
     /// <summary>A garment on a character: reads the bones of a SkinnedMeshRenderer after all animation, draws a mesh.
     /// Vertices are computed in world space, so the mesh is drawn by an object of its own outside of the character's
     /// hierarchy. It lives while this component is enabled.
-    /// Cost: one update of the engine on the main thread a frame, no garbage.</summary>
+    /// Cost: one update of the engine a frame, on a worker thread or on the main thread; no garbage.</summary>
     [AddComponentMenu("dcloth/DCloth Renderer")]
     [DefaultExecutionOrder(10000)] // after whatever moves bones in LateUpdate
     [DisallowMultipleComponent]
@@ -34,6 +36,9 @@ namespace DCloth
         [SerializeField] private ClothStages stages = ClothStages.Mesh;
         [SerializeField, Tooltip("Spread each tick over frames, so that no frame pays for all of it.")]
         private bool pipelined = true;
+        [SerializeField, Tooltip("Update on a worker thread, beside the garments of other characters. Off: on the main " +
+                                 "thread, at once.")]
+        private bool onWorker = true;
         [SerializeField, Tooltip("Keep the garment outside of the body, where the model holds one.")]
         private bool outsideBody;
 
@@ -46,11 +51,17 @@ namespace DCloth
         private GameObject drawn;
         private Transform[] bones;
         private ClothStatus lastStatus;
+        private GCHandle pinned; // for the job
+        private JobHandle job;
+        private bool working, unseen; // the job runs; what it made is not uploaded
 
         /// <summary>Level of detail; may change from frame to frame.</summary>
         public ClothStages Stages { get => stages; set => stages = value; }
 
         public bool Pipelined { get => pipelined; set => pipelined = value; }
+
+        /// <summary>Update on a worker thread, beside the garments of other characters; or on the main thread.</summary>
+        public bool OnWorker { get => onWorker; set => onWorker = value; }
 
         public bool OutsideBody { get => outsideBody; set => outsideBody = value; }
 
@@ -68,8 +79,16 @@ namespace DCloth
         /// <summary>Draws the garment; null while disabled.</summary>
         public MeshRenderer DrawnRenderer => drawn == null ? null : drawn.GetComponent<MeshRenderer>();
 
-        /// <summary>State, save and restore, and the engine's own calls; null while disabled.</summary>
-        public ClothPlayer Player => player;
+        /// <summary>State, save and restore, and the engine's own calls; null while disabled. Waits for this frame's
+        /// update.</summary>
+        public ClothPlayer Player
+        {
+            get
+            {
+                WaitForJob();
+                return player;
+            }
+        }
 
         /// <summary>For components made by scripts: call while this one is disabled, or its object inactive.</summary>
         public void Configure(DClothAsset newGarment, SkinnedMeshRenderer newCharacter, Material newMaterial)
@@ -83,13 +102,13 @@ namespace DCloth
         /// cloth hangs as before.</summary>
         public void Jump()
         {
-            player?.Jump();
+            Player?.Jump();
         }
 
         /// <summary>Before a cut, a spawn, another costume: forgets all motion.</summary>
         public void ResetCloth()
         {
-            player?.Reset();
+            Player?.Reset();
         }
 
         /// <summary>For a rig whose bones have axes or scale of their own. Call once after this component was enabled,
@@ -97,7 +116,7 @@ namespace DCloth
         /// stood against the origin. Throws ClothException, with the bone that has no inverse.</summary>
         public void TakeBindPose(Transform root)
         {
-            if (player == null) throw new InvalidOperationException("dcloth: " + name + " is not enabled");
+            if (Player == null) throw new InvalidOperationException("dcloth: " + name + " is not enabled");
             ReadBones(root);
             player.TakeBindPose();
         }
@@ -127,13 +146,43 @@ namespace DCloth
 
         private void LateUpdate()
         {
-            if (player == null) return;
+            if (Player == null) return;
             ReadBones(carrier);
             player.Stages = stages;
             player.Pipelined = pipelined;
             player.OutsideBody = outsideBody;
             player.SetWind(wind.x, wind.y, wind.z);
-            ClothStatus status = player.Advance(Time.deltaTime, Visible);
+            if (!onWorker)
+            {
+                player.Advance(Time.deltaTime, Visible);
+                Show();
+                return;
+            }
+            working = unseen = true;
+            job = new ClothJob { Player = pinned, Seconds = Time.deltaTime, Draw = (byte)(Visible ? 1 : 0) }.Schedule();
+            JobHandle.ScheduleBatchedJobs(); // it starts now, while other scripts go on
+            ClothJobs.Add(this);
+        }
+
+        /// <summary>For ClothJobs, later in the frame.</summary>
+        internal void FinishJob()
+        {
+            WaitForJob();
+            if (!unseen) return; // disabled meanwhile
+            unseen = false;
+            Show();
+        }
+
+        private void WaitForJob()
+        {
+            if (!working) return;
+            working = false;
+            job.Complete();
+        }
+
+        private void Show()
+        {
+            ClothStatus status = player.LastStatus;
             if (status == ClothStatus.Ok)
             {
                 Place();
@@ -161,6 +210,7 @@ namespace DCloth
             {
                 BeginByNames(model, uv);
             }
+            pinned = GCHandle.Alloc(player);
             mesh = new ClothMesh(model, player, uv);
             drawn = new GameObject(name + " (dcloth)") { hideFlags = HideFlags.DontSave, layer = gameObject.layer };
             SceneManager.MoveGameObjectToScene(drawn, gameObject.scene);
@@ -240,6 +290,9 @@ namespace DCloth
 
         private void End()
         {
+            WaitForJob();
+            unseen = false;
+            if (pinned.IsAllocated) pinned.Free();
             player?.Dispose();
             mesh?.Dispose();
             if (drawn != null) Destroy(drawn);

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -116,8 +115,8 @@ TEST(CoarseMeshTest, TubeStaysATube) {
   EXPECT_GE(high, 6);
 }
 
-// A pleat 5 mm high: the vertices that go are those of the flat parts. Every vertex that went lies within a tenth of the
-// pleat's height of the coarse surface (seen from above, as the sheet is a graph over its plane).
+// A pleat 5 mm high: the vertices that go are those of the flat parts. Every vertex that went lies within a tenth of
+// the pleat's height of the coarse surface (seen from above, as the sheet is a graph over its plane).
 TEST(CoarseMeshTest, PleatsStay) {
   const auto height = [](double x, double) { return std::max(0.0, 0.005 - std::fabs(x - 0.15) * 0.5); };
   const Sheet sheet = MakeSheet(30, false, height);

@@ -91,7 +91,7 @@ namespace UnityEngine
     }
 
     [Flags]
-    public enum HideFlags { None = 0, DontSave = 52 }
+    public enum HideFlags { None = 0, DontSave = 52, HideAndDontSave = 61 }
 
     public class Object
     {
@@ -277,6 +277,26 @@ namespace UnityEngine.SceneManagement
     public static class SceneManager
     {
         public static void MoveGameObjectToScene(GameObject go, Scene scene) => throw null;
+    }
+}
+
+namespace Unity.Jobs
+{
+    public interface IJob
+    {
+        void Execute();
+    }
+
+    public struct JobHandle
+    {
+        public void Complete() => throw null;
+        public static void ScheduleBatchedJobs() => throw null;
+    }
+
+    public static class IJobExtensions
+    {
+        public static JobHandle Schedule<T>(this T jobData, JobHandle dependsOn = default(JobHandle))
+            where T : struct, IJob => throw null;
     }
 }
 
