@@ -115,7 +115,7 @@ export class Model {
       this.triangleCount = word(info.triangle_count);
       this.stages = word(info.stages);
       this.tickSeconds = memory.f32[(at + info.tick_seconds) / 4];
-      /** @type {(start: number, count: number) => Uint16Array} */
+      /** @param {number} start @param {number} count */
       const halfWords = (start, count) => new Uint16Array(memory.buffer.slice(start, start + 2 * count));
       this.triangles = halfWords(word(info.triangles), 3 * this.triangleCount);
       this.coarseVertices = halfWords(word(info.coarse_vertices), word(info.coarse_vertex_count));
