@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import fit_skeleton, losses, loop, mesh_bptt, mesh_head, mesh_windows, unskin
+from . import fit_skeleton, losses, loop, mesh_bptt, mesh_head, mesh_windows, shards, unskin, workers
 
 # Its options of train: (default, least, what).
 OPTIONS = {
@@ -85,8 +85,8 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
     log(f"mesh_layers: {'C++' if isinstance(recurrence, mesh_bptt.Native) else 'PyTorch'}, {len(everything)} clips")
     coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
 
-    def batches(generator):
-        for ticks, s, clips in mesh_windows.run(recurrence, body_points, everything, options, generator):
+    def batches(generator, shard=shards.WHOLE):
+        for ticks, s, clips in mesh_windows.run(recurrence, body_points, everything, options, generator, shard):
             rows = losses.pick_vertices(count, VERTICES, generator)
             target = np.stack([c.remainder(t, rows.numpy()) for c, t in zip(clips, ticks)])
             columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
@@ -103,7 +103,8 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
 
     layers = list(mesh.layers.parameters()) + list(mesh.embed.parameters())
     histories["mesh_layers"] = loop.fit("mesh_layers", learner, options.mesh_epochs, batches, validate, folder,
-                                        seed=options.seed, rate=options.mesh_rate, followers=layers, log=log)
+                                        seed=options.seed, rate=options.mesh_rate, followers=layers, shards=options.shards,
+                                        log=log)
     shrink, error = mesh_head.best_shrink(weights[::every], validation, predicted(), every)
     log(f"mesh_layers: basis times {shrink:.1f}, {1e3 * error:.3f} mm on validation")
     head.unfold(mesh, patches, shrink)
@@ -116,9 +117,9 @@ def train(mesh, body_points, static, drawn, everything, validation, options, fol
     drawn: clips for the head and the basis, stage 2 subtracted; everything: clips for back-propagation through time.
     """
     count = len(static.template)
-    components, deviations = unskin.principal(
+    components, deviations = workers.from_first(lambda: unskin.principal(
         lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in drawn),
-        sum(-(-len(c) // BASIS_EVERY) for c in drawn), len(mesh.basis), options.seed)
+        sum(-(-len(c) // BASIS_EVERY) for c in drawn), len(mesh.basis), options.seed))
     if len(components) < len(mesh.basis):
         raise ValueError(f"stage 3: {len(components)} frames for a basis of {len(mesh.basis)}; lower --mesh-size or give it "
                          f"more clips")

@@ -15,13 +15,14 @@ Then it learns to settle: the same windows from a second state, any corner of [-
 still disagree on after WARM_UP ticks is added to the loss. The truth alone cannot teach that: a millimetre
 of drift drowns in the centimetre that is unpredictable anyway.
 """
+import functools
 import os
 
 import numpy as np
 import torch
 from torch import nn
 
-from . import augment, dataset, fit_static, losses, loop, unskin
+from . import augment, dataset, fit_static, losses, loop, shards, unskin, workers
 from .stages.skeleton_stage import factors
 
 # Its options of train: (default, least, what).
@@ -139,9 +140,9 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
         deviations = USUAL_STATE * np.linalg.norm(components, axis=1)
         components *= USUAL_STATE / deviations[:, None]
     else:
-        components, deviations = unskin.principal(
+        components, deviations = workers.from_first(lambda: unskin.principal(
             lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in training),
-            sum(-(-len(c) // BASIS_EVERY) for c in training), options.skeleton_rank, options.seed)
+            sum(-(-len(c) // BASIS_EVERY) for c in training), options.skeleton_rank, options.seed))
     torch.manual_seed(options.seed)
     reduced = Reduced(skeleton.gru, components, deviations, options).to(device)
     if known:
@@ -151,11 +152,10 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
     stills = [(clip, t) for clip in drapes for t in range(len(clip))
               if t % fit_static.HELD_EVERY != fit_static.HELD_EVERY - 1]
 
-    def batches(generator, settle=False):
+    def batches(generator, shard=shards.WHOLE, settle=False):
         order = dataset.windows(training, frames, generator, stills)
         ended = torch.zeros(1, reduced.gru.hidden_size)
-        for at in range(0, len(order), BATCH):
-            some = order[at:at + BATCH]
+        for some in shard.batches(order, BATCH, generator):
             linear, (rows, target, planes) = linear_of(some, frames), draw(some, count, frames, generator)
             columns = reduced.components.reshape(-1, count, 3)[:, rows].flatten(1)
             state, reset = first_states(some, ended, generator)
@@ -182,12 +182,12 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
 
     history = loop.fit("skeleton", reduced, options.skeleton_epochs, batches, validate, folder,
                        seed=options.seed, rate=options.skeleton_rate, decay=options.decay,
-                       validate_every=options.validate_every, log=log)
+                       validate_every=options.validate_every, shards=options.shards, log=log)
     if options.settle_epochs:
         later = loop.fit("skeleton_settle", reduced, options.settle_epochs,
-                         lambda generator: batches(generator, settle=True), validate, folder,
+                         functools.partial(batches, settle=True), validate, folder,
                          seed=options.seed, rate=options.skeleton_rate / 3, decay=options.decay,
-                         validate_every=options.validate_every, keep_last=True, log=log)
+                         validate_every=options.validate_every, keep_last=True, shards=options.shards, log=log)
         history = history + [{**h, "epoch": h["epoch"] + options.skeleton_epochs} for h in later]
     with torch.no_grad():
         skeleton.basis.copy_(reduced.basis())
@@ -223,7 +223,8 @@ def train_stage(run):
     run.unskin(run.training + run.validation + run.static_clips)
     run.log("ground truth un-skinned")
     if run.options.collision:
-        dataset.add_planes(run.training + run.static_clips, run.character, os.path.join(run.options.out, "planes"))
+        workers.divided(run.training + run.static_clips, lambda clips: dataset.add_planes(
+            clips, run.character, os.path.join(run.options.out, "planes")))
         run.log("body found beside the truth")
     return {"skeleton": train(run.net.skeleton, run.net.static, run.net.standardise, run.training, run.validation,
                               run.static_clips, run.options, run.options.out, run.log)}

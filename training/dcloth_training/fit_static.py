@@ -5,7 +5,7 @@ stores a few influences a vertex loses nothing.
 """
 import torch
 
-from . import dataset, features, losses, loop
+from . import dataset, features, losses, loop, shards
 
 # Its options of train: (default, least, what).
 OPTIONS = {
@@ -52,8 +52,9 @@ def train(static, standardise, drapes, options, folder, log=print):
     def predict(rows):
         return static(x[rows], drapes.linear[rows], drapes.posed[rows])
 
-    def batches(generator):
-        for rows in free[torch.randperm(len(free), generator=generator)].split(BATCH):
+    def batches(generator, shard=shards.WHOLE):
+        order = free[torch.randperm(len(free), generator=generator)]
+        for rows in shard.batches(order, BATCH, generator):
             yield losses.distance(predict(rows) - drapes.truth[rows])
 
     @torch.no_grad()
@@ -64,12 +65,12 @@ def train(static, standardise, drapes, options, folder, log=print):
 
     histories = {"static": loop.fit(
         "static", static, options.static_epochs, batches, validate, folder, seed=options.seed,
-        rate=options.rate, validate_every=5, patience=60, log=log)}
+        rate=options.rate, validate_every=5, patience=60, shards=options.shards, log=log)}
     if options.influences < static.initial_weights.shape[1]:
         static.prune(options.influences)
         histories["static_pruned"] = loop.fit(
             "static_pruned", static, max(1, options.static_epochs // 3), batches, validate, folder,
-            seed=options.seed, rate=options.rate / 2, validate_every=5, log=log)
+            seed=options.seed, rate=options.rate / 2, validate_every=5, shards=options.shards, log=log)
     still(static, x)
     return histories
 

@@ -5,13 +5,14 @@ uninterrupted one bit for bit (same machine, same thread count).
 """
 import contextlib
 import copy
+import functools
 import math
 import os
 import time
 
 import torch
 
-from . import checkpoint
+from . import checkpoint, shards as shared, workers
 
 CLIP_NORM = 1.0
 FINAL_RATE = 0.02     # of the first learning rate, at the end of the cosine
@@ -53,7 +54,7 @@ def seed_epoch(seed, stage, epoch):
 
 
 def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, decay=0.0,
-        patience=None, validate_every=1, keep_last=False, followers=(), log=print):
+        patience=None, validate_every=1, keep_last=False, followers=(), shards=1, log=print):
     """Train `module` and leave it at its best validated epoch -> history (list of dicts).
 
     keep_last: leave it at the last epoch, where `batches` teach what validation does not measure.
@@ -61,7 +62,8 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
     followers: parameters that learn at FOLLOW of the rate, and not at all in the first HOLD of the epochs: until what
     reads them has learned something their gradient is noise, which Adam would blow up to full steps.
 
-    batches(generator): yields loss tensors, one a step. validate(): error in metres.
+    batches(generator): yields loss tensors, one a step; with several `shards` batches(generator, shard), see shards.py.
+    validate(): error in metres.
     Resumes from folder/<stage>.safetensors and saves there after every validated epoch. A history
     entry's `minutes` are those of all epochs up to it, validation included, over all resumptions.
     """
@@ -72,7 +74,7 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
     groups = [[p for p in parameters if (id(p) in behind) == late] for late in (False, True)]
     groups, shares = zip(*[(g, s) for g, s in zip(groups, (1.0, FOLLOW)) if g])
     optimiser = torch.optim.AdamW([{"params": g} for g in groups], lr=rate, weight_decay=decay)
-    state = checkpoint.load(path)
+    state = workers.from_first(lambda: checkpoint.load(path))
     if state:
         try:
             module.load_state_dict(state["module"])
@@ -85,7 +87,7 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         validation_seconds = 0.0
     else:
         module.eval()
-        error = validate()
+        error = workers.from_first(validate)
         first, best, best_at = 0, copy.deepcopy(module.state_dict()), 0
         history = [{"epoch": 0, "validation_mm": 1e3 * error}]
         validation_seconds = time.monotonic() - started
@@ -96,15 +98,14 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         if epoch >= epochs or patience and epoch - best_at > patience:
             break
         began = time.monotonic()
+        workers.same(module)
         for group, share in zip(optimiser.param_groups, shares):
             held = share < 1 and epoch < HOLD * epochs
             cosine = 0.5 * (1 + math.cos(math.pi * epoch / epochs))
             group["lr"] = 0.0 if held else share * rate * (FINAL_RATE + (1 - FINAL_RATE) * cosine)
         module.train()
         total, steps = 0.0, 0
-        for loss in batches(seed_epoch(seed, stage, epoch)):
-            optimiser.zero_grad(set_to_none=True)
-            loss.backward()
+        for loss in shared.steps(batches, functools.partial(seed_epoch, seed, stage, epoch), parameters, shards):
             torch.nn.utils.clip_grad_norm_(parameters, CLIP_NORM)
             optimiser.step()
             total, steps = total + float(loss), steps + 1
@@ -114,20 +115,21 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         minutes = _limit_minutes.get(stage) if isinstance(_limit_minutes, dict) else _limit_minutes
         if epoch == 0 and minutes is not None:
             # The schedule starts at `rate` whatever the number of epochs, so it may be set here.
-            epochs = affordable(epochs, minutes, time.monotonic() - began,
-                                validation_seconds, validate_every)
+            epochs = workers.from_first(functools.partial(
+                affordable, epochs, minutes, time.monotonic() - began, validation_seconds, validate_every))
         if (epoch + 1) % validate_every and epoch + 1 != epochs:
             continue
         module.eval()
-        error = 1e3 * validate()
+        error = 1e3 * workers.from_first(validate)
         history.append({"epoch": epoch + 1, "training_mm": 1e3 * total / max(steps, 1),
                         "validation_mm": error, "seconds": round(time.monotonic() - began, 2),
                         "minutes": round(spent + (time.monotonic() - started) / 60, 3)})
         if error < lowest:
             lowest, best_at, best = error, epoch + 1, copy.deepcopy(module.state_dict())
-        checkpoint.save(path, {"module": module.state_dict(), "optimiser": optimiser.state_dict(),
-                               "epoch": epoch + 1, "epochs": epochs, "best": best, "best_at": best_at,
-                               "history": history})
+        if workers.first():
+            checkpoint.save(path, {"module": module.state_dict(), "optimiser": optimiser.state_dict(),
+                                   "epoch": epoch + 1, "epochs": epochs, "best": best, "best_at": best_at,
+                                   "history": history})
         log(f"{stage}: epoch {epoch + 1}/{epochs} training {history[-1]['training_mm']:.2f} mm, "
             f"validation {error:.2f} mm (best {lowest:.2f} at {best_at}), "
             f"{history[-1]['seconds']:.1f} s")

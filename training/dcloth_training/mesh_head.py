@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import losses, loop, mesh_bptt, mesh_windows, unskin
+from . import losses, loop, mesh_bptt, mesh_windows, shards, unskin, workers
 
 BATCH = 256
 EPOCH_TICKS = 20_000    # at most: an epoch over all clips would outlast the layers' own
@@ -19,8 +19,8 @@ class Embeddings:
 
     def __init__(self, embedded, rank, seed):
         self.mean = np.mean([e.mean(0) for e in embedded], 0)
-        self.directions, deviation = unskin.principal(
-            lambda: (e - self.mean for e in embedded), sum(map(len, embedded)), rank, seed)
+        self.directions, deviation = workers.from_first(lambda: unskin.principal(
+            lambda: (e - self.mean for e in embedded), sum(map(len, embedded)), rank, seed))
         # Directions below a thousandth of the first are rounding: they must not be blown up.
         self.deviation = np.maximum(deviation, 1e-3 * deviation[0]).astype(np.float32)
 
@@ -96,8 +96,9 @@ def fit_standing(stage, head, u, held, static, training, validation, options, fo
     weights = static.weights().detach()
     coarse = head.components.reshape(-1, count, 3)[:, ::every].flatten(1)
 
-    def batches(generator):
-        for ticks in torch.randperm(len(u), generator=generator)[:EPOCH_TICKS].split(BATCH):
+    def batches(generator, shard=shards.WHOLE):
+        order = torch.randperm(len(u), generator=generator)[:EPOCH_TICKS]
+        for ticks in shard.batches(order, BATCH, generator):
             rows = losses.pick_vertices(count, VERTICES, generator)
             at = rows.numpy()
             target = np.stack([place[i][0].remainder(place[i][1], at) for i in ticks.tolist()])
@@ -115,7 +116,7 @@ def fit_standing(stage, head, u, held, static, training, validation, options, fo
 
     history = loop.fit(stage, head, options.head_epochs, batches, validate, folder,
                        seed=options.seed, rate=options.head_rate, decay=options.head_decay,
-                       validate_every=options.validate_every, log=log, **more)
+                       validate_every=options.validate_every, shards=options.shards, log=log, **more)
     return (history, *best_shrink(weights[::every], validation, predicted()))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from . import mesh_bptt
+from . import mesh_bptt, shards
 
 STEPS = 8            # of a window, at most
 UNDER_WAY = 8        # groups taking turns
@@ -48,9 +48,13 @@ def groups(clips, chunk, windows, generator):
     return [out[i] for i in torch.randperm(len(out), generator=generator).tolist()]
 
 
-def run(recurrence, body_points, clips, options, generator):
-    """An epoch: yields (ticks of each lane, s [chunk, B, n] with gradient, clips of the lanes), one a step."""
-    waiting, under_way = groups(clips, options.chunk, options.mesh_windows, generator), []
+def run(recurrence, body_points, clips, options, generator, shard=shards.WHOLE):
+    """An epoch: yields (ticks of each lane, s [chunk, B, n] with gradient, clips of the lanes), one a step.
+
+    A shard plays groups of its own: fewer lanes would cost as much. So a step has as many groups as there are shards.
+    """
+    waiting = shard.part(groups(clips, options.chunk, options.mesh_windows, generator), generator)
+    under_way = []
     while waiting or under_way:
         while waiting and len(under_way) < UNDER_WAY:
             some, firsts, steps = waiting.pop()

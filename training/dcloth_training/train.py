@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, evaluate, export, features, loop, network,
-               plots, rig, sequence, stages, train_checks)
+               plots, rig, sequence, shards, stages, train_checks, workers)
 from .stages.mesh_stage import BodyPoints
 
 
@@ -43,6 +43,9 @@ def arguments(argv=None):
     add("--threads", type=int, default=2)
     add("--device", choices=("cpu", "cuda"), default="cpu",
         help="where the stages learn; the same input gives the same bits on the CPU alone")
+    add("--shards", type=int, choices=shards.COUNTS, default=1,
+        help="parts of a batch whose gradients are computed apart: torchrun's workers, so many at most, share them. The "
+             "bits depend on the shards, not on the workers")
     add("--rate", type=float, default=1e-3)
     add("--stages", choices=stages.NAMES, default=stages.LAST.name, help="last stage to train")
     add("--freeze", choices=sorted(FROZEN), help="ablation: leave this part of stage 1 as it starts")
@@ -85,6 +88,8 @@ class Log:
         self.began, self.path = time.monotonic(), os.path.join(folder, "train.log")
 
     def __call__(self, text):
+        if not workers.first():
+            return
         line = f"[{(time.monotonic() - self.began) / 60:6.2f} min] {text}"
         print(line, flush=True)
         with open(self.path, "a") as file:
@@ -189,8 +194,8 @@ class Run:
 
     def unskin(self, clips):
         """Fill the clips' residuals from files below --out."""
-        dataset.add_residuals(clips, self.net.static, self.net.standardise, self.character,
-                              os.path.join(self.options.out, "unskinned"))
+        workers.divided(clips, lambda some: dataset.add_residuals(
+            some, self.net.static, self.net.standardise, self.character, os.path.join(self.options.out, "unskinned")))
 
     def unseen_clips(self):
         """Clips of --head-data, which neither stage 2 learned from nor anybody chooses epochs by."""
@@ -228,11 +233,14 @@ def run(options):
         command.folder_of(options.export)
     os.makedirs(options.out, exist_ok=True)
     torch.set_num_threads(options.threads)
+    if options.shards > 1:
+        workers.blas_threads(options.threads)
     log = Log(options.out)
     whole = Run(options, log, *prepare(options, log))
     fitted, character, training, validation = whole.fitted, whole.character, whole.training, whole.validation
     train_checks.lengths(training, options, log)
-    begun.check(options, whole.static_clips + training + validation, log)
+    if workers.first():
+        begun.check(options, whole.static_clips + training + validation, log)
     history = {}
     if options.start:
         whole.before, standard, history = start_from(options, fitted)
@@ -247,6 +255,7 @@ def run(options):
     histories = {}
     for stage in chosen:
         histories.update(stage.fit.train_stage(whole))
+        workers.same(net)
         getattr(net, stage.name).requires_grad_(False)
     net.cpu()
     provenance = {
@@ -263,14 +272,15 @@ def run(options):
         "validation_mm": {k: round(loop.kept(v)["validation_mm"], 3)
                           for k, v in histories.items()},
         "licence": "MIT"}
-    checkpoint.save(os.path.join(options.out, "network.safetensors"),
-                    {"state": net.state_dict(), "standard": {k: torch.from_numpy(v)
-                                                             for k, v in standard.items()},
-                     "options": json.dumps(vars(options)), "provenance": json.dumps(provenance)})
-    with open(os.path.join(options.out, "log.json"), "w") as file:
-        json.dump({"histories": histories, "provenance": provenance}, file, indent=1)
-    plots.curves(histories, os.path.join(options.out, "curves.png"))
-    measure(net, fitted, character, validation, options.out, log)
+    if workers.first():
+        checkpoint.save(os.path.join(options.out, "network.safetensors"),
+                        {"state": net.state_dict(), "standard": {k: torch.from_numpy(v)
+                                                                 for k, v in standard.items()},
+                         "options": json.dumps(vars(options)), "provenance": json.dumps(provenance)})
+        with open(os.path.join(options.out, "log.json"), "w") as file:
+            json.dump({"histories": histories, "provenance": provenance}, file, indent=1)
+        plots.curves(histories, os.path.join(options.out, "curves.png"))
+        measure(net, fitted, character, validation, options.out, log)
     return net, fitted, character, provenance
 
 
@@ -278,10 +288,11 @@ def main(argv=None):
     options = arguments(argv)
 
     def work():
-        net, fitted, character, provenance = run(options)
-        if options.export:
-            bundle.write(options.export, net, fitted, character, provenance)
-    return command.ended("train", work)
+        with workers.joined(options):
+            net, fitted, character, provenance = run(options)
+            if options.export and workers.first():
+                bundle.write(options.export, net, fitted, character, provenance)
+    return command.ended(workers.called("train"), work)
 
 
 if __name__ == "__main__":
