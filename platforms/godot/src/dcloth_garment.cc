@@ -85,15 +85,15 @@ void DClothGarment::Dress() {
 }
 
 void DClothGarment::Undress() {
+  refused_ = false;
+  if (garment_ == nullptr) return;
   Skeleton3D* const skeleton = Object::cast_to<Skeleton3D>(ObjectDB::get_instance(skeleton_id_));
   const Callable take = callable_mp(this, &DClothGarment::TakePose);
   if (skeleton != nullptr && skeleton->is_connected("skeleton_updated", take)) {
     skeleton->disconnect("skeleton_updated", take);
   }
-  skeleton_id_ = 0;
   garment_.reset();
-  refused_ = false;
-  if (is_inside_tree()) set_mesh(Ref<Mesh>());
+  set_mesh(Ref<Mesh>());
 }
 
 void DClothGarment::Prepare() {
