@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import gltf_file
 import safetensors_file
 from checks import leftovers, refused
 
@@ -67,6 +69,103 @@ def test_a_clip_moves_the_joints_as_blender_does(animation, hero, walker, dcloth
     frames = min(len(found), len(wanted))
     assert frames >= 19
     assert np.abs(found[:frames, :, :3, :3] - wanted[:frames, :, :3, :3]).max() < (2e-2 if "fbx" in animation else 2e-3)
+
+
+PERSON = {  # name: (joint above, place in the T pose)
+    "Hips": (None, (0, 1, 0)), "Spine": ("Hips", (0, 1.1, 0)), "Spine1": ("Spine", (0, 1.25, 0)),
+    "Neck": ("Spine1", (0, 1.5, 0)), "Head": ("Neck", (0, 1.6, 0)),
+    **{side + name: (above if above in ("Hips", "Spine1") else side + above, (sign * x, y, z))
+       for side, sign in (("Left", 1), ("Right", -1))
+       for name, above, (x, y, z) in (
+           ("Shoulder", "Spine1", (.04, 1.45, 0)), ("Arm", "Shoulder", (.18, 1.45, 0)), ("ForeArm", "Arm", (.45, 1.45, 0)),
+           ("Hand", "ForeArm", (.7, 1.45, 0)), ("UpLeg", "Hips", (.1, .95, 0)), ("Leg", "UpLeg", (.1, .5, 0)),
+           ("Foot", "Leg", (.1, .08, 0)), ("ToeBase", "Foot", (.1, .02, .14)))}}
+
+
+def person(axes, rest, frames, skin):
+    """A .glb of PERSON. Each joint's axes are turned by `axes` [J]; joints rest turned by `rest` [J] against their parents
+    and go through `frames` [F, J], Rotations; `skin` binds a triangle in the T pose."""
+    names = list(PERSON)
+    place = np.array([PERSON[name][1] for name in names], float)
+    above = [-1 if PERSON[name][0] is None else names.index(PERSON[name][0]) for name in names]
+
+    def local(turns):
+        """Rotation and translation of each node."""
+        turned = [axes[p].inv() * turn * axes[j] if p >= 0 else turn * axes[j]
+                  for j, (p, turn) in enumerate(zip(above, turns))]
+        moved = [axes[p].inv().apply(place[j] - place[p]) if p >= 0 else place[j] for j, p in enumerate(above)]
+        return np.array([turn.as_quat() for turn in turned]), np.array(moved)
+
+    quaternions, moved = local(rest)
+    nodes = [{"name": name, "rotation": list(quaternions[j]), "translation": list(moved[j]),
+              "children": [c for c, p in enumerate(above) if p == j]} for j, name in enumerate(names)]
+    nodes = [{key: value for key, value in node.items() if value != []} for node in nodes]
+    keys = np.array([local(turns)[0] for turns in frames], "<f4")
+    parts = [(np.arange(len(frames), dtype="<f4") / 30, "SCALAR")] + [(keys[:, j], "VEC4") for j in range(len(names))]
+    document = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes,
+        "animations": [{"name": "go", "samplers": [{"input": 0, "output": 1 + j} for j in range(len(names))],
+                        "channels": [{"sampler": j, "target": {"node": j, "path": "rotation"}} for j in range(len(names))]}]}
+    if skin:
+        bind = np.array([np.eye(4) for _ in names])
+        bind[:, :3, :3] = [turn.as_matrix() for turn in axes]
+        bind[:, :3, 3] = place
+        first = len(parts)
+        parts += [(np.array([[0, 1.2, .1], [.1, 1, .1], [-.1, 1, .1]], "<f4"), "VEC3"),
+                  (np.zeros((3, 4), "u1"), "VEC4"), (np.tile(np.array([1, 0, 0, 0], "<f4"), (3, 1)), "VEC4"),
+                  (np.linalg.inv(bind).transpose(0, 2, 1).astype("<f4"), "MAT4")]
+        attributes = {"POSITION": first, "JOINTS_0": first + 1, "WEIGHTS_0": first + 2}
+        nodes.append({"name": "Skin", "mesh": 0, "skin": 0})
+        document["scenes"][0]["nodes"].append(len(nodes) - 1)
+        document["meshes"] = [{"primitives": [{"attributes": attributes}]}]
+        document["skins"] = [{"joints": list(range(len(names))), "inverseBindMatrices": first + 3}]
+    binary, views, accessors = b"", [], []
+    for values, kind in parts:
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": values.nbytes})
+        accessor = {"bufferView": len(accessors), "componentType": 5121 if values.dtype == np.uint8 else 5126,
+                    "count": len(values), "type": kind}
+        if kind in ("SCALAR", "VEC3"):
+            flat = values.reshape(len(values), -1)
+            accessor |= {"min": flat.min(0).tolist(), "max": flat.max(0).tolist()}
+        accessors.append(accessor)
+        binary += values.tobytes()
+        binary += bytes(-len(binary) % 4)
+    document |= {"buffers": [{"byteLength": len(binary)}], "bufferViews": views, "accessors": accessors}
+    return gltf_file.glb(document, binary)
+
+
+@pytest.mark.parametrize("lowered", [0, 60, -35])
+def test_a_clip_whose_arms_rest_lower(lowered, hero, dcloth, tmp_path):
+    """A clip without skin, of a skeleton with axes of its own that rests in an A pose, on one bound in a T pose."""
+    random = np.random.default_rng(4)
+    count, frames = len(PERSON), 5
+    own, other = Rotation.random(count, random), Rotation.random(count, random)
+    poses = [Rotation.from_rotvec(0.5 * random.standard_normal((count, 3))) for _ in range(frames)]
+    still = [Rotation.identity()] * count
+    lower = [Rotation.from_euler("z", -lowered if name == "LeftArm" else lowered if name == "RightArm" else 0, degrees=True)
+             for name in PERSON]
+    (tmp_path / "hero.glb").write_bytes(person(own, still, poses, True))
+    (tmp_path / "clip.glb").write_bytes(person(other, lower, poses, False))
+    out = {}
+    for animation in ("0", tmp_path / "clip.glb"):
+        result = dcloth("hero", tmp_path / "hero.glb", "--animation", animation, "-o", tmp_path / "o.safetensors")
+        assert result.returncode == 0, result.stderr
+        out[animation] = safetensors_file.read(tmp_path / "o.safetensors")[0]["joint_matrices"]
+    wanted, found = out.values()
+    assert wanted.shape[:2] == (frames, count)
+    assert np.abs(found - wanted).max() < 1e-3
+
+
+def test_a_clip_that_rests_in_another_pose_with_other_axes(hero, dcloth, tmp_path):
+    random = np.random.default_rng(5)
+    count = len(PERSON)
+    poses = [Rotation.from_rotvec(0.5 * random.standard_normal((count, 3)))]
+    sitting = [Rotation.from_euler("x", -80 if name.endswith("UpLeg") else 80 if name in ("LeftLeg", "RightLeg") else 0,
+                                   degrees=True) for name in PERSON]
+    (tmp_path / "hero.glb").write_bytes(person(Rotation.random(count, random), [Rotation.identity()] * count, poses, True))
+    (tmp_path / "clip.glb").write_bytes(person(Rotation.random(count, random), sitting, poses, False))
+    refused(dcloth("hero", tmp_path / "hero.glb", "--animation", tmp_path / "clip.glb", "-o", tmp_path / "o.safetensors"),
+            "other axes", "T or A pose")
 
 
 def test_refuses_what_it_cannot_do(hero, dcloth, tmp_path):

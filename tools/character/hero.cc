@@ -1,5 +1,6 @@
 #include "tools/character/hero.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -20,6 +21,8 @@ constexpr size_t kMostJoints = 4096, kMostVertices = size_t{1} << 24;
 constexpr size_t kInfluences = 4;
 constexpr size_t kLeastMatched = 5;
 constexpr double kSameWay = 25;  // degrees between a bone of two skeletons that rest in one stance
+constexpr double kArmsApart =
+    80;  // the same for arms, of a T pose and of one whose arms hang: the latter are twisted too
 constexpr uint64_t kMostBytes = uint64_t{2} << 30;
 
 uint32_t RoleOfKey(const std::string& key) {
@@ -203,7 +206,7 @@ class OtherSkeleton {
       const Eigen::Matrix4d theirs = source_space_.World(world[static_cast<size_t>(match_[i])]);
       const Eigen::Vector3d scale = hero_.rest[i].topLeftCorner<3, 3>().colwise().norm();
       const Eigen::Matrix3d to_own =
-          same_rest_ ? Eigen::Matrix3d(Rotation(their_rest_[i]).transpose() * Rotation(hero_.rest[i]))
+          same_rest_ ? Eigen::Matrix3d(Rotation(their_rest_[i]).transpose() * arm_turn_[i] * Rotation(hero_.rest[i]))
                      : Eigen::Matrix3d::Identity();
       out[i].topLeftCorner<3, 3>() = Rotation(theirs) * to_own * scale.asDiagonal();
       if (i == hips_) out[i].topRightCorner<3, 1>() = size_ * theirs.topRightCorner<3, 1>();
@@ -212,27 +215,45 @@ class OtherSkeleton {
   }
 
  private:
-  // Where both rest in one stance, a joint's axes are told by the two rests. Where the other file's nodes rest in a
+  uint32_t RoleOf(size_t node) const { return dcloth_role_of_name(file_.nodes[node].name.c_str()); }
+
+  // The joint above that both skeletons have and that is a part of the body; below 0 for none.
+  int64_t PartAbove(size_t node) const {
+    int64_t above = file_.nodes[node].parent;
+    while (above >= 0 &&
+           (match_[static_cast<size_t>(above)] < 0 || RoleOf(static_cast<size_t>(above)) == DCLOTH_ROLE_NONE))
+      above = file_.nodes[static_cast<size_t>(above)].parent;
+    return above;
+  }
+
+  // Where both rest in one stance, a joint's axes are told by the two rests. Arms may hang lower in one of them (a T
+  // pose and an A pose): they are turned from one to the other the shortest way. Where the other file's nodes rest in a
   // pose of its animation, the axes of one maker's joints are taken to be the same on all of its characters.
   void CompareRests() {
     const auto rest = RestMatrices(source_);
     their_rest_.assign(match_.size(), Eigen::Matrix4d::Identity());
+    arm_turn_.assign(match_.size(), Eigen::Matrix3d::Identity());
     for (size_t i = 0; i < match_.size(); ++i) {
       if (match_[i] >= 0) their_rest_[i] = source_space_.World(rest[static_cast<size_t>(match_[i])]);
     }
-    size_t same = 0, same_axes = 0, compared = 0;
-    const auto is_part = [&](size_t i) { return dcloth_role_of_name(file_.nodes[i].name.c_str()) != DCLOTH_ROLE_NONE; };
+    std::vector<Eigen::Matrix3d> arm_turn = arm_turn_;
+    size_t same = 0, same_but_arms = 0, same_axes = 0, compared = 0;
     for (size_t i = 0; i < match_.size(); ++i) {
-      int64_t above = file_.nodes[i].parent;
-      while (above >= 0 && (match_[static_cast<size_t>(above)] < 0 || !is_part(static_cast<size_t>(above))))
-        above = file_.nodes[static_cast<size_t>(above)].parent;
-      if (match_[i] < 0 || above < 0 || !is_part(i)) continue;
-      const auto a = static_cast<size_t>(above);
+      const uint32_t role = RoleOf(i);
+      if (match_[i] < 0 || role == DCLOTH_ROLE_NONE || PartAbove(i) < 0) continue;
+      const auto a = static_cast<size_t>(PartAbove(i));
+      // Where a leg begins beside the hips is a matter of build.
+      if (role == DCLOTH_ROLE_LEFT_UPPER_LEG || role == DCLOTH_ROLE_RIGHT_UPPER_LEG) continue;
       const Eigen::Vector3d own = (hero_.rest[i] - hero_.rest[a]).topRightCorner<3, 1>();
       const Eigen::Vector3d theirs = (their_rest_[i] - their_rest_[a]).topRightCorner<3, 1>();
       if (own.norm() < 0.02 || theirs.norm() * size_ < 0.02) continue;
       ++compared;
+      const uint32_t above = RoleOf(a);
+      const bool arm = above == DCLOTH_ROLE_LEFT_UPPER_ARM || above == DCLOTH_ROLE_LEFT_LOWER_ARM ||
+                       above == DCLOTH_ROLE_RIGHT_UPPER_ARM || above == DCLOTH_ROLE_RIGHT_LOWER_ARM;
       same += Degrees(own, theirs) < kSameWay ? 1 : 0;
+      same_but_arms += Degrees(own, theirs) < (arm ? kArmsApart : kSameWay) ? 1 : 0;
+      if (arm) arm_turn[a] = Eigen::Quaterniond::FromTwoVectors(own, theirs).toRotationMatrix();
       // Where the bone lies in its joint's own axes, which no pose changes.
       same_axes +=
           Degrees(Rotation(hero_.rest[a]).transpose() * own, Rotation(their_rest_[a]).transpose() * theirs) < kSameWay
@@ -241,9 +262,25 @@ class OtherSkeleton {
     }
     same_rest_ = compared != 0 && 10 * same >= 9 * compared;
     if (same_rest_ || 10 * same_axes >= 9 * compared) return;
+    same_rest_ = 10 * same_but_arms >= 9 * compared;
+    if (same_rest_) return TurnArms(arm_turn);
     Refuse(source_, "joints with other axes than the character's, and at rest in another pose than its own",
            "a rest in the character's T or A pose, or the same axes",
            "export the animation with its skin, or in the bind pose");
+  }
+
+  // Hands and fingers go with the lower arm.
+  void TurnArms(const std::vector<Eigen::Matrix3d>& arm_turn) {
+    arm_turn_ = arm_turn;
+    for (size_t i = 0; i < match_.size(); ++i) {
+      for (int64_t at = static_cast<int64_t>(i); at >= 0; at = file_.nodes[static_cast<size_t>(at)].parent) {
+        const auto node = static_cast<size_t>(at);
+        const uint32_t role = RoleOf(node);
+        if (role != DCLOTH_ROLE_LEFT_LOWER_ARM && role != DCLOTH_ROLE_RIGHT_LOWER_ARM) continue;
+        arm_turn_[i] = arm_turn_[node];
+        break;
+      }
+    }
   }
 
   bool UnderHips(size_t node) const {
@@ -262,6 +299,7 @@ class OtherSkeleton {
   CharacterSpace source_space_;
   double size_ = 1;
   std::vector<Eigen::Matrix4d> their_rest_;  // [nodes of the hero's file], metres, +Y up
+  std::vector<Eigen::Matrix3d> arm_turn_;    // [nodes of the hero's file], from the hero's rest to theirs
   bool same_rest_ = false;
 };
 
