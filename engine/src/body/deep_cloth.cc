@@ -13,12 +13,22 @@ using kernels::kNearestPatch;
 constexpr float kMostTravel = 0.25f;  // metres; cloth further in than that stays
 constexpr int kHalvings = 8;          // of it, to find the surface of a core
 constexpr int kMostLimbs = 3;         // that a vertex leaves one after another
+constexpr int kRingsBehind = 16;      // around deep cloth, of cloth behind a core
 constexpr int kRings = 2;             // of neighbours that give way
 constexpr int kSmoothings = 8;
+constexpr uint16_t kAsked = kNotDeep - 1;  // a place: not behind a core; more than any place
+static_assert(kMostDeep <= kAsked);
 
 float* PositionOf(const Surface& surface, size_t vertex) {
   return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(surface.positions) +
                                   vertex * surface.position_stride_bytes);
+}
+
+const float* BoundOf(const ModelView& model, size_t vertex) { return model.template_positions + 3 * vertex; }
+
+uint8_t BitOf(const ModelView& model, size_t vertex) {
+  const uint8_t* classes = model.body.touch_classes;
+  return static_cast<uint8_t>(classes == nullptr ? 0u : 1u << classes[vertex]);
 }
 
 size_t PatchCount(const ModelView& model) { return model.vertex_count / kNearestPatch + format::kMaxTouchClasses; }
@@ -82,7 +92,8 @@ size_t FindDeep(const ModelView& model, const LimbCores& limbs, const TouchLists
       const uint16_t v = vertices[i];
       const float* position = PositionOf(surface, v);
       if (!IsInAny(limbs, near, position)) continue;
-      const uint32_t under = CoresUnder(limbs, model.template_positions + size_t{3} * v, touch.bit);
+      uint32_t nearest;
+      const uint32_t under = CoresUnder(limbs, BoundOf(model, v), touch.bit, &nearest);
       if (!IsInAny(limbs, near & under, position)) continue;
       deep.vertices[found] = v;
       deep.patches[found] = patch;
@@ -136,7 +147,7 @@ float WayOut(const LimbCore& core, const float* point, const float* side, float 
 }
 
 // Straight out of all cores in which it lies, or not at all.
-void LiftOut(const LimbCores& limbs, uint32_t under, const float* side, float* position) {
+bool LiftOut(const LimbCores& limbs, uint32_t under, const float* side, float* position) {
   float at[3] = {position[0], position[1], position[2]}, away[3], radius, travel = 0, most = 0;
   for (int leave = 0; leave < kMostLimbs; ++leave) {
     float way = 0;
@@ -149,35 +160,78 @@ void LiftOut(const LimbCores& limbs, uint32_t under, const float* side, float* p
     }
     if (!(way > 0)) break;
     travel += way;
-    if (!(travel < most)) return;
+    if (!(travel < most)) return false;
     for (size_t c = 0; c < 3; ++c) at[c] += way * side[c];
   }
   for (size_t c = 0; c < 3; ++c) position[c] = at[c];
+  return true;
+}
+
+void FillPlaces(const ModelView& model, const DeepCloth& deep, size_t found) {
+  for (size_t v = 0; v < model.vertex_count; ++v) deep.places[v] = kNotDeep;
+  for (size_t i = 0; i < found; ++i) deep.places[deep.vertices[i]] = static_cast<uint16_t>(i);
+}
+
+// visit(vertex, count) for neighbours of the first `found` vertices that are not among them. It says whether they join
+// them; returns how many there are then.
+template <typename Visit>
+size_t AddRing(const ModelView& model, const DeepCloth& deep, size_t found, Visit visit) {
+  const size_t before = found, most = Most(model);
+  for (size_t t = 0; t < model.triangle_count; ++t) {
+    const uint16_t* face = model.faces + 3 * t;
+    bool beside = false;
+    for (size_t k = 0; k < 3; ++k) beside |= deep.places[face[k]] < before;
+    for (size_t k = 0; k < 3 && beside && found < most; ++k) {
+      if (deep.places[face[k]] != kNotDeep || !visit(face[k], found)) continue;
+      deep.places[face[k]] = static_cast<uint16_t>(found);
+      deep.vertices[found++] = face[k];
+    }
+  }
+  return found;
+}
+
+// Cloth that joins deep cloth and lies behind the core of the bone nearest to it; returns how many there are then.
+size_t AddBehind(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found,
+                 const Surface& surface) {
+  FillPlaces(model, deep, found);
+  for (int ring = 0; ring < kRingsBehind; ++ring) {
+    const size_t before = found;
+    found = AddRing(model, deep, found, [&](uint16_t v, size_t place) {
+      uint32_t nearest;
+      float out[3], middle[3];
+      deep.under[place] = CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
+      const bool behind = nearest < kMostCores && (deep.under[place] >> nearest & 1u) != 0 &&
+                          IsBehindCore(limbs.cores[nearest], BoundOf(model, v), PositionOf(surface, v), out, middle);
+      if (!behind) deep.places[v] = kAsked;
+      return behind;
+    });
+    if (found == before) break;
+  }
+  return found;
 }
 
 // Neighbours of what was found join it; returns how many there are then. `places` is filled in.
 size_t AddRings(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found) {
-  for (size_t v = 0; v < model.vertex_count; ++v) deep.places[v] = kNotDeep;
-  for (size_t i = 0; i < found; ++i) deep.places[deep.vertices[i]] = static_cast<uint16_t>(i);
-  const size_t most = Most(model);
+  FillPlaces(model, deep, found);
   for (int ring = 0; ring < kRings; ++ring) {
-    const size_t before = found;
-    for (size_t t = 0; t < model.triangle_count; ++t) {
-      const uint16_t* face = model.faces + 3 * t;
-      bool beside = false;
-      for (size_t k = 0; k < 3; ++k) beside |= deep.places[face[k]] < before;
-      for (size_t k = 0; k < 3 && beside && found < most; ++k) {
-        const uint16_t v = face[k];
-        if (deep.places[v] != kNotDeep) continue;
-        const uint8_t* classes = model.body.touch_classes;
-        const auto bit = static_cast<uint8_t>(classes == nullptr ? 0u : 1u << classes[v]);
-        deep.places[v] = static_cast<uint16_t>(found);
-        deep.vertices[found] = v;
-        deep.under[found++] = CoresUnder(limbs, model.template_positions + size_t{3} * v, bit);
-      }
-    }
+    found = AddRing(model, deep, found, [&](uint16_t v, size_t place) {
+      uint32_t nearest;
+      deep.under[place] = CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
+      return true;
+    });
   }
   return found;
+}
+
+// Around the limb that has gone through it.
+void LiftAround(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t place, float* position) {
+  const uint16_t v = deep.vertices[place];
+  uint32_t nearest;
+  float out[3], at[3];
+  CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
+  if (!IsBehindCore(limbs.cores[nearest], BoundOf(model, v), position, out, at)) return;
+  if (!LiftOut(limbs, deep.under[place], out, at)) return;
+  for (size_t c = 0; c < 3; ++c) position[c] = at[c];
 }
 
 size_t ListTriangles(const ModelView& model, const DeepCloth& deep) {
@@ -252,11 +306,16 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
     return;
   }
   FillSides(model, mirrored, lists, deep, lifted, surface);
-  const size_t found = AddRings(model, limbs, deep, lifted);
+  const size_t behind = AddBehind(model, limbs, deep, lifted, surface);
+  const size_t found = AddRings(model, limbs, deep, behind);
   for (size_t i = 0; i < found; ++i) {
     float* position = PositionOf(surface, deep.vertices[i]);
     for (size_t c = 0; c < 3; ++c) deep.starts[3 * i + c] = position[c];
-    if (i < lifted) LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], position);
+    if (i < lifted) {
+      LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], position);
+    } else if (i < behind) {
+      LiftAround(model, limbs, deep, i, position);
+    }
   }
   const size_t triangles = ListTriangles(model, deep);
   for (int k = 0; k < kSmoothings; ++k) Smooth(model, limbs, deep, found, triangles, surface);

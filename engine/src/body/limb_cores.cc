@@ -14,6 +14,9 @@ constexpr float kOwnWeight = 0.5f;     // of skin that shows how thick a bone's 
 constexpr float kOfFree = 0.9f;        // share of the free space that is core
 constexpr float kLeastRadius = 0.02f;  // metres
 constexpr float kFurthest = 0.4f;      // metres in the bind pose: bones further from cloth are not under it
+constexpr float kBehind = 0.2f;        // metres from a bone: cloth further behind it is not on its way around it
+constexpr float kOpposite = 0.5f;      // cosine of the angle to straight behind
+constexpr float kShaft = 0.3f;         // of a bone: nearer to its start, cloth is held by the limb above
 constexpr float kFar = 1e18f;
 
 void Transform(const float* matrix, const float* point, float* out) {
@@ -175,14 +178,15 @@ void PoseLimbCores(const float* matrices, const LimbCores& limbs) {
   }
 }
 
-uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit) {
+uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit, uint32_t* nearest_core) {
   OnBone found[kMostCores], nearest = {};
   nearest.squared = kFar;
+  *nearest_core = kMostCores;
   for (uint32_t k = 0; k < *limbs.count; ++k) {
     found[k] = InBindPose(limbs.cores[k], point);
     const bool counts = bit == 0 || (limbs.cores[k].touched_by & bit) != 0;
     if (!counts) found[k].squared = kFar;
-    if (found[k].squared < nearest.squared) nearest = found[k];
+    if (found[k].squared < nearest.squared) nearest = found[k], *nearest_core = k;
   }
   uint32_t under = 0;
   for (uint32_t k = 0; k < *limbs.count; ++k) {
@@ -209,6 +213,26 @@ bool IsInCore(const LimbCore& core, const float* point, float* away, float* radi
   *radius = metres * core.scale;
   for (size_t c = 0; c < 3; ++c) away[c] = on.away[c];
   return on.squared < *radius * *radius;
+}
+
+bool IsBehindCore(const LimbCore& core, const float* bound, const float* point, float* out, float* middle) {
+  const OnBone was = InBindPose(core, bound),
+               is = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
+  if (!(was.along > kShaft && is.along > kShaft)) return false;
+  const float u = Dot(core.around[0], was.away), w = Dot(core.around[1], was.away);
+  float across[3];  // also beyond the bone's end
+  for (size_t c = 0; c < 3; ++c) {
+    out[c] = u * core.posed_around[0][c] + w * core.posed_around[1][c];
+    across[c] = point[c] - core.posed_from[c] - is.along * core.along[c];
+  }
+  const float length = std::sqrt(Dot(out, out)), apart = std::sqrt(Dot(across, across));
+  if (!(length > 0 && apart < kBehind * core.scale)) return false;
+  for (size_t c = 0; c < 3; ++c) out[c] /= length;
+  const float height = Dot(across, out);
+  if (!(height < -kOpposite * apart)) return false;
+  for (size_t c = 0; c < 3; ++c) middle[c] = point[c] - height * out[c];
+  float away[3], radius;
+  return IsInCore(core, middle, away, &radius);
 }
 
 }  // namespace dcloth::engine

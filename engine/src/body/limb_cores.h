@@ -52,14 +52,20 @@ void PoseLimbCores(const float* matrices, const LimbCores& limbs);
 
 // The cores, a bit each, that in the bind pose lie under a garment vertex at `point`: on the inner side of the plane
 // across its distance to the nearest bone, and not far from it. A hand beside a skirt does not; both legs do. `bit` is
-// of the vertex's class, 0 where every vertex touches everything.
-uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit);
+// of the vertex's class, 0 where every vertex touches everything. `nearest` is the core of that bone, kMostCores where
+// there is none.
+uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit, uint32_t* nearest);
 
 // Whether the posed core may reach into a ball.
 bool ReachesInto(const LimbCore& core, const float* centre, float radius);
 
 // Whether the posed core holds `point`; if so, `away` is the way to it from the bone and `radius` the core's there.
 bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius);
+
+// Whether a garment vertex that was at `bound` in the bind pose and is at `point` lies behind the posed core, seen from
+// where it was: the limb has gone through the cloth. If so, `out` is the unit vector across the bone to its own side,
+// and `middle` a place in the core on the way there.
+bool IsBehindCore(const LimbCore& core, const float* bound, const float* point, float* out, float* middle);
 
 }  // namespace dcloth::engine
 

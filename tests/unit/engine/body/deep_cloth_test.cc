@@ -138,6 +138,38 @@ TEST_F(DeepClothTest, ASheetThroughTheThighComesToLieInFrontOfIt) {
   }
 }
 
+// The thigh was swung through the sheet: above, the sheet is still in it, below it hangs behind it.
+TEST_F(DeepClothTest, ClothThatHangsBehindTheLimbComesToLieInFrontOfIt) {
+  std::vector<float> sheet = SheetAt(0, 0);
+  for (size_t i = 0; i < sheet.size(); i += 3) sheet[i + 2] = 0.06f + 0.8f * (sheet[i + 1] + 0.05f);
+  const std::vector<float> before = sheet;
+  Lay(&sheet);
+  size_t behind = 0, beside = 0;
+  for (size_t i = 0; i < sheet.size(); i += 3) {
+    // Further out cloth goes down the thigh's side, and so do the ends of the last two rows.
+    if (before[i + 2] < -kThigh && before[i + 1] > -0.335f && std::fabs(before[i]) < 0.025f) {
+      ++behind;
+      EXPECT_GT(sheet[i + 2], 0) << i / 3 << ": behind the thigh";
+      EXPECT_GT(FromAxis(sheet, i), 0.9f * kThigh - 1e-4f) << i / 3;
+    }
+    if (std::fabs(before[i]) < 0.15f) continue;
+    ++beside;
+    ASSERT_EQ(std::memcmp(&before[i], &sheet[i], 12), 0) << i / 3;
+  }
+  EXPECT_GT(behind, 50u);
+  EXPECT_GT(beside, 200u);
+}
+
+// So does cloth behind the limb that was bound there, next to deep cloth.
+TEST_F(DeepClothTest, ClothOfTheFarSideStaysBehindTheLimb) {
+  for (size_t i = 0; i < bound_.size(); i += 3) bound_[i + 2] = -kSheetZ;
+  for (size_t i = 0; i + 2 < faces_.size(); i += 3) std::swap(faces_[i], faces_[i + 1]);
+  std::vector<float> sheet = SheetAt(0, 0);
+  for (size_t i = 0; i < sheet.size(); i += 3) sheet[i + 2] = -0.06f + 0.8f * (sheet[i + 1] + 0.05f);
+  Lay(&sheet);
+  for (size_t i = 0; i < sheet.size(); i += 3) ASSERT_LT(sheet[i + 2], 0) << i / 3;
+}
+
 TEST_F(DeepClothTest, ClothOutsideOfCoresKeepsItsBits) {
   for (const float z : {-0.15f, kSheetZ, 0.075f}) {
     std::vector<float> sheet = SheetAt(0, z);
@@ -175,16 +207,22 @@ TEST_F(DeepClothTest, ALimbBesideTheGarmentLaysNothing) {
   EXPECT_GT(checked, 200u);
 }
 
-// A host's space that mirrors, in centimetres.
+// A host's space that mirrors, in centimetres: a sheet in the thigh, and one that ends behind it.
 TEST_F(DeepClothTest, MirroredSpacesGiveTheMirrorImage) {
-  std::vector<float> sheet = SheetAt(0.004f, 0.01f), host = sheet;
-  Lay(&sheet);
-  for (size_t j = 0; j < 4; ++j) {
-    for (size_t r = 0; r < 3; ++r) matrices_[12 * j + 5 * r] = r == 0 ? -100.0f : 100.0f;
+  const std::vector<float> metres = matrices_;
+  for (const float slope : {0.0f, 0.8f}) {
+    std::vector<float> sheet = SheetAt(0.004f, 0.01f);
+    for (size_t i = 0; i < sheet.size(); i += 3) sheet[i + 2] += slope * (sheet[i + 1] + 0.1f);
+    std::vector<float> host = sheet;
+    matrices_ = metres;
+    Lay(&sheet);
+    for (size_t j = 0; j < 4; ++j) {
+      for (size_t r = 0; r < 3; ++r) matrices_[12 * j + 5 * r] = r == 0 ? -100.0f : 100.0f;
+    }
+    for (size_t i = 0; i < host.size(); ++i) host[i] *= i % 3 == 0 ? -100.0f : 100.0f;
+    Lay(&host, true);
+    for (size_t i = 0; i < host.size(); ++i) ASSERT_NEAR(host[i], (i % 3 == 0 ? -100 : 100) * sheet[i], 0.2f) << i / 3;
   }
-  for (size_t i = 0; i < host.size(); ++i) host[i] *= i % 3 == 0 ? -100.0f : 100.0f;
-  Lay(&host, true);
-  for (size_t i = 0; i < host.size(); ++i) ASSERT_NEAR(host[i], (i % 3 == 0 ? -100 : 100) * sheet[i], 0.2f) << i / 3;
 }
 
 TEST_F(DeepClothTest, NumbersThatAreNoneAndPosesWithoutSizeMoveNothingElsewhere) {
