@@ -18,8 +18,9 @@ OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
   try {
     return OpenModel(bytes, bundle.path);
   } catch (const Error& error) {
-    throw Error({bundle.path, "", "a model that the engine refuses: " + error.parts().found, error.parts().expected,
-                 "make the network smaller where a limit is named; else this is a fault of the converter, report it"});
+    throw Error(
+        {bundle.path, "", "a model that the engine does not open: " + error.parts().found, error.parts().expected,
+         "if a limit is named, make the network smaller; otherwise this is a bug in the converter, please report it"});
   }
 }
 
@@ -153,14 +154,14 @@ void Attempts::PruneInfluences(AutoReport* report) {
 uint32_t Attempts::FixedRank() const {
   const uint32_t exact = ranks_->exact_rank(), asked = StoredRank(std::min(options_.rank.rank, exact));
   if (exact == 0) {
-    throw Error({bundle_.path, "", "no displacement basis, as there is no skeleton stage", "one to reduce",
+    throw Error({bundle_.path, "", "no displacement basis, because there is no skeleton stage", "a basis to reduce",
                  "leave --rank out"});
   }
   if (asked < exact && options_.calibration.empty()) {
     throw Error({bundle_.path, "",
-                 "a rank of " + std::to_string(options_.rank.rank) + ", below the basis' own " + std::to_string(exact) +
-                     ", and no motion to tell what may go",
-                 "motion to weigh directions by", "pass --calibrate SEQ, once or more"});
+                 "a rank of " + std::to_string(options_.rank.rank) + ", which is below the basis' own rank of " +
+                     std::to_string(exact) + ", and no motion",
+                 "motion that shows which directions matter", "pass --calibrate SEQ, once or more"});
   }
   return asked;
 }

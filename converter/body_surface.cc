@@ -42,7 +42,7 @@ Touch ReduceMasks(const Bundle& bundle) {
   if (masks.size() > format::kMaxTouchClasses) {
     throw Error({bundle.path, "template.touches", std::to_string(masks.size()) + " different masks",
                  "at most " + std::to_string(format::kMaxTouchClasses),
-                 "let vertices that touch nearly the same parts have one mask"});
+                 "give vertices that touch nearly the same parts the same mask"});
   }
   for (const uint32_t mask : bundle.touches) {
     touch.classes.push_back(static_cast<uint8_t>(std::distance(masks.begin(), masks.find(mask))));

@@ -23,15 +23,16 @@ RootMotion ReadRootMotion(const SafeFile& file) {
 void ReadMetadata(const SafeFile& file, Bundle* bundle) {
   if (file.RequireMetadata("format") != "dcloth-bundle") {
     throw Error({file.path(), "", "metadata format '" + file.RequireMetadata("format") + "'", "dcloth-bundle",
-                 "pass a bundle"});
+                 "pass a training bundle"});
   }
   if (file.RequireMetadata("format_version") != "1") {
     throw Error({file.path(), "", "format_version '" + file.RequireMetadata("format_version") + "'", "1",
-                 "export the bundle for this converter"});
+                 "export the bundle again for this converter"});
   }
   bundle->garment = file.RequireMetadata("garment");
   if (bundle->garment.empty() || bundle->garment.find('\0') != std::string::npos) {
-    throw Error({file.path(), "", "an empty garment name, or one with a zero byte", "a plain name", ""});
+    throw Error({file.path(), "", "a garment name that is empty or has a zero byte", "a name without zero bytes",
+                 "set the garment's name and export the bundle again"});
   }
   bundle->tick_rate = PositiveNumber(file, "tick_rate", 1000);
   bundle->joint_names = UniqueNames(file, "joint_names");
@@ -56,12 +57,13 @@ void ReadBind(TensorReader* reader, const SafeFile& file, Bundle* bundle) {
     const Eigen::Matrix4f bind = Eigen::Map<const RowMatrix4>(values.data() + 16 * j);
     const double determinant = bind.cast<double>().topLeftCorner<3, 3>().determinant();
     if (bind(3, 0) != 0 || bind(3, 1) != 0 || bind(3, 2) != 0 || bind(3, 3) != 1) {
-      reader->Refuse(tensor.name, "another last row than 0 0 0 1 in joint '" + bundle->joint_names[j] + "'",
+      reader->Refuse(tensor.name,
+                     "a last row other than 0 0 0 1 in the matrix of joint '" + bundle->joint_names[j] + "'",
                      "row-major matrices that act on column vectors");
     }
     if (!(std::abs(determinant) >= 1e-9)) {
-      reader->Refuse(tensor.name, "a matrix without inverse in joint '" + bundle->joint_names[j] + "'",
-                     "invertible ones");
+      reader->Refuse(tensor.name, "a matrix that has no inverse for joint '" + bundle->joint_names[j] + "'",
+                     "invertible matrices");
     }
     bundle->bind.push_back(bind);
   }
@@ -77,7 +79,8 @@ void ReadFeatures(TensorReader* reader, Bundle* bundle) {
   bundle->feature_high = reader->TakeVector("features.high", d, names);
   for (Eigen::Index i = 0; i < bundle->feature_low.size(); ++i) {
     if (bundle->feature_low[i] > bundle->feature_high[i]) {
-      reader->Refuse("features.low", "a value above features.high at element " + std::to_string(i), "low <= high");
+      reader->Refuse("features.low", "a value above features.high at element " + std::to_string(i),
+                     "at most features.high");
     }
   }
 }
@@ -93,7 +96,8 @@ Matrix ReadSkeletonBasis(TensorReader* reader, uint64_t k, uint64_t n) {
   }
   const Matrix components = reader->TakeBasis("skeleton.components", rank, n, "[R, n, 3]");
   Matrix basis = (readout.cast<double>() * components.cast<double>()).cast<float>();
-  if (!basis.allFinite()) reader->Refuse("skeleton.components", "a product with skeleton.readout beyond F32", "finite");
+  if (!basis.allFinite())
+    reader->Refuse("skeleton.components", "a product with skeleton.readout that F32 cannot hold", "finite numbers");
   return basis;
 }
 
@@ -103,7 +107,7 @@ SkeletonWeights ReadSkeleton(TensorReader* reader, uint64_t n, uint64_t d) {
   skeleton.hidden.bias = reader->TakeVector(gru + "bias_hh", kAny, "[3 k_S]");
   const auto rows = static_cast<uint64_t>(skeleton.hidden.bias.size());
   const uint64_t k = rows / 3;
-  if (rows % 3 != 0) reader->Refuse(gru + "bias_hh", std::to_string(rows) + " values", "3 k_S, r z n");
+  if (rows % 3 != 0) reader->Refuse(gru + "bias_hh", std::to_string(rows) + " values", "3 k_S values: r, z and n");
   skeleton.hidden.weight = reader->TakeMatrix(gru + "weight_hh", 3 * k, k, "[3 k_S, k_S]");
   skeleton.input.weight = reader->TakeMatrix(gru + "weight_ih", 3 * k, d, "[3 k_S, d]");
   skeleton.input.bias = reader->TakeVector(gru + "bias_ih", 3 * k, "[3 k_S]");
@@ -133,7 +137,7 @@ MeshWeights ReadMesh(TensorReader* reader, uint64_t n) {
   mesh.embed = reader->TakeLinear("mesh.embed", 1, kAny, "[1, F]");
   const uint64_t width = static_cast<uint64_t>(mesh.embed.weight.cols());
   if (width % 8 != 0 || width > 64) {
-    reader->Refuse("mesh.embed.weight", "feature width " + std::to_string(width), "a multiple of 8, 8 to 64");
+    reader->Refuse("mesh.embed.weight", "feature width " + std::to_string(width), "a multiple of 8 from 8 to 64");
   }
   while (reader->Has("mesh.layers." + std::to_string(mesh.layers.size()) + ".") || mesh.layers.empty()) {
     if (mesh.layers.size() == 8) reader->Refuse("mesh.layers.8", "more than 8 layers", "1 to 8");
@@ -157,7 +161,7 @@ void ReadBody(TensorReader* reader, Bundle* bundle) {
   if (reader->Has("body.colours")) {
     bundle->body_colours = reader->TakeGeometry("body.colours", b, 3, "[b, 3]");
     const bool within = (bundle->body_colours.array() >= 0 && bundle->body_colours.array() <= 1).all();
-    if (!within) reader->Refuse("body.colours", "numbers outside of 0 to 1", "sRGB colours, 0 to 1");
+    if (!within) reader->Refuse("body.colours", "a number outside 0 to 1", "sRGB colours from 0 to 1");
   }
   if (!reader->Has("body.collides")) return;
   bundle->body_collides = reader->TakeVector("body.collides", b, "[b]");
@@ -165,7 +169,7 @@ void ReadBody(TensorReader* reader, Bundle* bundle) {
     const float value = bundle->body_collides[i];
     if (value == 0 || value == 1) continue;
     reader->Refuse("body.collides", std::to_string(value) + " at vertex " + std::to_string(i),
-                   "1 where cloth collides with the skin, 0 elsewhere");
+                   "1 for skin that cloth collides with, else 0");
   }
 }
 
@@ -195,7 +199,7 @@ Bundle BundleFrom(const SafeFile& file) {
   // A stage is there when any tensor of its group is: half a group is then missed by name.
   const bool has_mesh = reader.Has("mesh.");
   if (has_mesh && !reader.Has("skeleton.")) {
-    reader.Refuse("skeleton.basis", "a mesh stage without a skeleton stage", "both, or no mesh stage");
+    reader.Refuse("skeleton.basis", "a mesh stage without a skeleton stage", "both stages, or no mesh stage");
   }
   if (has_mesh || reader.Has("nearest.")) {
     MeshWeights nearest;

@@ -49,7 +49,7 @@ std::vector<std::string> UniqueNames(const SafeFile& file, std::string_view key)
     names.push_back(name.get<std::string>());
     // The engine hands names out as C strings.
     if (names.back().empty() || names.back().find('\0') != std::string::npos) {
-      Refuse(file, key, "with an empty name or one that holds a zero byte", "plain names");
+      Refuse(file, key, "with a name that is empty or has a zero byte", "names without zero bytes");
     }
     if (!seen.insert(names.back()).second) Refuse(file, key, "with " + Quoted(names.back()) + " twice", "unique names");
   }
@@ -73,7 +73,9 @@ std::vector<int32_t> Parents(const SafeFile& file, std::string_view key, size_t 
   for (size_t joint = 0; joint < joints; ++joint) {
     int32_t above = parents[joint];
     for (size_t steps = 0; above >= 0 && steps < joints; ++steps) above = parents[static_cast<size_t>(above)];
-    if (above >= 0) Refuse(file, key, "with a circle above joint " + std::to_string(joint), "parents that end at -1");
+    if (above >= 0)
+      Refuse(file, key, "in which joint " + std::to_string(joint) + " is below itself",
+             "parents that lead to a root (-1)");
   }
   return parents;
 }
@@ -107,7 +109,7 @@ std::string JsonObject(const SafeFile& file, std::string_view key) {
 uint32_t IndexOf(const SafeFile& file, std::string_view key, const std::string& name,
                  const std::vector<std::string>& names) {
   const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end()) Refuse(file, key, "with " + Quoted(name), "a name out of joint_names");
+  if (found == names.end()) Refuse(file, key, "with " + Quoted(name), "a name from joint_names");
   return static_cast<uint32_t>(found - names.begin());
 }
 

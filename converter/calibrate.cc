@@ -33,8 +33,8 @@ std::vector<Eigen::Matrix3d> InverseTurns(const Bundle& bundle, const Sequence& 
     const Eigen::Matrix3d turn = world.cast<double>().topLeftCorner<3, 3>() * inverse_bind;
     if (!(std::abs(turn.determinant()) > 1e-9)) {
       throw Error({sequence.path, "joint_matrices",
-                   "joint " + bundle.joint_names[joint] + " collapsed in frame " + std::to_string(frame),
-                   "matrices with an inverse to calibrate on", "leave this sequence out of --calibrate"});
+                   "a collapsed joint '" + bundle.joint_names[joint] + "' in frame " + std::to_string(frame),
+                   "invertible matrices", "leave this sequence out of --calibrate"});
     }
     turns.push_back(turn.inverse());
   }

@@ -233,7 +233,7 @@ ClipError ClipTruth::Compare(std::span<const float> positions) const {
   const size_t n = mesh_.vertex_count(), size = 3 * n;
   if (positions.size() != frames_.size() * size) {
     throw Error({"", "", std::to_string(positions.size() / size) + " predicted frames",
-                 std::to_string(frames_.size()) + ", those of the truth", ""});
+                 std::to_string(frames_.size()) + ", as many as the truth has", ""});
   }
   std::vector<std::vector<float>> local(counted_, std::vector<float>(size));
   std::vector<float> strain;

@@ -32,18 +32,18 @@ void CheckOptions(const ConvertOptions& options) {
   }
   if (options.max_error_mm && Measured(options).empty()) {
     throw Error(
-        {"", "", "an error bound but no motion to measure it on", "a sequence of the character", "pass --motion SEQ"});
+        {"", "", "an error bound without motion to measure it on", "a sequence of the character", "pass --motion SEQ"});
   }
   if (!options.precision && !options.max_error_mm) {
-    throw Error(
-        {"", "", "precision auto without a bound", "a bound and motion", "pass --max-error-mm E and --motion SEQ"});
+    throw Error({"", "", "precision auto without an error bound", "an error bound and motion",
+                 "pass --max-error-mm E and --motion SEQ"});
   }
   if (options.rank.mode == RankMode::kSearch && (!options.max_error_mm || options.calibration.empty())) {
-    throw Error({"", "", "a search for the rank without a bound or without motion to calibrate on", "both",
+    throw Error({"", "", "a search for the rank without an error bound or without motion", "both",
                  "pass --max-error-mm E and --calibrate SEQ"});
   }
   if (options.rank.mode == RankMode::kFixed && options.rank.rank < 1) {
-    throw Error({"", "", "a basis of rank 0", "1 or more", "leave --rank out to keep the basis as exact as it is"});
+    throw Error({"", "", "a basis of rank 0", "1 or more", "leave --rank out to store the basis without loss"});
   }
 }
 

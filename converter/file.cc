@@ -95,7 +95,7 @@ fs::path Target(const fs::path& path, fs::perms* keep) {
   const fs::file_status status = fs::status(path, failed);
   if (status.type() == fs::file_type::not_found) {
     if (fs::is_symlink(fs::symlink_status(path, failed))) {
-      Refuse(path, "a symbolic link to nothing", "remove it or write elsewhere");
+      Refuse(path, "a symbolic link to a file that does not exist", "remove the link or write elsewhere");
     }
     return path;
   }
@@ -127,7 +127,8 @@ class PreparedFile::Temporary {
     if (file_ < 0) {
       const std::string reason = Reason(errno);
       temporary_.clear();
-      Refuse(path_, "that no file can be created there: " + reason, "check that its directory exists and is writable");
+      Refuse(path_, "a path where no file can be created: " + reason,
+             "check that its directory exists and is writable");
     }
   }
   ~Temporary() {
@@ -142,7 +143,7 @@ class PreparedFile::Temporary {
     while (!bytes.empty()) {
       const long long written = WriteSome(file_, bytes.data(), bytes.size());
       if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) Refuse(path_, "a failed write: " + Reason(errno), "check the free space");
+      if (written <= 0) Refuse(path_, "a failed write: " + Reason(errno), "check the free disk space");
       bytes = bytes.subspan(static_cast<size_t>(written));
     }
   }
@@ -159,7 +160,7 @@ class PreparedFile::Temporary {
   void Replace() {
     std::string reason;
     if (!Rename(temporary_, target_, &reason)) {
-      Refuse(path_, "that it cannot be replaced: " + reason, "check its directory");
+      Refuse(path_, "a file that cannot be replaced: " + reason, "check the permissions of its directory");
     }
     temporary_.clear();
   }
@@ -181,14 +182,15 @@ AlignedBytes ReadFile(const fs::path& path, uint64_t limit_bytes) {
   const uint64_t size = fs::file_size(path, failed);
   if (failed) Refuse(path, failed.message(), "check the path");
   if (size > limit_bytes) {
-    throw Error({path, "", std::to_string(size) + " bytes", "at most " + std::to_string(limit_bytes), ""});
+    throw Error({path, "", std::to_string(size) + " bytes", "at most " + std::to_string(limit_bytes) + " bytes",
+                 "split the file"});
   }
 #if defined(_WIN32)
   std::FILE* const file = _wfopen(path.c_str(), L"rb");
 #else
   std::FILE* const file = std::fopen(path.c_str(), "rb");
 #endif
-  if (file == nullptr) Refuse(path, "that it cannot be read: " + Reason(errno), "check its permissions");
+  if (file == nullptr) Refuse(path, "a file that cannot be read: " + Reason(errno), "check its permissions");
   AlignedBytes bytes;
   size_t read = 0;
   try {
@@ -200,8 +202,8 @@ AlignedBytes ReadFile(const fs::path& path, uint64_t limit_bytes) {
   }
   std::fclose(file);
   if (read != size) {
-    throw Error(
-        {path, "", std::to_string(read) + " readable bytes", std::to_string(size), "was it changed while reading?"});
+    throw Error({path, "", std::to_string(read) + " readable bytes", std::to_string(size),
+                 "try again; another program may have changed the file"});
   }
   return bytes;
 }

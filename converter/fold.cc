@@ -16,8 +16,7 @@ MatrixD FoldSkinWeights(const Bundle& bundle) {
     const double total = sum.row(i).sum();
     // Below this a normalised row is noise of the cancelled sum.
     if (!(total > 1e-6)) {
-      throw Error({bundle.path, "static.residual_weights",
-                   "no positive skin weight left for vertex " + std::to_string(i),
+      throw Error({bundle.path, "static.residual_weights", "no positive skin weight for vertex " + std::to_string(i),
                    "max(W_I + sum W_i, 0) above 0 in every row", "train the static stage again"});
     }
     sum.row(i) /= total;
@@ -91,7 +90,8 @@ Matrix InverseBinds(const Bundle& bundle, std::span<const uint32_t> joints) {
     inverse.row(static_cast<Eigen::Index>(j)) = Eigen::Map<const Eigen::RowVectorXd>(rows.data(), 12).cast<float>();
   }
   if (!inverse.allFinite()) {
-    throw Error({bundle.path, "character.bind", "a bind matrix whose inverse leaves float range", "metres", ""});
+    throw Error({bundle.path, "character.bind", "a bind matrix whose inverse a float cannot hold",
+                 "a bind pose in metres", "export the bundle again in metres"});
   }
   return inverse;
 }

@@ -23,8 +23,8 @@ Points ToPoints(std::span<const float> positions, size_t vertex_count, const cha
                       positions.data(), static_cast<Eigen::Index>(vertex_count), 3)
                       .cast<double>();
   if (!points.allFinite()) {
-    throw Error(
-        {"", "", std::string("NaN or infinity in the ") + which, "finite positions", "did the network diverge?"});
+    throw Error({"", "", std::string("NaN or infinity in the ") + which, "finite positions",
+                 "check whether training diverged"});
   }
   return points;
 }
@@ -65,8 +65,8 @@ ErrorMeter::ErrorMeter(std::span<const uint16_t> triangles, size_t vertex_count)
   const bool inside =
       std::all_of(triangles.begin(), triangles.end(), [&](uint16_t vertex) { return vertex < vertex_count; });
   if (vertex_count == 0 || triangles.size() % 3 != 0 || !inside) {
-    throw Error(
-        {"", "", "triangles that do not fit " + std::to_string(vertex_count) + " vertices", "indices below it", ""});
+    throw Error({"", "", "triangles that do not fit " + std::to_string(vertex_count) + " vertices",
+                 "indices below the vertex count", ""});
   }
 }
 

@@ -23,7 +23,8 @@ void Check(const std::string& name, const Matrix& weights) {
   if (weights.size() == 0) throw Error({"", name, "an empty matrix", "at least one weight", ""});
   const double largest = static_cast<double>(weights.cwiseAbs().maxCoeff());
   if (!(largest <= kLargest)) {
-    throw Error({"", name, "the weight " + std::to_string(largest), "magnitudes up to 1e30", "did training diverge?"});
+    throw Error({"", name, "the weight " + std::to_string(largest), "magnitudes up to 1e30",
+                 "check whether training diverged"});
   }
 }
 

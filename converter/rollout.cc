@@ -12,7 +12,8 @@ namespace {
 
 void Require(dcloth_status status, const std::filesystem::path& path, const std::string& what) {
   if (status != DCLOTH_OK)
-    throw Error({path, "", what + " refused with status " + std::to_string(status), "success", ""});
+    throw Error({path, "", "a failure of " + what + ": " + dcloth_status_name(status), "",
+                 "look for NaN, infinity or collapsed joints in the file"});
 }
 
 dcloth_error EmptyError() {

@@ -39,19 +39,19 @@ void CheckTiling(const std::filesystem::path& path, const std::vector<HeaderTens
   uint64_t at = 0;
   for (const HeaderTensor* tensor : order) {
     if (tensor->end > data_bytes) {
-      throw Error({path, tensor->name, "an end at data byte " + std::to_string(tensor->end),
-                   "at most " + std::to_string(data_bytes), "the file is truncated; copy it again"});
+      throw Error({path, tensor->name, "a tensor that ends at data byte " + std::to_string(tensor->end),
+                   "at most " + std::to_string(data_bytes), "the file is cut off; copy it again"});
     }
     if (tensor->begin != at) {
-      throw Error({path, tensor->name, "a begin at data byte " + std::to_string(tensor->begin),
+      throw Error({path, tensor->name, "a tensor that begins at data byte " + std::to_string(tensor->begin),
                    std::to_string(at) + (tensor->begin < at ? " (tensors overlap)" : " (a hole)"),
                    "write the file again with a safetensors library"});
     }
     at = tensor->end;
   }
   if (at != data_bytes) {
-    throw Error(
-        {path, "", std::to_string(data_bytes - at) + " bytes after the last tensor", "none", "is it one file?"});
+    throw Error({path, "", std::to_string(data_bytes - at) + " bytes after the last tensor", "none",
+                 "write the file again with a safetensors library"});
   }
 }
 
@@ -89,17 +89,19 @@ SafeFile SafeFile::Parse(AlignedBytes bytes, std::filesystem::path path) {
   file.path_ = std::move(path);
   file.bytes_ = std::move(bytes);
   const size_t size = file.bytes_.size();
-  if (size < 8) throw Error({file.path_, "", std::to_string(size) + " bytes", "a safetensors file, 8 or more", ""});
+  if (size < 8)
+    throw Error({file.path_, "", std::to_string(size) + " bytes", "a safetensors file of 8 bytes or more",
+                 "copy the file again"});
   uint64_t header_bytes = 0;
   std::memcpy(&header_bytes, file.bytes_.data(), 8);
   if (header_bytes > std::min<uint64_t>(size - 8, kMaxHeaderBytes)) {
     if (std::memcmp(file.bytes_.data() + 4, "DCLO", 4) == 0) {  // such a length would be beyond every file
       throw Error({file.path_, "", "a .dcloth model", "a safetensors file",
-                   "give the training bundle that the model was made from, or a sequence"});
+                   "pass the training bundle that the model was made from, or a sequence"});
     }
     throw Error({file.path_, "", "a header of " + std::to_string(header_bytes) + " bytes",
                  "at most " + std::to_string(std::min<uint64_t>(size - 8, kMaxHeaderBytes)),
-                 "the file is truncated or no safetensors file"});
+                 "the file is cut off, or it is not a safetensors file"});
   }
   const char* const json = reinterpret_cast<const char*>(file.bytes_.data()) + 8;
   Header header = ParseHeader(file.path_, {json, static_cast<size_t>(header_bytes)});
@@ -121,14 +123,15 @@ const SafeTensor* SafeFile::Find(std::string_view name) const {
 
 const SafeTensor& SafeFile::Require(std::string_view name) const {
   const SafeTensor* const tensor = Find(name);
-  if (tensor == nullptr) throw Error({path_, std::string(name), "no such tensor", "it, see converter/BUNDLE.md", ""});
+  if (tensor == nullptr)
+    throw Error({path_, std::string(name), "no such tensor", "this tensor", "see converter/BUNDLE.md"});
   return *tensor;
 }
 
 const std::string& SafeFile::RequireMetadata(std::string_view key) const {
   const auto found = metadata_.find(key);
   if (found == metadata_.end()) {
-    throw Error({path_, "", "no metadata '" + std::string(key) + "'", "it, see converter/BUNDLE.md", ""});
+    throw Error({path_, "", "no metadata '" + std::string(key) + "'", "this metadata", "see converter/BUNDLE.md"});
   }
   return found->second;
 }
@@ -150,7 +153,7 @@ std::vector<float> FloatsOf(const SafeFile& file, const SafeTensor& tensor) {
     if (!std::isfinite(values[i])) {
       throw Error({file.path(), tensor.name,
                    (std::isnan(values[i]) ? "NaN" : "infinity") + std::string(" at element ") + std::to_string(i),
-                   "finite numbers", "did training or simulation diverge?"});
+                   "finite numbers", "check whether training or simulation diverged"});
     }
   }
   return values;
@@ -163,12 +166,12 @@ std::string SafeHeader(std::span<const SafeTensor> tensors, const Metadata& meta
   uint64_t at = 0;
   for (const SafeTensor& tensor : tensors) {
     if (tensor.name == "__metadata__" || !names.insert(tensor.name).second) {
-      throw Error({"", tensor.name, "the name twice, or reserved", "unique names", ""});
+      throw Error({"", tensor.name, "a name that is reserved or occurs twice", "unique names", ""});
     }
     const std::optional<uint64_t> size = CheckedSize(tensor.type, tensor.shape);
     if (!size || *size != tensor.bytes.size() || tensor.shape.size() > kMaxDimensions) {
       throw Error({"", tensor.name, std::to_string(tensor.bytes.size()) + " bytes",
-                   std::string("those of ") + SafeTypeName(tensor.type) + " " + ShapeText(tensor.shape), ""});
+                   std::string("the bytes of ") + SafeTypeName(tensor.type) + " " + ShapeText(tensor.shape), ""});
     }
     nlohmann::ordered_json& entry = root[tensor.name];
     entry["dtype"] = SafeTypeName(tensor.type);

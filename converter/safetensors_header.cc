@@ -28,7 +28,7 @@ class Handler : public nlohmann::json_sax<nlohmann::json> {
     const bool offsets = field_ == "data_offsets";
     std::vector<uint64_t>& list = offsets ? offsets_ : tensor_.shape;
     if (list.size() == (offsets ? 2 : kMaxDimensions)) {
-      Refuse("more numbers in " + field_, offsets ? "two byte offsets" : "at most 16 dimensions");
+      Refuse("too many numbers in " + field_, offsets ? "two byte offsets" : "at most 16 dimensions");
     }
     list.push_back(value);
     return true;
@@ -64,7 +64,7 @@ class Handler : public nlohmann::json_sax<nlohmann::json> {
   bool key(string_t& key) override {
     if (place_ == Place::kRoot) {
       name_ = key;
-      if (!names_.insert(key).second) Refuse("the name twice", "unique names");
+      if (!names_.insert(key).second) Refuse("a name that occurs twice", "unique names");
       return true;
     }
     field_ = key;
@@ -92,7 +92,7 @@ class Handler : public nlohmann::json_sax<nlohmann::json> {
   }
 
   bool parse_error(size_t position, const std::string&, const nlohmann::json::exception& error) override {
-    throw Error({path_, "", "a header that is not JSON, at byte " + std::to_string(8 + position) + ": " + error.what(),
+    throw Error({path_, "", "a header that is not JSON at byte " + std::to_string(8 + position) + ": " + error.what(),
                  "a safetensors file", ""});
   }
 
@@ -116,7 +116,7 @@ class Handler : public nlohmann::json_sax<nlohmann::json> {
     if (offsets_.size() != 2) Refuse(std::to_string(offsets_.size()) + " data_offsets", "two byte offsets");
     const std::optional<uint64_t> size = CheckedSize(tensor_.type, tensor_.shape);
     const std::string what = std::string(SafeTypeName(tensor_.type)) + " " + ShapeText(tensor_.shape);
-    if (!size) Refuse(what, "a shape whose size fits in 64 bits");
+    if (!size) Refuse(what, "a size that fits in 64 bits");
     tensor_.begin = offsets_.front();
     tensor_.end = offsets_.back();
     if (tensor_.end < tensor_.begin || tensor_.end - tensor_.begin != *size) {

@@ -22,7 +22,8 @@ void ReadMatrices(const SafeFile& file, Sequence* sequence) {
   const uint64_t joints = sequence->joint_names.size();
   const Shape& shape = tensor.shape;
   if (shape.size() != 4 || shape[0] == 0 || shape[1] != joints || shape[2] != 4 || shape[3] != 4) {
-    Refuse(file, tensor.name, "shape " + ShapeText(shape), "[T, " + std::to_string(joints) + ", 4, 4], T at least 1");
+    Refuse(file, tensor.name, "shape " + ShapeText(shape),
+           "[T, " + std::to_string(joints) + ", 4, 4] with T of 1 or more");
   }
   if (tensor.type != SafeType::kF32)
     Refuse(file, tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), "F32");
@@ -35,7 +36,7 @@ void ReadMatrices(const SafeFile& file, Sequence* sequence) {
     if (std::abs(bottom[0]) > kSlack || std::abs(bottom[1]) > kSlack || std::abs(bottom[2]) > kSlack ||
         std::abs(bottom[3] - 1) > kSlack) {
       Refuse(file, tensor.name,
-             "another last row than 0 0 0 1 in frame " + std::to_string(i / joints) + ", joint '" +
+             "a last row other than 0 0 0 1 in frame " + std::to_string(i / joints) + ", joint '" +
                  sequence->joint_names[i % joints] + "'",
              "row-major matrices that act on column vectors");
     }
@@ -85,7 +86,8 @@ void ReadTruth(const SafeFile& file, Sequence* sequence) {
   for (size_t i = 0; i < sequence->truth.size(); ++i) {
     sequence->truth[i] += origins[i / per_frame * 3 + i % 3];
     if (!std::isfinite(sequence->truth[i])) {
-      Refuse(file, origin->name, "a sum with truth beyond the floats at element " + std::to_string(i), "metres");
+      Refuse(file, origin->name, "a sum with truth that a float cannot hold at element " + std::to_string(i),
+             "positions in metres");
     }
   }
 }
@@ -123,7 +125,7 @@ std::vector<uint32_t> MapJoints(const Sequence& sequence, std::span<const std::s
   if (!missing.empty()) {
     std::string held;
     for (const std::string& name : sequence.joint_names) held += (held.empty() ? "" : ", ") + name;
-    throw Error({sequence.path, "", "no joints " + missing, "every joint of the model; the sequence holds " + held,
+    throw Error({sequence.path, "", "no joints " + missing, "every joint of the model; the sequence has " + held,
                  "rename the sequence's joints or retarget it to the model's character"});
   }
   return map;

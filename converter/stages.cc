@@ -25,9 +25,9 @@ uint32_t ParseStages(const std::string& name) {
 Bundle KeepStages(const Bundle& bundle, uint32_t stages) {
   const uint32_t all = StagesOf(bundle);
   if (stages > all) {
-    throw Error({bundle.path, "", std::string("stages '") + StagesName(stages) + "' asked for",
-                 std::string("at most '") + StagesName(all) + "', which is what the bundle holds",
-                 "lower --stages, or train the stage"});
+    throw Error({bundle.path, "", std::string("stages '") + StagesName(stages) + "'",
+                 std::string("at most '") + StagesName(all) + "', the last stage in the bundle",
+                 "choose an earlier stage with --stages, or train this one"});
   }
   Bundle kept = bundle;
   if (stages < DCLOTH_STAGES_MESH) kept.mesh.reset();

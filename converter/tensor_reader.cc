@@ -106,7 +106,7 @@ std::vector<uint32_t> TensorReader::TakeMasks(const std::string& name, uint64_t 
   for (size_t i = 0; i < masks.size(); ++i) {
     if (masks[i] <= INT32_MAX) continue;
     Refuse(name, std::to_string(static_cast<int32_t>(masks[i])) + " at vertex " + std::to_string(i),
-           "bit masks from 0 up");
+           "bit masks of 0 or more");
   }
   return masks;
 }
@@ -125,7 +125,7 @@ Faces TensorReader::TakeFaces(const std::string& name, uint64_t vertices) {
       }
     }
     if (faces(i, 0) == faces(i, 1) || faces(i, 1) == faces(i, 2) || faces(i, 0) == faces(i, 2)) {
-      Refuse(name, "a vertex twice in face " + std::to_string(i), "three different vertices");
+      Refuse(name, "the same vertex twice in face " + std::to_string(i), "three different vertices");
     }
   }
   return faces;
@@ -150,7 +150,7 @@ void TensorReader::RequireType(const SafeTensor& tensor, SafeType type) const {
 void TensorReader::RefuseUnknown() const {
   for (const SafeTensor& tensor : file_.tensors()) {
     if (!taken_.contains(tensor.name)) {
-      Refuse(tensor.name, "a tensor that a bundle does not have", "the names in converter/BUNDLE.md");
+      Refuse(tensor.name, "an unknown tensor", "the tensors in converter/BUNDLE.md");
     }
   }
 }

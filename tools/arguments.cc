@@ -20,7 +20,7 @@ namespace dcloth::tools {
 std::vector<std::string> Utf8Arguments(int, char**) {
   int count = 0;
   const std::unique_ptr<wchar_t*, decltype(&LocalFree)> wide(CommandLineToArgvW(GetCommandLineW(), &count), &LocalFree);
-  if (!wide) throw std::runtime_error("the system does not tell the command line (CommandLineToArgvW)");
+  if (!wide) throw std::runtime_error("Windows did not return the command line (CommandLineToArgvW failed)");
   std::vector<std::string> arguments;
   for (int i = 1; i < count; ++i) {
     const wchar_t* const text = wide.get()[i];

@@ -22,7 +22,7 @@ std::vector<double> InverseBind(const converter::Bundle& bundle) {
     if (!(std::abs(determinant) > 0)) {
       throw converter::Error({.path = bundle.path,
                               .tensor = "character.bind",
-                              .found = "a bind matrix without inverse for joint '" + bundle.joint_names[j] + "'",
+                              .found = "a bind matrix that has no inverse for joint '" + bundle.joint_names[j] + "'",
                               .expected = "invertible joint-to-world matrices",
                               .mend = "export the bind pose again"});
     }

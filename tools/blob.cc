@@ -10,12 +10,12 @@ namespace dcloth::tools {
 namespace {
 
 std::vector<unsigned char> Deflate(std::span<const std::byte> bytes) {
-  if (bytes.size() > UINT32_MAX) throw std::runtime_error("a sequence too long for one page; show fewer frames");
+  if (bytes.size() > UINT32_MAX) throw std::runtime_error("the sequence is too long for one page; show fewer frames");
   z_stream stream{};
   // Residuals are small numbers with short repeats, which is what Z_FILTERED is for: 5 % smaller than the default
   // strategy. Level 9 would save 1 % more in four times the time.
   int status = deflateInit2(&stream, 6, Z_DEFLATED, 15, 9, Z_FILTERED);
-  if (status != Z_OK) throw std::runtime_error("zlib does not start (status " + std::to_string(status) + ")");
+  if (status != Z_OK) throw std::runtime_error("zlib could not start (status " + std::to_string(status) + ")");
   std::vector<unsigned char> packed(deflateBound(&stream, static_cast<uLong>(bytes.size())));
   stream.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(bytes.data()));  // zlib reads only
   stream.avail_in = static_cast<uInt>(bytes.size());
@@ -25,7 +25,7 @@ std::vector<unsigned char> Deflate(std::span<const std::byte> bytes) {
   const size_t size = stream.total_out;
   deflateEnd(&stream);
   if (status != Z_STREAM_END)
-    throw std::runtime_error("zlib refuses to compress (status " + std::to_string(status) + ")");
+    throw std::runtime_error("zlib could not compress (status " + std::to_string(status) + ")");
   packed.resize(size);
   return packed;
 }

@@ -38,7 +38,8 @@ int RunConvert(const Options& options) {
   };
   const bool calibrated = !options.calibration.empty(), measured = calibrated || !options.motion.empty();
   if (options.precision == "auto" && (!options.bounded || !measured)) {
-    usage("--precision auto without a bound to keep and motion to test it on", "add --max-error-mm E and --motion SEQ");
+    usage("--precision auto without an error bound or without motion to test it on",
+          "add --max-error-mm E and --motion SEQ");
   }
   if (options.bounded && !measured) {
     usage("--max-error-mm without motion to measure it on", "add --motion SEQ, once or more");

@@ -273,7 +273,7 @@ int Dress(const Options& options) {
                             .tensor = {},
                             .found = "output ending '" + extension + "'",
                             .expected = ".html, .glb or .dcloth-fit",
-                            .mend = "name the output accordingly"});
+                            .mend = "give the output one of these endings"});
   }
   if (const auto code = InChild(options.hero)) return *code;
   const converter::OpenModel model = OpenGarment(options.garment);

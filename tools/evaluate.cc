@@ -126,7 +126,7 @@ void CheckGrid(const Options& options) {
         {.path = {}, .tensor = {}, .found = std::move(found), .expected = {}, .mend = std::move(mend)});
   };
   if (!options.ranks.empty() && options.calibration.empty()) {
-    usage("--rank without motion that a smaller basis may be fitted to", "add --calibrate SEQ, once or more");
+    usage("--rank without motion to fit a smaller basis to", "add --calibrate SEQ, once or more");
   }
   for (const std::filesystem::path& calibration : options.calibration) {
     for (const std::filesystem::path& sequence : options.sequences) {

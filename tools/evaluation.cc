@@ -221,14 +221,14 @@ size_t FramesPerTick(const Bundle& bundle, const Sequence& sequence) {
     throw converter::Error({.path = sequence.path,
                             .tensor = {},
                             .found = "fps " + std::to_string(sequence.fps),
-                            .expected = "a multiple of the tick rate, " + std::to_string(bundle.tick_rate),
+                            .expected = "a multiple of the tick rate of " + std::to_string(bundle.tick_rate),
                             .mend = "resample the sequence, or use `dcloth run`, which resamples poses"});
   }
   if (sequence.has_truth() && sequence.truth_vertex_count != bundle.vertex_count()) {
     throw converter::Error({.path = sequence.path,
                             .tensor = "truth",
                             .found = std::to_string(sequence.truth_vertex_count) + " vertices",
-                            .expected = std::to_string(bundle.vertex_count()) + ", those of '" + bundle.garment + "'",
+                            .expected = std::to_string(bundle.vertex_count()) + ", as '" + bundle.garment + "' has",
                             .mend = "evaluate the garment that the sequence was simulated with"});
   }
   return static_cast<size_t>(whole);

@@ -51,9 +51,9 @@ converter::OpenModel OpenGarment(const std::string& garment) {
   }
   throw converter::Error({.path = garment,
                           .tensor = {},
-                          .found = "no garment of that name; looked for " + looked,
+                          .found = "no garment with this name; searched " + looked,
                           .expected = "a .dcloth model, a bundle, or the name of a garment that comes with dcloth",
-                          .mend = "give the file: --garment path/to/skirt.dcloth"});
+                          .mend = "pass its file: --garment path/to/skirt.dcloth"});
 }
 
 }  // namespace dcloth::tools

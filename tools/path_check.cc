@@ -21,9 +21,9 @@ fs::path Whole(const fs::path& path) {
 [[noreturn]] void Refuse(const fs::path& path, const std::string& option, const std::string& taken) {
   throw converter::Error({.path = path,
                           .tensor = {},
-                          .found = "the file of " + option + " to be " + taken,
+                          .found = "the same file for " + option + " and " + taken,
                           .expected = {},
-                          .mend = "give " + option + " a name of its own"});
+                          .mend = "give " + option + " a different name"});
 }
 
 }  // namespace
@@ -49,10 +49,10 @@ void CommandFiles::Check() const {
   for (size_t i = 0; i < outputs_.size(); ++i) {
     const Named& output = outputs_[i];
     for (const Named& input : inputs_) {
-      if (IsSameFile(output.path, input.path)) Refuse(output.path, output.name, input.name + " itself");
+      if (IsSameFile(output.path, input.path)) Refuse(output.path, output.name, input.name);
     }
     for (const Named& other : std::span(outputs_).first(i)) {
-      if (IsSameFile(output.path, other.path)) Refuse(output.path, output.name, "that of " + other.name + " too");
+      if (IsSameFile(output.path, other.path)) Refuse(output.path, output.name, other.name);
     }
   }
 }

@@ -16,7 +16,7 @@ converter::OpenModel OpenModelFile(const std::filesystem::path& path) {
                             .tensor = {},
                             .found = "a safetensors file",
                             .expected = "a .dcloth model",
-                            .mend = "`dcloth convert BUNDLE -o MODEL` makes one of a training bundle"});
+                            .mend = "`dcloth convert BUNDLE -o MODEL` converts a training bundle to a model"});
   }
   return converter::OpenModel(std::move(bytes), path);
 }
@@ -34,12 +34,12 @@ Player::Player(const converter::OpenModel& model, uint32_t stages, std::string s
       positions_(size_t{model.info().vertex_count} * 3),
       normals_(positions_.size()) {
   if ((stages & ~model.info().stages) != 0) {
-    throw converter::Error({.path = {},
-                            .tensor = {},
-                            .found = std::string("stages '") + StagesName(stages) + "' asked for",
-                            .expected = std::string("at most '") + StagesName(model.info().stages) +
-                                        "', the last stage that the model holds",
-                            .mend = "lower --stages, or convert a bundle that holds the stage"});
+    throw converter::Error(
+        {.path = {},
+         .tensor = {},
+         .found = std::string("stages '") + StagesName(stages) + "'",
+         .expected = std::string("at most '") + StagesName(model.info().stages) + "', the last stage of the model",
+         .mend = "choose an earlier stage with --stages, or convert a bundle that has this one"});
   }
 }
 
@@ -94,12 +94,12 @@ dcloth_pose Player::Pose(std::span<const float> matrices) const {
 
 void Player::Check(dcloth_status status, const char* what) const {
   if (status == DCLOTH_OK) return;
-  throw converter::Error({.path = source_,
-                          .tensor = "joint_matrices",
-                          .found = std::string("the engine refuses to ") + what + " (status " + std::to_string(status) +
-                                   (status == DCLOTH_ERROR_POSE ? ", POSE)" : ", ARGUMENT)"),
-                          .expected = "finite poses of " + std::to_string(model_.info().joint_count) + " joints",
-                          .mend = "look for NaN, infinity or collapsed joints in the sequence"});
+  throw converter::Error(
+      {.path = source_,
+       .tensor = "joint_matrices",
+       .found = std::string("an error of the engine (") + what + ": " + dcloth_status_name(status) + ")",
+       .expected = "finite poses of " + std::to_string(model_.info().joint_count) + " joints",
+       .mend = "look for NaN, infinity or collapsed joints in the sequence"});
 }
 
 }  // namespace dcloth::tools

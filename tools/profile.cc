@@ -49,7 +49,7 @@ class Profiler {
       throw converter::Error({.path = sequence.path,
                               .tensor = {},
                               .found = "a single frame at " + std::to_string(options.fps) + " Hz",
-                              .expected = "two frames or more, as the first one is not counted",
+                              .expected = "two frames or more, because the first one is not counted",
                               .mend = "pass a longer sequence or a higher --fps"});
     }
     if (sequence.has_truth() && sequence.truth_vertex_count != model.info().vertex_count) {
@@ -57,7 +57,7 @@ class Profiler {
           {.path = sequence.path,
            .tensor = "truth",
            .found = std::to_string(sequence.truth_vertex_count) + " vertices",
-           .expected = std::to_string(model.info().vertex_count) + ", those of '" + model.info().name + "'",
+           .expected = std::to_string(model.info().vertex_count) + ", as '" + model.info().name + "' has",
            .mend = "profile the garment that the sequence was simulated with"});
     }
   }
@@ -144,8 +144,8 @@ int RunProfile(const Options& options) {
     if (other == cores.end()) {
       throw converter::Error({.path = {},
                               .tensor = {},
-                              .found = "--contend with one core to run on",
-                              .expected = "a second core for the neighbour",
+                              .found = "--contend with a single core to run on",
+                              .expected = "a second core for the thread of --contend",
                               .mend = "allow this process a second core"});
     }
     contender.emplace(*other);

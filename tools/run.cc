@@ -54,11 +54,12 @@ std::optional<std::array<float, 3>> ParseWind(const std::string& text) {
     at = i < 2 ? next + 1 : next;
   }
   if (!read || !(std::hypot(double{wind[0]}, double{wind[1]}, double{wind[2]}) <= 100)) {
-    throw converter::Error({.path = {},
-                            .tensor = {},
-                            .found = "--wind '" + text + "'",
-                            .expected = "X,Y,Z: three numbers in metres a second, together at most 100",
-                            .mend = "--wind=0,0,-5 blows in the face of a character that looks along +Z"});
+    throw converter::Error(
+        {.path = {},
+         .tensor = {},
+         .found = "--wind '" + text + "'",
+         .expected = "X,Y,Z in m/s: three numbers, a speed of at most 100",
+         .mend = "write --wind=0,0,-5, for example: it blows in the face of a character that looks along +Z"});
   }
   return wind;
 }
@@ -89,7 +90,7 @@ Result Play(const Options& options, const converter::OpenModel& model, const Pos
                               .tensor = {},
                               .found = "NaN or infinity in the vertices of frame " + std::to_string(f),
                               .expected = "finite positions",
-                              .mend = "did the network diverge? train again, or convert a bundle that did not"});
+                              .mend = "check whether training diverged; if it did, train again"});
     }
     result.positions.insert(result.positions.end(), player.positions().begin(), player.positions().end());
     progress.Step(f + 1, result.frame_count);

@@ -97,8 +97,9 @@ bool Checker::WeightRows(const Path& path, const Tensor* tensor, Shape shape, co
   const size_t bad = FindBadWeightRow(*values, shape.rows, shape.columns);
   if (bad == shape.rows) return true;  // such rows are finite
   return AllFinite(path, *values, shape.elements()) &&
-         FailElement(path, *values, bad, sizeof(float) * shape.columns, "a row that is no set of weights",
-                     "weights from 0 up that sum to 1 within 1e-4");
+         FailElement(path, *values, bad, sizeof(float) * shape.columns,
+                     "a row with a negative weight, or with a sum other than 1",
+                     "weights of 0 or more whose sum is 1 within 1e-4");
 }
 
 bool Checker::Indices(const Path& path, const Tensor* tensor, Shape shape, uint32_t limit, const uint8_t** values) {

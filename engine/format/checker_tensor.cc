@@ -27,28 +27,29 @@ bool Checker::ShapeIs(const Path& path, const Tensor* tensor, Shape shape) {
   allowed.Add("[").Add(uint64_t{shape.rows});
   if (rank == 2) allowed.Add(", ").Add(uint64_t{shape.columns});
   allowed.Add("]");
-  return Fail({&path, "shape"}, tensor, found_text, allowed_text, "the sizes of its neighbours decide this shape");
+  return Fail({&path, "shape"}, tensor, found_text, allowed_text,
+              "it must fit the other tensors; convert the bundle again");
 }
 
 bool Checker::Claim(const Path& path, const Tensor* tensor, uint64_t size) {
   const Path offset_path = {&path, "offset"};
   const uint64_t offset = tensor->offset();
-  if (offset % kAlignment != 0) return FailCount(offset_path, tensor, offset, "", "multiples of 64");
+  if (offset % kAlignment != 0) return FailCount(offset_path, tensor, offset, "", "a multiple of 64");
   if (offset > weights_size_ || size > weights_size_ - offset) {
     char found[96];
-    Text(found, sizeof(found)).Add("bytes ").Add(offset).Add(" to ").Add(offset).Add(" + ").Add(size);
+    Text(found, sizeof(found)).Add(size).Add(" bytes at offset ").Add(offset);
     char allowed[64];
-    Text(allowed, sizeof(allowed)).Add("inside the ").Add(weights_size_).Add(" bytes of weights");
+    Text(allowed, sizeof(allowed)).Add("a range within the ").Add(weights_size_).Add(" bytes of weights");
     return Fail(offset_path, tensor, found, allowed);
   }
   for (size_t i = 0; i < range_count_; ++i) {
     if (offset < ranges_[i].end && ranges_[i].begin < offset + size) {
       char found[96];
-      Text(found, sizeof(found)).Add("an overlap with the tensor at ").Add(ranges_[i].begin);
-      return Fail(offset_path, tensor, found, "a range of its own");
+      Text(found, sizeof(found)).Add("a range that overlaps the tensor at offset ").Add(ranges_[i].begin);
+      return Fail(offset_path, tensor, found, "a separate range for each tensor");
     }
   }
-  if (range_count_ == kMaxTensors) return Fail(path, tensor, "more tensors than any model has", "160");
+  if (range_count_ == kMaxTensors) return Fail(path, tensor, "more than 160 tensors", "at most 160");
   ranges_[range_count_++] = {offset, offset + size};
   return true;
 }
@@ -65,7 +66,7 @@ bool Checker::Resolve(const Path& path, const Tensor* tensor, DType dtype, Shape
 }
 
 bool Checker::Scales(const Path& path, const void* parent, const Tensor* tensor, uint32_t count, const float** values) {
-  if (tensor == nullptr) return Fail(path, parent, "no scales", "scales, as the weights are i8");
+  if (tensor == nullptr) return Fail(path, parent, "no scales for i8 weights", "scales");
   const void* data = nullptr;
   if (!Resolve(path, tensor, DType_F32, {count}, count, &data)) return false;
   const auto* scales = static_cast<const float*>(data);
@@ -73,7 +74,7 @@ bool Checker::Scales(const Path& path, const void* parent, const Tensor* tensor,
   if (bad != count) {  // sound scales are finite too: that pass is for its words alone
     return AllFinite(path, scales, count) &&
            FailElement(path, scales, bad, sizeof(float), "a scale that is not positive",
-                       "normal numbers above 0, in padding too");
+                       "positive normal numbers, in the padding too");
   }
   *values = scales;
   return true;
@@ -96,8 +97,8 @@ bool Checker::LinearScales(const Path& path, const format::Linear* linear, uint3
   }
   const bool has_rows = linear->row_scales() != nullptr, has_columns = linear->column_scales() != nullptr;
   if (!has_rows && !has_columns) return true;
-  return Fail({&path, has_rows ? "row_scales" : "column_scales"}, linear, "scales beside float weights",
-              "scales with i8 weights only");
+  return Fail({&path, has_rows ? "row_scales" : "column_scales"}, linear, "scales for float weights",
+              "scales only for i8 weights");
 }
 
 bool Checker::Linear(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t columns,

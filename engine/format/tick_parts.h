@@ -11,8 +11,9 @@
 
 // X(Part, number, name, step)
 //   Part    TickPart::k<Part>, and what functions and rows of the part are called
-//   number  of the part in a saved state: never changed, and never given to another part. 10 says that no tick is in
-//   work name    in profiles step    the DCLOTH_STEP_* to which a timer adds the part's time
+//   number  of the part in a saved state: never changed, never given to another part; 10 means that no tick is begun
+//   name    in profiles
+//   step    the DCLOTH_STEP_* to which a timer adds the part's time
 #define DCLOTH_TICK_PARTS(X)                                    \
   X(Static, 0, "static", DCLOTH_STEP_STATIC)                    \
   X(SkeletonInput, 1, "skeleton input", DCLOTH_STEP_SKELETON)   \

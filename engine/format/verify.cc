@@ -16,20 +16,22 @@ constexpr size_t kIdentifierOffset = 4;
 
 bool CheckBytes(const void* bytes, size_t size, Diagnostic* diagnostic) {
   if (bytes == nullptr) {
-    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "the bytes of a .dcloth file",
-                            "");
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer",
+                            "a pointer to the bytes of a model", "load the .dcloth file and pass its bytes");
   }
   if (reinterpret_cast<uintptr_t>(bytes) % kAlignment != 0) {
-    return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, 0, nullptr, "model bytes off a 64-byte boundary",
-                            "addresses divisible by 64", "map the file or allocate with an alignment of 64");
+    return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, 0, nullptr, "model bytes that are not aligned to 64 bytes",
+                            "an address divisible by 64",
+                            "map the file, or allocate its memory with an alignment of 64");
   }
   if (size < kSmallestFile || size > kMaxModelBytes || size % kAlignment != 0) {
     return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, kNoOffset, nullptr, size, " bytes",
-                                 "a multiple of 64, from 64 to 2147483646", "is it a .dcloth file, and whole?");
+                                 "a multiple of 64, from 64 to 2147483646",
+                                 "check that this is a .dcloth file and that it is complete");
   }
   if (!fb::BufferHasIdentifier(bytes, ModelIdentifier())) {
-    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, kIdentifierOffset, nullptr, "another file identifier", "DCLO",
-                            "this is not a .dcloth model");
+    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, kIdentifierOffset, nullptr, "a different file identifier", "DCLO",
+                            "this file is not a .dcloth model; dcloth convert writes one");
   }
   return true;
 }
@@ -57,15 +59,15 @@ const fb::Table* Root(const uint8_t* bytes, size_t size) {
 bool CheckVersion(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
   const fb::Table* root = Root(bytes, size);
   if (root == nullptr) {
-    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a broken root table", "an intact FlatBuffer",
-                            "is the file complete?");
+    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a broken root table", "a complete .dcloth file",
+                            "the file is damaged or cut off; copy it again");
   }
   const uint16_t major = root->GetField<uint16_t>(Model::VT_FORMAT_MAJOR, 0);
   if (major == kFormatMajor) return true;
   const Path path = {nullptr, "format_major"};
   const auto* place = reinterpret_cast<const uint8_t*>(root);
   return diagnostic->FailCount(DCLOTH_ERROR_VERSION, static_cast<uint64_t>(place - bytes), &path, major, "", "1",
-                               "convert the bundle with the converter of this release");
+                               "convert the bundle again with the converter of this release");
 }
 
 // Whether the offsets of a vector lead forwards and inside. FlatBuffers' verifier follows them unchecked and only looks
@@ -132,24 +134,24 @@ uint64_t OffsetInside(const uint8_t* bytes, size_t size, const uint8_t* place, c
 // FlatBuffers' verifier only says no. Goes through the root's children again to say where.
 bool FailStructure(const uint8_t* bytes, size_t size, Diagnostic* diagnostic) {
   const fb::Table& root = *Root(bytes, size);
-  constexpr char kFix[] = "the file is truncated or damaged, or its writer left something out";
+  constexpr char kFix[] = "the file is damaged or incomplete; convert the bundle again";
   for (const Child& child : kChildren) {
     const Path path = {nullptr, child.name};
     const uint8_t* place = root.GetAddressOf(child.field);
     if (child.required && place == nullptr) {
       const auto offset = static_cast<uint64_t>(reinterpret_cast<const uint8_t*>(&root) - bytes);
-      return diagnostic->Fail(DCLOTH_ERROR_FORMAT, offset, &path, "no such field", "a required field", kFix);
+      return diagnostic->Fail(DCLOTH_ERROR_FORMAT, offset, &path, "no such field", "this field in every model", kFix);
     }
     fb::Verifier verifier = MakeVerifier(bytes, size);
     if (place != nullptr &&
         !(child.verify(verifier, root, child.field) && VectorsLeadInside(bytes, size, root, child.field))) {
       return diagnostic->Fail(DCLOTH_ERROR_FORMAT, OffsetInside(bytes, size, place, root), &path,
-                              "a broken offset or length, a required field missing or over 256 tables",
-                              "an intact FlatBuffer", kFix);
+                              "a bad offset or length, a missing required field, or more than 256 tables",
+                              "an intact file", kFix);
     }
   }
   return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "a broken structure, or more than 256 tables",
-                          "an intact FlatBuffer", kFix);
+                          "an intact file", kFix);
 }
 
 }  // namespace
@@ -171,7 +173,7 @@ bool Verify(const void* bytes, size_t size, ModelView* view, Diagnostic* diagnos
   if (reinterpret_cast<uintptr_t>(weights) % kAlignment != 0) {
     const Path path = {nullptr, "weights"};
     return diagnostic->Fail(DCLOTH_ERROR_FORMAT, static_cast<uint64_t>(weights - begin), &path,
-                            "data off a 64-byte boundary", "data aligned to 64 bytes",
+                            "data that is not aligned to 64 bytes", "data aligned to 64 bytes",
                             "write the model with FLATBUFFERS_MAX_ALIGNMENT=64");
   }
   Checker checker(begin, weights, model.weights()->size(), diagnostic);

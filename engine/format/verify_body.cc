@@ -22,16 +22,18 @@ bool VerifyRings(const Body& body, const Path& parent, Checker* check, BodyView*
   const uint32_t b = view->vertex_count, corners = 3 * view->face_count;
   if (!check->Words(path, body.row_starts(), {b + 1}, &view->row_starts)) return false;
   const uint32_t* starts = view->row_starts;
-  if (starts[0] != 0) return check->FailElement(path, starts, 0, sizeof(uint32_t), "a first row that starts late", "0");
+  if (starts[0] != 0)
+    return check->FailElement(path, starts, 0, sizeof(uint32_t), "a first row that does not start at 0", "0");
   const size_t bad = FindNotRising(starts, b);
   if (bad != b) {
-    return check->FailElement(path, starts, bad + 1, sizeof(uint32_t), "a start not above the one before",
-                              "rising starts: every vertex has a face");
+    return check->FailElement(path, starts, bad + 1, sizeof(uint32_t),
+                              "a row start that is not above the one before it",
+                              "increasing row starts: each vertex has a face");
   }
   for (uint32_t i = 0; i < b; ++i) {
     if (starts[i + 1] - starts[i] <= kMaxBodyRing) continue;
     return check->FailElement(path, starts, i + 1, sizeof(uint32_t), "more than 32 faces around a vertex",
-                              "1 to 32 faces", "cut the body's triangle fans into smaller ones");
+                              "1 to 32 faces", "split the triangle fans of the body's mesh");
   }
   const Path last = {&path, nullptr, b};
   return check->Count(last, starts + b, starts[b], corners, corners) &&
@@ -47,8 +49,9 @@ bool VerifyTouched(const Path& path, Checker* check, BodyView* view) {
       bare &= ~(uint32_t{view->touched_by[face[0]]} & view->touched_by[face[1]] & view->touched_by[face[2]]);
     }
     if (bare == 0) continue;
-    return check->FailElement(path, view->touched_by, i, 1, "a class that touches no face around the vertex",
-                              "classes that one of these faces has in all three corners");
+    return check->FailElement(path, view->touched_by, i, 1,
+                              "a touch class that no face around this vertex has at all corners",
+                              "classes that one of these faces has at all corners");
   }
   return true;
 }
@@ -58,8 +61,10 @@ bool VerifyTouch(const Body& body, const Path& parent, uint32_t garment_vertices
   const Path classes = {&parent, "touch_classes"}, touched = {&parent, "touched_by"};
   const Tensor *of_garment = body.touch_classes(), *of_body = body.touched_by();
   if (of_garment == nullptr && of_body == nullptr) return true;
-  if (of_garment == nullptr) return check->Fail(classes, &body, "no classes beside body.touched_by", "both or none");
-  if (of_body == nullptr) return check->Fail(touched, &body, "no bits beside body.touch_classes", "both or none");
+  if (of_garment == nullptr)
+    return check->Fail(classes, &body, "no classes, but body.touched_by", "both fields, or neither");
+  if (of_body == nullptr)
+    return check->Fail(touched, &body, "no bits, but body.touch_classes", "both fields, or neither");
   constexpr uint32_t kAnyBits = 256;
   return check->Indices(classes, of_garment, {garment_vertices}, kMaxTouchClasses, &view->touch_classes) &&
          check->Indices(touched, of_body, {view->vertex_count}, kAnyBits, &view->touched_by) &&
@@ -75,7 +80,7 @@ bool VerifyOrders(const Body& body, const Path& parent, uint32_t garment_vertice
   }
   if (body.sites() == nullptr) return true;
   if (view->touched_by == nullptr)
-    return check->Fail(sites, &body, "sites without body.touched_by", "sites with classes alone");
+    return check->Fail(sites, &body, "sites, but no body.touched_by", "sites only with touch classes");
   const auto groups = static_cast<uint32_t>(kernels::CountSiteGroups(view->touched_by, view->vertex_count));
   return check->Indices(sites, body.sites(), {groups, kernels::kNearestGroup}, view->vertex_count, &view->sites);
 }
@@ -90,7 +95,7 @@ bool VerifyBody(const Body& body, Checker* check, ModelView* model) {
   view->reach = body.reach();
   if (!check->Count({&path, "influences"}, &body, view->influences, 1, kernels::kMaxInfluences) ||
       !Within({&path, "clearance"}, body, view->clearance, kMinClearance, kMaxClearance, "0.0001 to 0.1 m", check) ||
-      !Within({&path, "reach"}, body, view->reach, view->clearance, kMaxReach, "body.clearance to 10 m", check)) {
+      !Within({&path, "reach"}, body, view->reach, view->clearance, kMaxReach, "from body.clearance to 10 m", check)) {
     return false;
   }
   const Path positions = {&path, "positions"}, faces = {&path, "faces"};

@@ -71,7 +71,7 @@ bool VerifyJointNames(const Character& character, Checker* check) {
     if (!check->Name(path, names.Get(i))) return false;
     for (uint32_t j = 0; j < i; ++j) {
       if (SameName(*names.Get(j), *names.Get(i))) {
-        return check->Fail(path, names.Get(i), "the name of an earlier joint", "names that differ");
+        return check->Fail(path, names.Get(i), "a name that an earlier joint has", "unique names");
       }
     }
   }
@@ -91,14 +91,16 @@ bool VerifyParents(const Character& character, Checker* check, ModelView* view) 
     const Path at = {&path, nullptr, j};
     const uint8_t* const place = parents->Data() + size_t{j} * 2;
     if (parents->Get(j) != kNoParent && parents->Get(j) >= count)
-      return check->FailCount(at, place, parents->Get(j), "", "an index into character.joint_names, or 65535");
+      return check->FailCount(at, place, parents->Get(j), "",
+                              "an index into character.joint_names, or 65535 for a root");
   }
   for (uint32_t j = 0; j < count; ++j) {
     uint32_t above = parents->Get(j), steps = 0;
     while (above != kNoParent && steps++ < count) above = parents->Get(above);
     if (above != kNoParent) {
       const Path at = {&path, nullptr, j};
-      return check->Fail(at, parents->Data() + size_t{j} * 2, "a circle of joints", "parents that end at 65535");
+      return check->Fail(at, parents->Data() + size_t{j} * 2, "a joint that is its own ancestor",
+                         "parents that lead to a root (65535)");
     }
   }
   view->parents = parents->data();
@@ -123,8 +125,9 @@ bool VerifyFeatures(const Features& features, Checker* check, ModelView* model) 
   FeaturesView* view = &model->features;
   static_assert(RootMotion_MAX == static_cast<int>(RootKind::kAir), "the view's kinds are the file's");
   if (features.root_motion() > RootMotion_MAX) {
-    return check->FailCount({&path, "root_motion"}, &features, features.root_motion(), "", "0 to 2: none, hips or air",
-                            "a newer file? take the library that its converter came with");
+    return check->FailCount({&path, "root_motion"}, &features, features.root_motion(), "",
+                            "0 (none), 1 (hips) or 2 (air)",
+                            "if a newer converter wrote the file, use the library of that release");
   }
   view->root = static_cast<RootKind>(features.root_motion());
   const uint32_t root_features = RootFeatures(view->root);
@@ -142,8 +145,8 @@ bool VerifyFeatures(const Features& features, Checker* check, ModelView* model) 
   }
   for (uint32_t i = 0; i < view->length; ++i) {
     if (view->low[i] > view->high[i]) {
-      return check->FailElement({&path, "low"}, view->low, i, sizeof(float), "a bound above features.high",
-                                "low <= high");
+      return check->FailElement({&path, "low"}, view->low, i, sizeof(float), "a value above features.high",
+                                "at most features.high");
     }
   }
   return true;
@@ -193,11 +196,13 @@ bool VerifyGraph(const MeshStage& stage, Checker* check, ModelView* model) {
   const uint32_t n = model->vertex_count;
   if (!check->Words(path, stage.row_starts(), {n + 1}, &view->row_starts)) return false;
   const uint32_t* starts = view->row_starts;
-  if (starts[0] != 0) return check->FailElement(path, starts, 0, sizeof(uint32_t), "a first row that starts late", "0");
+  if (starts[0] != 0)
+    return check->FailElement(path, starts, 0, sizeof(uint32_t), "a first row that does not start at 0", "0");
   const size_t bad = FindNotRising(starts, n);
   if (bad != n) {
-    return check->FailElement(path, starts, bad + 1, sizeof(uint32_t), "a start not above the one before",
-                              "rising starts: every vertex is its own neighbour");
+    return check->FailElement(path, starts, bad + 1, sizeof(uint32_t),
+                              "a row start that is not above the one before it",
+                              "increasing row starts: each vertex is its own neighbour");
   }
   const Path last = {&path, nullptr, n};
   return check->Count(last, starts + n, starts[n], n, kMaxEdges) &&
@@ -208,8 +213,8 @@ bool VerifyGraph(const MeshStage& stage, Checker* check, ModelView* model) {
 bool VerifyMatrix(const Path& path, const MeshLayer& layer, const Tensor* tensor, bool wanted, Shape shape,
                   Checker* check, const float** values) {
   if (wanted == (tensor != nullptr)) return !wanted || check->Floats(path, tensor, shape, values);
-  return wanted ? check->Fail(path, &layer, "no weights", "f32 weights, or i8 ones of the whole layer")
-                : check->Fail(path, tensor, "float weights beside the layer's i8 ones", "one of both");
+  return wanted ? check->Fail(path, &layer, "no weights", "f32 weights here, or i8 weights for the whole layer")
+                : check->Fail(path, tensor, "float weights in a layer with i8 weights", "one kind of weights");
 }
 
 bool VerifyIntegers(const MeshLayer& layer, const Path& path, bool first, uint32_t width, Checker* check,
@@ -217,8 +222,10 @@ bool VerifyIntegers(const MeshLayer& layer, const Path& path, bool first, uint32
   const uint32_t columns = (first ? 4 : 7) * width;
   const Path scales = {&path, "column_scales"}, steps = {&path, "input_inverse_steps"};
   if (layer.weights() == nullptr) {
-    if (layer.column_scales() != nullptr) return check->Fail(scales, &layer, "scales beside float weights", "none");
-    return layer.input_inverse_steps() == nullptr || check->Fail(steps, &layer, "steps beside float weights", "none");
+    if (layer.column_scales() != nullptr)
+      return check->Fail(scales, &layer, "scales in a layer with float weights", "scales only with i8 weights");
+    return layer.input_inverse_steps() == nullptr ||
+           check->Fail(steps, &layer, "steps in a layer with float weights", "steps only with i8 weights");
   }
   if (!check->Integers({&path, "weights"}, layer.weights(), {width, columns}, &view->integers) ||
       !check->Scales(scales, &layer, layer.column_scales(), columns, &view->column_scales)) {
@@ -226,7 +233,7 @@ bool VerifyIntegers(const MeshLayer& layer, const Path& path, bool first, uint32
   }
   if (!first) return check->Scales(steps, &layer, layer.input_inverse_steps(), width, &view->input_inverse_steps);
   return layer.input_inverse_steps() == nullptr ||
-         check->Fail(steps, &layer, "steps of a first layer", "none: its inputs are not rounded");
+         check->Fail(steps, &layer, "steps in the first layer", "none here: the inputs of this layer are not rounded");
 }
 
 bool VerifyLayer(const MeshLayer& layer, const Path& path, uint32_t input_width, uint32_t width, Checker* check,
@@ -253,7 +260,7 @@ bool VerifyLayers(const MeshStage& stage, Checker* check, MeshStageView* view) {
   const uint32_t width = stage.feature_width();
   if (!check->Count({&path, "feature_width"}, &stage, width, kFeatureWidthStep, kMaxFeatureWidth)) return false;
   if (width % kFeatureWidthStep != 0) {
-    return check->FailCount({&path, "feature_width"}, &stage, width, "", "multiples of 8");
+    return check->FailCount({&path, "feature_width"}, &stage, width, "", "a multiple of 8");
   }
   view->feature_width = width;
   view->layer_count = stage.layers()->size();
@@ -296,14 +303,14 @@ bool VerifyMeshStage(const MeshStage& stage, Checker* check, ModelView* model) {
 bool VerifyHead(const Linear& head, const Path& path, Checker* check, ModelView* view) {
   const Path weights = {&path, "weights"};
   const uint32_t units = view->skeleton_stage.units;
-  if (units == 0) return check->Fail(path, &head, "a head", "none without a skeleton stage");
-  if (head.bias() != nullptr) return check->Fail({&path, "bias"}, &head, "a bias", "a head without bias");
+  if (units == 0) return check->Fail(path, &head, "a head without a skeleton stage", "a skeleton stage, or no head");
+  if (head.bias() != nullptr) return check->Fail({&path, "bias"}, &head, "a bias", "no bias in a head");
   uint32_t rank = 0;
   if (!check->Dimension(weights, head.weights(), 1, 2, kMaxCoefficients, &rank)) return false;
-  if (rank % 2 != 0) return check->FailCount(weights, head.weights(), rank, " columns", "an even number");
+  if (rank % 2 != 0) return check->FailCount(weights, head.weights(), rank, " columns", "an even number of columns");
   if (view->mesh_stage.layer_count != 0 && view->mesh_stage.coefficients.columns != rank) {
-    return check->FailCount(weights, head.weights(), rank, " columns", "those of mesh_stage.coefficients",
-                            "the basis is shared by both stages");
+    return check->FailCount(weights, head.weights(), rank, " columns", "as many as mesh_stage.coefficients has",
+                            "both stages share the basis; convert the bundle again");
   }
   return check->Linear(path, &head, units, rank, &view->displacement.head);
 }
@@ -328,9 +335,11 @@ bool VerifyDisplacement(const Model& model, Checker* check, ModelView* view) {
   const Path basis_path = {&path, "basis"};
   const Linear* basis = displacement != nullptr ? displacement->basis() : nullptr;
   if (skeleton_rows == 0)
-    return basis == nullptr || check->Fail(basis_path, basis, "a basis", "none without a skeleton stage");
-  if (basis == nullptr) return check->Fail(basis_path, place, "no basis", "one, as there is a skeleton stage");
-  if (basis->bias() != nullptr) return check->Fail({&basis_path, "bias"}, basis, "a bias", "a basis without bias");
+    return basis == nullptr ||
+           check->Fail(basis_path, basis, "a basis without a skeleton stage", "a skeleton stage, or no basis");
+  if (basis == nullptr)
+    return check->Fail(basis_path, place, "no basis for the skeleton stage", "a basis, or no skeleton stage");
+  if (basis->bias() != nullptr) return check->Fail({&basis_path, "bias"}, basis, "a bias", "no bias in the basis");
   return check->Linear(basis_path, basis, skeleton_rows + mesh_rows, 3 * view->vertex_count, &view->displacement.basis);
 }
 
@@ -348,8 +357,8 @@ bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
     return check->Fail({nullptr, "tick_rate"}, &model, found, "0.001 to 1000 Hz");
   }
   if (model.mesh_stage() != nullptr && model.skeleton_stage() == nullptr) {
-    return check->Fail({nullptr, "mesh_stage"}, model.mesh_stage(), "a mesh stage alone",
-                       "only after a skeleton stage");
+    return check->Fail({nullptr, "mesh_stage"}, model.mesh_stage(), "a mesh stage without a skeleton stage",
+                       "both stages, or no mesh stage");
   }
   return VerifyGarment(*model.garment(), check, view) && VerifyCharacter(*model.character(), check, view) &&
          VerifyFeatures(*model.features(), check, view) && VerifyStaticStage(*model.static_stage(), check, view) &&

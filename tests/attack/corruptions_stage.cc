@@ -10,7 +10,8 @@ using M = format::ModelT;
 std::vector<Corruption> IndicesAndWeights() {
   static constexpr char kJoint[] = "allowed: an index into character.joint_names";
   static constexpr char kRow[] =
-      "found a row that is no set of weights; allowed: weights from 0 up that sum to 1 within 1e-4";
+      "found a row with a negative weight, or with a sum other than 1; allowed: weights of 0 or more whose sum is 1 "
+      "within 1e-4";
   return {
       {"face_index_one_past", kSemantics, "garment.faces[5]: ", "found 60; allowed: indices below 60",
        [](M* m) { *Data<uint16_t>(m, *m->garment->faces, 5) = 60; }},
@@ -69,9 +70,11 @@ std::vector<Corruption> IndicesAndWeights() {
 }
 
 std::vector<Corruption> GraphRows() {
-  static constexpr char kRising[] = "found a start not above the one before; allowed: rising starts";
+  static constexpr char kRising[] =
+      "found a row start that is not above the one before it; allowed: increasing row starts";
   return {
-      {"rows_begin_late", kSemantics, "mesh_stage.row_starts[0]: ", "found a first row that starts late; allowed: 0",
+      {"rows_begin_late", kSemantics,
+       "mesh_stage.row_starts[0]: ", "found a first row that does not start at 0; allowed: 0",
        [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts) = 1; }},
       {"row_empty", kSemantics, "mesh_stage.row_starts[10]: ", kRising,
        [](M* m) {
@@ -101,7 +104,7 @@ std::vector<Corruption> Layers() {
   return {
       {"feature_width_zero", kSemantics, "mesh_stage.feature_width: ", "found 0; allowed: 8 to 64",
        [](M* m) { m->mesh_stage->feature_width = 0; }},
-      {"feature_width_odd", kSemantics, "mesh_stage.feature_width: ", "found 12; allowed: multiples of 8",
+      {"feature_width_odd", kSemantics, "mesh_stage.feature_width: ", "found 12; allowed: a multiple of 8",
        [](M* m) { m->mesh_stage->feature_width = 12; }},
       {"feature_width_wide", kSemantics, "mesh_stage.feature_width: ", "found 72; allowed: 8 to 64",
        [](M* m) { m->mesh_stage->feature_width = 72; }},
@@ -113,15 +116,16 @@ std::vector<Corruption> Layers() {
        [](M* m) {
          while (m->mesh_stage->layers.size() < 9) m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1]));
        }},
-      {"layer_copied", kSemantics, "mesh_stage.layers[3].input_gates.offset: ", "found an overlap with the tensor at",
+      {"layer_copied", kSemantics,
+       "mesh_stage.layers[3].input_gates.offset: ", "found a range that overlaps the tensor at offset",
        [](M* m) { m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1])); }},
       {"layers_swapped", kSemantics, "mesh_stage.layers[0].input_gates.shape: ", "found [16, 48]; allowed: [3, 48]",
        [](M* m) { std::swap(m->mesh_stage->layers[0], m->mesh_stage->layers[1]); }},
-      {"layer_without_output", kSemantics,
-       "mesh_stage.layers[1].output: ", "found no weights; allowed: f32 weights, or i8 ones of the whole layer",
+      {"layer_without_output", kSemantics, "mesh_stage.layers[1].output: ",
+       "found no weights; allowed: f32 weights here, or i8 weights for the whole layer",
        [](M* m) { m->mesh_stage->layers[1]->output.reset(); }},
-      {"layer_scales_beside_floats", kSemantics,
-       "mesh_stage.layers[1].column_scales: ", "found scales beside float weights; allowed: none",
+      {"layer_scales_beside_floats", kSemantics, "mesh_stage.layers[1].column_scales: ",
+       "found scales in a layer with float weights; allowed: scales only with i8 weights",
        [](M* m) { m->mesh_stage->layers[1]->column_scales = Copy(*m->mesh_stage->layers[1]->norm_gain); }},
       {"layer_output_narrow", kSemantics, "mesh_stage.layers[1].output.shape: ", "found [16, 15]; allowed: [16, 16]",
        [](M* m) { m->mesh_stage->layers[1]->output->shape[1] = 15; }},
@@ -140,8 +144,8 @@ std::vector<Corruption> Layers() {
 
 std::vector<Corruption> StagesThatDoNotFit() {
   return {
-      {"mesh_stage_alone", kSemantics, "mesh_stage: ", "found a mesh stage alone; allowed: only after a skeleton stage",
-       [](M* m) { m->skeleton_stage.reset(); }},
+      {"mesh_stage_alone", kSemantics, "mesh_stage: ",
+       "found a mesh stage without a skeleton stage; allowed: both stages", [](M* m) { m->skeleton_stage.reset(); }},
       {"skeleton_stage_missing", kSemantics, "displacement.skeleton_rows: ", "found 20; allowed: 0",
        [](M* m) {
          m->skeleton_stage.reset();
@@ -151,9 +155,9 @@ std::vector<Corruption> StagesThatDoNotFit() {
        [](M* m) { m->mesh_stage.reset(); }},
       {"displacement_missing", kSemantics, "displacement.skeleton_rows: ", "found 0; allowed: 20",
        [](M* m) { m->displacement.reset(); }},
-      {"basis_missing", kSemantics, "displacement.basis: ", "found no basis; allowed: one",
+      {"basis_missing", kSemantics, "displacement.basis: ", "found no basis for the skeleton stage; allowed: a basis",
        [](M* m) { m->displacement->basis.reset(); }},
-      {"basis_with_bias", kSemantics, "displacement.basis.bias: ", "found a bias; allowed: a basis without bias",
+      {"basis_with_bias", kSemantics, "displacement.basis.bias: ", "found a bias; allowed: no bias in the basis",
        [](M* m) { m->displacement->basis->bias = Copy(*m->features->mean); }},
       {"basis_rows_not_even", kSemantics, "displacement.skeleton_rows: ", "found 19; allowed: 20",
        [](M* m) { m->displacement->skeleton_rows = 19; }},
@@ -161,7 +165,8 @@ std::vector<Corruption> StagesThatDoNotFit() {
        [](M* m) { m->displacement->mesh_rows = ~0u; }},
       {"basis_columns", kSemantics, "displacement.basis.weights.shape: ", "found [34, 181]; allowed: [34, 180]",
        [](M* m) { m->displacement->basis->weights->shape[1] = 181; }},
-      {"basis_without_stages", kSemantics, "displacement.basis: ", "found a basis; allowed: none without",
+      {"basis_without_stages", kSemantics,
+       "displacement.basis: ", "found a basis without a skeleton stage; allowed: a skeleton stage, or no basis",
        [](M* m) {
          m->displacement = std::make_unique<format::DisplacementT>();
          m->displacement->basis = std::make_unique<format::LinearT>();
@@ -206,8 +211,8 @@ std::vector<Corruption> IntegerLayers() {
                       true};
   };
   return {
-      spoil("integers_beside_floats",
-            "mesh_stage.layers[1].output: ", "found float weights beside the layer's i8 ones; allowed: one of both", 1,
+      spoil("integers_beside_floats", "mesh_stage.layers[1].output: ",
+            "found float weights in a layer with i8 weights; allowed: one kind of weights", 1,
             [](M*, L* layer) { layer->output = Copy(*layer->weights); }),
       spoil("integers_of_first_layer_without_its_floats", "mesh_stage.layers[0].input_gates: ", "found no weights", 0,
             [](M*, L* layer) { layer->input_gates.reset(); }),
@@ -228,9 +233,10 @@ std::vector<Corruption> IntegerLayers() {
       spoil("integer_step_infinite", "mesh_stage.layers[2].input_inverse_steps[3]: ", "found infinity", 2,
             [](M* m, L* layer) { *Data<float>(m, *layer->input_inverse_steps, 3) = kInfinity; }),
       spoil("integer_steps_of_first_layer",
-            "mesh_stage.layers[0].input_inverse_steps: ", "found steps of a first layer; allowed: none", 0,
+            "mesh_stage.layers[0].input_inverse_steps: ", "found steps in the first layer; allowed: none", 0,
             [](M*, L* layer) { layer->input_inverse_steps = Copy(*layer->norm_gain); }),
-      spoil("integers_overlap", "mesh_stage.layers[2].weights.offset: ", "found an overlap with the tensor at", 2,
+      spoil("integers_overlap",
+            "mesh_stage.layers[2].weights.offset: ", "found a range that overlaps the tensor at offset", 2,
             [](M* m, L* layer) { layer->weights->offset = m->mesh_stage->layers[1]->weights->offset; }),
   };
 }
@@ -281,11 +287,12 @@ std::vector<Corruption> BodyParts() {
             [](M* m, B* b) { *Data<uint16_t>(m, *b->sites, 31) = 17; }),
       spoil("sites_one_group_short", "body.sites.shape: ", "found [1, 16]; allowed: [2, 16]",
             [](M*, B* b) { b->sites->shape[0] = 1; }),
-      spoil("sites_without_classes", "body.sites: ", "found sites without body.touched_by; allowed: sites with classes",
+      spoil("sites_without_classes",
+            "body.sites: ", "found sites, but no body.touched_by; allowed: sites only with touch classes",
             [](M*, B* b) { b->touch_classes.reset(), b->touched_by.reset(); }),
-      spoil("touch_classes_alone", "body.touched_by: ", "found no bits beside body.touch_classes; allowed: both",
+      spoil("touch_classes_alone", "body.touched_by: ", "found no bits, but body.touch_classes; allowed: both",
             [](M*, B* b) { b->touched_by.reset(); }),
-      spoil("touched_by_alone", "body.touch_classes: ", "found no classes beside body.touched_by; allowed: both",
+      spoil("touched_by_alone", "body.touch_classes: ", "found no classes, but body.touched_by; allowed: both",
             [](M*, B* b) { b->touch_classes.reset(); }),
       spoil("touch_class_ninth", "body.touch_classes[59]: ", "found 8; allowed: indices below 8",
             [](M* m, B* b) { *Data<uint8_t>(m, *b->touch_classes, 59) = 8; }),
@@ -299,13 +306,14 @@ std::vector<Corruption> BodyParts() {
             [](M*, B* b) { b->touched_by->shape[0] = 60; }),
       spoil("touched_by_signed", "body.touched_by.dtype: ", "found i8; allowed: u8",
             [](M*, B* b) { b->touched_by->dtype = format::DType_I8; }),
-      spoil("touched_by_past_the_weights", "body.touched_by.offset: ", "inside the ",
+      spoil("touched_by_past_the_weights", "body.touched_by.offset: ", "a range within the ",
             [](M* m, B* b) { b->touched_by->offset = m->weights.size(); }),
-      spoil("touched_by_over_classes", "body.touched_by.offset: ", "found an overlap with the tensor at",
+      spoil("touched_by_over_classes", "body.touched_by.offset: ", "found a range that overlaps the tensor at offset",
             [](M*, B* b) { b->touched_by->offset = b->touch_classes->offset; }),
-      spoil("touched_without_a_face", "body.touched_by[16]: ", "found a class that touches no face around the vertex",
+      spoil("touched_without_a_face",
+            "body.touched_by[16]: ", "found a touch class that no face around this vertex has",
             [](M* m, B* b) { *Data<uint8_t>(m, *b->touched_by, 16) |= 0x80; }),
-      spoil("touched_on_one_edge", "body.touched_by[2]: ", "found a class that touches no face around the vertex",
+      spoil("touched_on_one_edge", "body.touched_by[2]: ", "found a touch class that no face around this vertex has",
             [](M* m, B* b) {
               for (const size_t corner : {2, 3}) *Data<uint8_t>(m, *b->touched_by, corner) |= 4;
             }),

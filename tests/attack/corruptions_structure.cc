@@ -38,17 +38,17 @@ const uint8_t* EmptyTextBefore(AlignedBytes* file, const uint8_t* place) {
 }
 
 constexpr char kBroken[] =
-    "found a broken offset or length, a required field missing or over 256 tables; allowed: "
-    "an intact FlatBuffer";
-constexpr char kRoot[] = "found a broken root table; allowed: an intact FlatBuffer";
+    "found a bad offset or length, a missing required field, or more than 256 tables; allowed: "
+    "an intact file";
+constexpr char kRoot[] = "found a broken root table; allowed: a complete .dcloth file";
 
 using Bytes = AlignedBytes;
 
 std::vector<Corruption> BrokenOffsets() {
   return {
-      {"identifier_of_another_format", kFormat, "", "found another file identifier; allowed: DCLO", nullptr,
+      {"identifier_of_another_format", kFormat, "", "found a different file identifier; allowed: DCLO", nullptr,
        [](Bytes* f) { f->data()[4] = 'X'; }},
-      {"identifier_missing", kFormat, "", "found another file identifier", nullptr,
+      {"identifier_missing", kFormat, "", "found a different file identifier", nullptr,
        [](Bytes* f) { Poke32(f->data() + 4, 0); }},
       {"root_offset_zero", kFormat, "", kRoot, nullptr, [](Bytes* f) { Poke32(f->data(), 0); }},
       {"root_offset_past_the_end", kFormat, "", kRoot, nullptr,
@@ -81,7 +81,7 @@ std::vector<Corruption> BrokenOffsets() {
       {"weights_longer_than_the_file", kFormat, "weights: ", kBroken, nullptr,
        [](Bytes* f) { Poke32(Writable(ModelIn(f).weights()), 0xFFFFFFFFu); }},
       {"weights_off_their_boundary", kFormat,
-       "weights: ", "found data off a 64-byte boundary; allowed: data aligned to 64 bytes", nullptr,
+       "weights: ", "found data that is not aligned to 64 bytes; allowed: data aligned to 64 bytes", nullptr,
        [](Bytes* f) {
          uint8_t* field = Field(&ModelIn(f), Model::VT_WEIGHTS);
          uint8_t* moved = Writable(ModelIn(f).weights()) + 4;
@@ -110,7 +110,7 @@ std::vector<Corruption> BrokenOffsets() {
 
 std::vector<Corruption> MissingFields() {
   using M = format::ModelT;
-  static constexpr char kMissing[] = "found no such field; allowed: a required field";
+  static constexpr char kMissing[] = "found no such field; allowed: this field in every model";
   return {
       {"no_garment", kFormat, "garment: ", kMissing, [](M* m) { m->garment.reset(); }},
       {"no_character", kFormat, "character: ", kMissing, [](M* m) { m->character.reset(); }},
@@ -133,13 +133,13 @@ std::vector<Corruption> MissingFields() {
 // stage stored as another one has shapes of its own.
 std::vector<Corruption> SharedTables() {
   return {
-      {"layer_twice", kSemantics, "mesh_stage.layers[2].input_gates.offset: ", "found an overlap with the tensor at",
-       nullptr,
+      {"layer_twice", kSemantics,
+       "mesh_stage.layers[2].input_gates.offset: ", "found a range that overlaps the tensor at offset", nullptr,
        [](Bytes* f) {
          const auto* layers = ModelIn(f).mesh_stage()->layers();
          Redirect(Writable(layers->Data()) + 8, layers->Get(1));
        }},
-      {"high_is_low", kSemantics, "features.high.offset: ", "found an overlap with the tensor at", nullptr,
+      {"high_is_low", kSemantics, "features.high.offset: ", "found a range that overlaps the tensor at offset", nullptr,
        [](Bytes* f) {
          const format::Features* features = ModelIn(f).features();
          Redirect(Field(features, format::Features::VT_HIGH), features->low());
@@ -158,7 +158,7 @@ std::vector<Corruption> SharedTables() {
          Redirect(Field(character, format::Character::VT_INVERSE_BIND), character->joint_names());
        }},
       {"joint_name_twice_by_offset", kSemantics,
-       "character.joint_names[3]: ", "found the name of an earlier joint; allowed: names that differ", nullptr,
+       "character.joint_names[3]: ", "found a name that an earlier joint has; allowed: unique names", nullptr,
        [](Bytes* f) {
          const auto* names = ModelIn(f).character()->joint_names();
          Redirect(Writable(names->Data()) + 12, names->Get(1));

@@ -55,7 +55,7 @@ std::vector<Corruption> TypesAndShapes() {
        [](M* m) { m->garment->faces->shape[0] = 0; }},
       {"shape_faces_many", kSemantics, "garment.faces.shape[0]: ", "found 4294967295; allowed: 1 to 1048576",
        [](M* m) { m->garment->faces->shape[0] = ~0u; }},
-      {"shape_faces_more_than_stored", kSemantics, "garment.faces.offset: ", "inside the",
+      {"shape_faces_more_than_stored", kSemantics, "garment.faces.offset: ", "a range within the",
        [](M* m) { m->garment->faces->shape[0] = 1u << 20; }},
       {"bias_without_padding", kSemantics, "static_stage.hidden.bias.shape: ", "found [21]; allowed: [32]",
        [](M* m) { m->static_stage->hidden->bias->shape = {21}; }},
@@ -64,7 +64,7 @@ std::vector<Corruption> TypesAndShapes() {
       {"bias_padding_infinite", kSemantics, "static_stage.hidden.bias[31]: ", "found infinity",
        [](M* m) { *Data<float>(m, *m->static_stage->hidden->bias, 31) = kInfinity; }},
       {"weights_i8_called_f16", kSemantics,
-       "skeleton_stage.input.row_scales: ", "found scales beside float weights; allowed: scales with i8 weights only",
+       "skeleton_stage.input.row_scales: ", "found scales for float weights; allowed: scales only for i8 weights",
        [](M* m) {
          format::LinearT& input = *m->skeleton_stage->input;
          input.weights->dtype = format::DType_F16;
@@ -75,31 +75,34 @@ std::vector<Corruption> TypesAndShapes() {
 }
 
 std::vector<Corruption> Ranges() {
-  static constexpr char kMultiples[] = "allowed: multiples of 64";
+  static constexpr char kMultiples[] = "allowed: a multiple of 64";
   return {
       {"offset_off_its_boundary", kSemantics, "features.mean.offset: ", kMultiples,
        [](M* m) { m->features->mean->offset += 4; }},
-      {"offset_one_line_past_the_end", kSemantics, "features.mean.offset: ", "inside the",
+      {"offset_one_line_past_the_end", kSemantics, "features.mean.offset: ", "a range within the",
        [](M* m) { m->features->mean->offset = m->weights.size() + 64; }},
-      {"offset_ends_past_the_end", kSemantics, "features.mean.offset: ", "inside the",
+      {"offset_ends_past_the_end", kSemantics, "features.mean.offset: ", "a range within the",
        [](M* m) { m->features->mean->offset = m->weights.size() - 64; }},
       {"offset_all_bits", kSemantics, "features.mean.offset: ", kMultiples,
        [](M* m) { m->features->mean->offset = ~uint64_t{0}; }},
       // Offset + size wraps around to a small number.
-      {"offset_end_wraps", kSemantics, "features.mean.offset: found bytes 18446744073709551552 to", "inside the",
+      {"offset_end_wraps", kSemantics, "features.mean.offset: found ",
+       "bytes at offset 18446744073709551552; allowed: a range within the",
        [](M* m) { m->features->mean->offset = ~uint64_t{63}; }},
-      {"ranges_equal", kSemantics, "features.high.offset: ", "found an overlap with the tensor at",
+      {"ranges_equal", kSemantics, "features.high.offset: ", "found a range that overlaps the tensor at offset",
        [](M* m) { m->features->high->offset = m->features->low->offset; }},
-      {"ranges_overlap_by_a_line", kSemantics, "garment.faces.offset: ", "found an overlap with the tensor at 0;",
-       [](M* m) { m->garment->faces->offset = 640; }},
-      {"range_inside_another", kSemantics, "mesh_stage.columns.offset: ", "found an overlap with the tensor at",
+      {"ranges_overlap_by_a_line", kSemantics, "garment.faces.offset: ",
+       "found a range that overlaps the tensor at offset 0;", [](M* m) { m->garment->faces->offset = 640; }},
+      {"range_inside_another", kSemantics,
+       "mesh_stage.columns.offset: ", "found a range that overlaps the tensor at offset",
        [](M* m) { m->mesh_stage->columns->offset = m->static_stage->influence_weights->offset + 64; }},
-      {"indices_inside_weights", kSemantics, "mesh_stage.row_starts.offset: ", "found an overlap with the tensor at",
+      {"indices_inside_weights", kSemantics,
+       "mesh_stage.row_starts.offset: ", "found a range that overlaps the tensor at offset",
        [](M* m) { m->mesh_stage->row_starts->offset = m->static_stage->hidden->weights->offset; }},
-      {"weights_vector_cut", kSemantics, "displacement.basis.", "inside the",
+      {"weights_vector_cut", kSemantics, "displacement.basis.", "a range within the",
        [](M* m) { m->weights.resize(m->weights.size() - 64); }},
       {"weights_vector_one_line", kSemantics, "garment.template_positions.offset: ",
-       "allowed: inside the 64 bytes of weights", [](M* m) { m->weights.resize(64); }},
+       "allowed: a range within the 64 bytes of weights", [](M* m) { m->weights.resize(64); }},
   };
 }
 
@@ -111,7 +114,7 @@ Corruption Scale(const char* name, const char* field, const char* reason, bool o
 }
 
 std::vector<Corruption> Scales() {
-  static constexpr char kNotPositive[] = "found a scale that is not positive; allowed: normal numbers above 0";
+  static constexpr char kNotPositive[] = "found a scale that is not positive; allowed: positive normal numbers";
   return {
       Scale("row_scale_zero", "skeleton_stage.input.row_scales[1]: ", kNotPositive, true, 1, 0.0f),
       Scale("row_scale_negative", "skeleton_stage.input.row_scales[0]: ", kNotPositive, true, 0, -1.0f),
@@ -124,15 +127,14 @@ std::vector<Corruption> Scales() {
       Scale("column_scale_nan", "skeleton_stage.hidden.column_scales[9]: ", "found NaN", false, 9, kNaN),
       Scale("column_scale_infinite", "skeleton_stage.hidden.column_scales[8]: ", "found infinity", false, 8, kInfinity),
       Scale("column_scale_zero_in_padding", "skeleton_stage.hidden.column_scales[63]: ", kNotPositive, false, 63, 0.0f),
-      {"no_row_scales", kSemantics,
-       "skeleton_stage.input.row_scales: ", "found no scales; allowed: scales, as the weights are i8",
-       [](M* m) { m->skeleton_stage->input->row_scales.reset(); }},
-      {"no_column_scales", kSemantics, "displacement.basis.column_scales: ", "found no scales; allowed: scales",
-       [](M* m) { m->displacement->basis->column_scales.reset(); }},
+      {"no_row_scales", kSemantics, "skeleton_stage.input.row_scales: ",
+       "found no scales for i8 weights; allowed: scales", [](M* m) { m->skeleton_stage->input->row_scales.reset(); }},
+      {"no_column_scales", kSemantics, "displacement.basis.column_scales: ",
+       "found no scales for i8 weights; allowed: scales", [](M* m) { m->displacement->basis->column_scales.reset(); }},
       {"column_scales_without_padding", kSemantics, "skeleton_stage.hidden.column_scales.shape: ",
        "found [57]; allowed: [64]", [](M* m) { m->skeleton_stage->hidden->column_scales->shape = {57}; }},
       {"scales_beside_floats", kSemantics,
-       "static_stage.hidden.row_scales: ", "found scales beside float weights; allowed: scales with i8 weights only",
+       "static_stage.hidden.row_scales: ", "found scales for float weights; allowed: scales only for i8 weights",
        [](M* m) { m->static_stage->hidden->row_scales = Copy(*m->features->mean); }, nullptr, format::DType_F32},
   };
 }

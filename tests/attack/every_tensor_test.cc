@@ -88,7 +88,7 @@ TEST_P(EveryTensorTest, EndsWithTheWeightsAtTheLatest) {
     subject.model->weights.resize(subject.model->weights.size() - 64);
     const Verdict cut = Open(model);
     EXPECT_EQ(cut.error.status, DCLOTH_ERROR_SEMANTICS) << cut.error.text;
-    EXPECT_TRUE(cut.Says("inside the")) << cut.error.text;
+    EXPECT_TRUE(cut.Says("a range within the")) << cut.error.text;
   });
 }
 
@@ -103,7 +103,7 @@ TEST_P(EveryTensorTest, SharesNoLineWithAnother) {
     subject.weights->offset -= 64;
     const Verdict over = Open(model);
     EXPECT_EQ(over.error.status, DCLOTH_ERROR_SEMANTICS);
-    EXPECT_TRUE(over.Says("found an overlap")) << over.error.text;
+    EXPECT_TRUE(over.Says("found a range that overlaps")) << over.error.text;
   });
 }
 

@@ -88,7 +88,8 @@ TEST(Ladder, BytesOffTheirBoundaryAreRefused) {
     dcloth_error error = {};
     error.struct_size = sizeof(error);
     ASSERT_EQ(Open(room.data() + shift, whole.size(), &error), DCLOTH_ERROR_ALIGNMENT) << shift;
-    ASSERT_NE(std::string(error.text).find("found model bytes off a 64-byte boundary; allowed: addresses divisible"),
+    ASSERT_NE(std::string(error.text)
+                  .find("found model bytes that are not aligned to 64 bytes; allowed: an address divisible"),
               std::string::npos)
         << error.text;
   }
@@ -144,9 +145,9 @@ TEST(Ladder, ImpossibleSizesAreRefused) {
   dcloth_error error = {};
   error.struct_size = sizeof(error);
   EXPECT_EQ(Open(line.data(), 64, &error), DCLOTH_ERROR_FORMAT);  // a size that files may have
-  EXPECT_EQ(std::string(error.text).find("found another file identifier"), 0u) << error.text;
+  EXPECT_EQ(std::string(error.text).find("found a different file identifier"), 0u) << error.text;
   EXPECT_EQ(Open(nullptr, 4096, &error), DCLOTH_ERROR_ARGUMENT);
-  EXPECT_EQ(std::string(error.text).find("found a null pointer; allowed: the bytes of a .dcloth file"), 0u);
+  EXPECT_EQ(std::string(error.text).find("found a null pointer; allowed: a pointer to the bytes of a model"), 0u);
 }
 
 }  // namespace

@@ -165,7 +165,8 @@ TEST_P(MemoryTest, AddressesOffTheirBoundaryAreRefused) {
     ASSERT_EQ(dcloth_model_open(bytes_.data(), bytes_.size(), room.data() + shift, dcloth_model_storage_size(), &model,
                                 &error),
               DCLOTH_ERROR_ALIGNMENT);
-    ASSERT_EQ(std::string(error.text).find("found storage off a 64-byte boundary; allowed: addresses divisible by 64"),
+    ASSERT_EQ(std::string(error.text)
+                  .find("found storage that is not aligned to 64 bytes; allowed: an address divisible by 64"),
               0u)
         << error.text;
     ASSERT_EQ(dcloth_cloth_create(opened.get(), room.data() + shift, room.size() - 64, &cloth, nullptr),

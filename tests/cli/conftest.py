@@ -33,7 +33,8 @@ def files(tmp_path_factory, dcloth):
     """bundle, two sequences with truth, one without, and an fp32 model."""
     folder = tmp_path_factory.mktemp("garment")
     made = SimpleNamespace(folder=folder, bundle=folder / "skirt.safetensors", walk=folder / "walk.safetensors",
-                           run=folder / "run.safetensors", bare=folder / "bare.safetensors", model=folder / "skirt.dcloth")
+                           run=folder / "run.safetensors", bare=folder / "bare.safetensors",
+                           model=folder / "skirt.dcloth")
     small_garment.write_bundle(made.bundle)
     small_garment.write_sequence(made.walk, small_garment.motion(40, 30))
     small_garment.write_sequence(made.run, small_garment.motion(30, 30, speed=1.6))

@@ -23,7 +23,8 @@ def animation(times, positions, nodes=None):
         "buffers": [{"byteLength": len(binary)}],
         "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 4 * count},
                         {"buffer": 0, "byteOffset": 4 * count, "byteLength": 12 * count}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "SCALAR", "min": [0], "max": [1]},
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "SCALAR", "min": [0],
+                       "max": [1]},
                       {"bufferView": 1, "componentType": 5126, "count": count, "type": "VEC3"}],
         "animations": [{"samplers": [{"input": 0, "output": 1}], "name": "go",
                         "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}]}
@@ -43,7 +44,8 @@ def skin(pose=0.0, weights=(1, 0)):
     bind[:, 2, 3] = [100, 50]
     parts = [points.tobytes(), np.array([0, 1, 2], "<u2").tobytes() + bytes(2),
              np.array([[0, 1, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]], "u1").tobytes(),
-             np.array([[*weights, 0, 0]] * 3, "<f4").tobytes(), np.linalg.inv(bind).transpose(0, 2, 1).astype("<f4").tobytes()]
+             np.array([[*weights, 0, 0]] * 3, "<f4").tobytes(),
+             np.linalg.inv(bind).transpose(0, 2, 1).astype("<f4").tobytes()]
     views, at = [], 0
     for part in parts:
         views.append({"buffer": 0, "byteOffset": at, "byteLength": len(part)})
@@ -52,8 +54,10 @@ def skin(pose=0.0, weights=(1, 0)):
     document = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "buffers": [{"byteLength": at}],
         "bufferViews": views,
-        "accessors": [{"bufferView": i, "componentType": c, "count": n, "type": t} for i, (c, n, t) in enumerate(kinds)],
-        "nodes": [{"name": "Root", "rotation": [-np.sqrt(0.5), 0, 0, np.sqrt(0.5)], "scale": [0.01] * 3, "children": [1, 3]},
+        "accessors": [{"bufferView": i, "componentType": c, "count": n, "type": t}
+                      for i, (c, n, t) in enumerate(kinds)],
+        "nodes": [{"name": "Root", "rotation": [-np.sqrt(0.5), 0, 0, np.sqrt(0.5)], "scale": [0.01] * 3,
+                   "children": [1, 3]},
                   {"name": "Hips", "translation": [0, 0, 100], "children": [2]},
                   {"name": "Leg", "translation": [0, 0, -50], "rotation": [np.sin(pose / 2), 0, 0, np.cos(pose / 2)]},
                   {"name": "Skin", "mesh": 0, "skin": 0}],

@@ -1,5 +1,5 @@
-"""Named corruptions of glTF and BVH files: what a damaged disk, a broken exporter or an attacker makes of an animation or
-a skin. One list for each; every entry is a name and the bytes of a file."""
+"""Named corruptions of glTF and BVH files: what a damaged disk, a broken exporter or an attacker makes of an animation
+or a skin. One list for each; every entry is a name and the bytes of a file."""
 import copy
 import struct
 
@@ -104,7 +104,8 @@ def skin_fields():
     yield from at(["nodes", 0, "scale"], [0] * 3, [1e30] * 3, [1e-30] * 3, [-0.01, 0.01, 0.01], [1e9] * 3)
     yield from at(["nodes", 1, "translation"], [0, 0, 1e9], [1e30] * 3, [0, 0])
     yield from at(["nodes", 1, "children"], [], [1], [0], [2, 2], [3, 2], [99], *big)
-    yield from at(["nodes", 3], {"name": "Skin"}, {"name": "Hips", "mesh": 0, "skin": 0}, {"mesh": 0}, {"skin": 0}, None)
+    yield from at(["nodes", 3], {"name": "Skin"}, {"name": "Hips", "mesh": 0, "skin": 0}, {"mesh": 0}, {"skin": 0},
+                  None)
     yield from at(["skins"], [], None, [{}], [{"joints": []}], [{"joints": [1, 2]}])
     yield from at(["skins", 0, "joints"], [1], [2, 1], [1, 1], [1, 99], [0, 1, 2, 3] * 5, [-1, 1], None, 3)
     yield from at(["skins", 0, "inverseBindMatrices"], 0, 3, 5, *big)

@@ -1,5 +1,5 @@
-"""The command line of another platform against this one's, on the bundled garments: the same model bytes, the same cloth.
-DCLOTH_NATIVE names this machine's tool, DCLOTH_BIN the other's (scripts/test_platforms.sh)."""
+"""The command line of another platform against this one's, on the bundled garments: the same model bytes, the same
+cloth. DCLOTH_NATIVE names this machine's tool, DCLOTH_BIN the other's (scripts/test_platforms.sh)."""
 import json
 import os
 import subprocess
@@ -21,7 +21,8 @@ def native(*arguments):
     return subprocess.run([NATIVE, *map(str, arguments)], check=True, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("garment, precision", [("skirt", "fp32"), ("skirt", "fp16"), ("skirt", "int8"), ("robe", "int8")])
+@pytest.mark.parametrize("garment, precision",
+                         [("skirt", "fp32"), ("skirt", "fp16"), ("skirt", "int8"), ("robe", "int8")])
 def test_models_are_the_same_bytes_and_play_the_same(dcloth, tmp_path, garment, precision):
     bundle, clip = MODELS / garment / f"{garment}.safetensors", MODELS / garment / "sequences" / "walk_turn.safetensors"
     models, drawn = [tmp_path / "other.dcloth", tmp_path / "native.dcloth"], []

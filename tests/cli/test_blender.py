@@ -43,8 +43,8 @@ def test_blender_plays_the_garment(kind, dcloth, files, tmp_path):
     assert dcloth("run", files.model, files.bare, "-o", cache, "--mesh", mesh).returncode == 0
     assert dcloth("run", files.model, files.bare, "-o", tmp_path / "cloth.safetensors").returncode == 0
     (tmp_path / "play.py").write_text(SCRIPT)
-    result = subprocess.run([blender, "-b", "--factory-startup", "-noaudio", "-P", tmp_path / "play.py", "--", mesh, cache,
-                             kind.upper(), "20", tmp_path / "seen.json"],
+    result = subprocess.run([blender, "-b", "--factory-startup", "-noaudio", "-P", tmp_path / "play.py", "--", mesh,
+                             cache, kind.upper(), "20", tmp_path / "seen.json"],
                             capture_output=True, text=True, timeout=600, check=False)
     assert (tmp_path / "seen.json").exists(), result.stdout + result.stderr
     seen = json.loads((tmp_path / "seen.json").read_text())
@@ -98,7 +98,8 @@ def test_caches_that_blender_writes_are_read(tmp_path):
     if blender is None:
         pytest.skip("Blender is not installed: its own PC2 and MDD files are not read")
     (tmp_path / "write.py").write_text(WRITE)
-    result = subprocess.run([blender, "-b", "--factory-startup", "-noaudio", "-P", tmp_path / "write.py", "--", tmp_path],
+    result = subprocess.run([blender, "-b", "--factory-startup", "-noaudio", "-P", tmp_path / "write.py", "--",
+                             tmp_path],
                             capture_output=True, text=True, timeout=600, check=False)
     assert (tmp_path / "seen.json").exists(), result.stdout + result.stderr
     seen = np.array(json.loads((tmp_path / "seen.json").read_text()), np.float32)

@@ -116,7 +116,8 @@ def test_auto_that_misses_on_unseen_motion_writes_nothing(dcloth, files, tmp_pat
 
 def test_missed_bound_is_exit_1_and_writes_nothing(dcloth, files, tmp_path):
     out = tmp_path / "m.dcloth"
-    result = dcloth("convert", files.bundle, "-o", out, "--precision", "int8", "--max-error-mm", "1e-6", "--motion", files.walk)
+    result = dcloth("convert", files.bundle, "-o", out, "--precision", "int8", "--max-error-mm", "1e-6", "--motion",
+                    files.walk)
     refused(result, "int8", code=1)
     assert not out.exists()
 

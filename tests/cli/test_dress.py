@@ -138,7 +138,7 @@ def test_map_names_parts(importing, dcloth, files, tmp_path):
 
     result = dress({"left upper leg": "LeftUpLeg", "Hips": "Hips"})
     assert result.returncode == 0, result.stderr
-    refused(dress({"left upper leg": "LeftUpLag"}), "no node 'LeftUpLag'", "closest are 'LeftUpLeg'")
+    refused(dress({"left upper leg": "LeftUpLag"}), "no node 'LeftUpLag'", "the closest names are 'LeftUpLeg'")
     refused(dress({"left wing": "LeftUpLeg"}), "'left wing'", "roles")
     refused(dress({"left upper leg": "RightUpLeg", "right upper leg": "LeftUpLeg"}), "to the right of", "swapped")
 
@@ -146,7 +146,7 @@ def test_map_names_parts(importing, dcloth, files, tmp_path):
 def test_refuses_what_it_cannot_do(importing, dcloth, files, tmp_path):
     before = {path.name for path in tmp_path.iterdir()}
     refused(dcloth("dress", WALKER, "--garment", "cape", "-o", tmp_path / "o.html"),
-            "no garment of that name", "cape.dcloth")
+            "no garment with this name", "cape.dcloth")
     refused(dcloth("dress", WALKER, "--garment", files.model, "-o", tmp_path / "o.obj"), ".html, .glb or .dcloth-fit")
     refused(dcloth("dress", WALKER, "--garment", files.model, "-o", tmp_path / "o.html", "--animation", "Fly"),
             "'Walk'")

@@ -21,7 +21,8 @@ def said(dcloth, files):
 def test_variants(said, files):
     rows = {v["name"]: v for v in said["variants"]}
     assert list(rows) == ["rigid", "skinning", "int8/static", "int8/skeleton", "fp32", "fp16", "int8", "int8/outside"]
-    assert [v["stages"] for v in rows.values()] == ["none", "none", "static", "skeleton", "mesh", "mesh", "mesh", "mesh"]
+    assert [v["stages"] for v in rows.values()] == ["none", "none", "static", "skeleton", "mesh", "mesh", "mesh",
+                                                    "mesh"]
     for name, row in rows.items():
         mesh_error(row["truth"])
         mesh_error(row["fp32"])
@@ -111,7 +112,8 @@ def test_plain_skinning_is_linear_blend_skinning(said):
     poses = np.concatenate([small_garment.motion(40, 30), small_garment.motion(30, 30, speed=1.6)]).astype(np.float32)
     weights = small_garment.bundle_tensors()["static.initial_weights"].astype(float)
     points = small_garment.bundle_tensors()["template.positions"].astype(float)
-    skinned = small_garment.skin(points, weights / weights.sum(1, keepdims=True), small_garment.BONES, poses.astype(float))
+    skinned = small_garment.skin(points, weights / weights.sum(1, keepdims=True), small_garment.BONES,
+                                 poses.astype(float))
     truth = np.concatenate([small_garment.lagging_truth(small_garment.motion(40, 30)),
                             small_garment.lagging_truth(small_garment.motion(30, 30, speed=1.6))])
     distance = np.linalg.norm(skinned - truth.astype(np.float32), axis=-1) * 1000
@@ -134,7 +136,8 @@ def test_error_matches_what_run_writes(dcloth, files, said, tmp_path):
 
 
 def test_chosen_precisions_in_their_order(dcloth, files):
-    said = json.loads(dcloth("evaluate", files.bundle, files.bare, "--precision", "int8", "--precision", "fp16", "--json").stdout)
+    said = json.loads(dcloth("evaluate", files.bundle, files.bare, "--precision", "int8", "--precision", "fp16",
+                             "--json").stdout)
     assert [v["name"] for v in said["variants"]] == ["rigid", "skinning", "fp16/static", "fp16/skeleton", "int8",
                                                     "fp16", "fp16/outside"]
     assert all(v["truth"] is None for v in said["variants"])

@@ -64,7 +64,8 @@ def test_a_clip_moves_the_joints_as_blender_does(animation, hero, walker, dcloth
     names = json.loads(metadata["joint_names"])
     assert names == json.loads(hero[1]["joint_names"]) and float(metadata["fps"]) == 30
     order = [names.index(name) for name in walker[0]]
-    found = relative(tensors["joint_matrices"].astype(np.float64)[:, order], hero[0]["joint_bind"].astype(np.float64)[order])
+    found = relative(tensors["joint_matrices"].astype(np.float64)[:, order],
+                     hero[0]["joint_bind"].astype(np.float64)[order])
     wanted = relative(walker[2], walker[1])
     frames = min(len(found), len(wanted))
     assert frames >= 19
@@ -77,14 +78,15 @@ PERSON = {  # name: (joint above, place in the T pose)
     **{side + name: (above if above in ("Hips", "Spine1") else side + above, (sign * x, y, z))
        for side, sign in (("Left", 1), ("Right", -1))
        for name, above, (x, y, z) in (
-           ("Shoulder", "Spine1", (.04, 1.45, 0)), ("Arm", "Shoulder", (.18, 1.45, 0)), ("ForeArm", "Arm", (.45, 1.45, 0)),
+           ("Shoulder", "Spine1", (.04, 1.45, 0)), ("Arm", "Shoulder", (.18, 1.45, 0)),
+           ("ForeArm", "Arm", (.45, 1.45, 0)),
            ("Hand", "ForeArm", (.7, 1.45, 0)), ("UpLeg", "Hips", (.1, .95, 0)), ("Leg", "UpLeg", (.1, .5, 0)),
            ("Foot", "Leg", (.1, .08, 0)), ("ToeBase", "Foot", (.1, .02, .14)))}}
 
 
 def person(axes, rest, frames, skin):
-    """A .glb of PERSON. Each joint's axes are turned by `axes` [J]; joints rest turned by `rest` [J] against their parents
-    and go through `frames` [F, J], Rotations; `skin` binds a triangle in the T pose."""
+    """A .glb of PERSON. Each joint's axes are turned by `axes` [J]; joints rest turned by `rest` [J] against their
+    parents and go through `frames` [F, J], Rotations; `skin` binds a triangle in the T pose."""
     names = list(PERSON)
     place = np.array([PERSON[name][1] for name in names], float)
     above = [-1 if PERSON[name][0] is None else names.index(PERSON[name][0]) for name in names]
@@ -105,7 +107,8 @@ def person(axes, rest, frames, skin):
     document = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes,
         "animations": [{"name": "go", "samplers": [{"input": 0, "output": 1 + j} for j in range(len(names))],
-                        "channels": [{"sampler": j, "target": {"node": j, "path": "rotation"}} for j in range(len(names))]}]}
+                        "channels": [{"sampler": j, "target": {"node": j, "path": "rotation"}}
+                                     for j in range(len(names))]}]}
     if skin:
         bind = np.array([np.eye(4) for _ in names])
         bind[:, :3, :3] = [turn.as_matrix() for turn in axes]
@@ -142,7 +145,8 @@ def test_a_clip_whose_arms_rest_lower(lowered, hero, dcloth, tmp_path):
     own, other = Rotation.random(count, random), Rotation.random(count, random)
     poses = [Rotation.from_rotvec(0.5 * random.standard_normal((count, 3))) for _ in range(frames)]
     still = [Rotation.identity()] * count
-    lower = [Rotation.from_euler("z", -lowered if name == "LeftArm" else lowered if name == "RightArm" else 0, degrees=True)
+    lower = [Rotation.from_euler("z", -lowered if name == "LeftArm" else lowered if name == "RightArm" else 0,
+                                 degrees=True)
              for name in PERSON]
     (tmp_path / "hero.glb").write_bytes(person(own, still, poses, True))
     (tmp_path / "clip.glb").write_bytes(person(other, lower, poses, False))
@@ -162,10 +166,12 @@ def test_a_clip_that_rests_in_another_pose_with_other_axes(hero, dcloth, tmp_pat
     poses = [Rotation.from_rotvec(0.5 * random.standard_normal((count, 3)))]
     sitting = [Rotation.from_euler("x", -80 if name.endswith("UpLeg") else 80 if name in ("LeftLeg", "RightLeg") else 0,
                                    degrees=True) for name in PERSON]
-    (tmp_path / "hero.glb").write_bytes(person(Rotation.random(count, random), [Rotation.identity()] * count, poses, True))
+    (tmp_path / "hero.glb").write_bytes(person(Rotation.random(count, random), [Rotation.identity()] * count, poses,
+                                               True))
     (tmp_path / "clip.glb").write_bytes(person(Rotation.random(count, random), sitting, poses, False))
-    refused(dcloth("hero", tmp_path / "hero.glb", "--animation", tmp_path / "clip.glb", "-o", tmp_path / "o.safetensors"),
-            "other axes", "T or A pose")
+    refused(dcloth("hero", tmp_path / "hero.glb", "--animation", tmp_path / "clip.glb", "-o",
+                   tmp_path / "o.safetensors"),
+            "joints whose axes", "T or A pose")
 
 
 def test_refuses_what_it_cannot_do(hero, dcloth, tmp_path):

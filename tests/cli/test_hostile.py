@@ -148,7 +148,8 @@ def test_weights_that_diverged(dcloth, files, tmp_path):
 
 
 def test_names_give_no_orders_to_a_terminal(dcloth, tmp_path):
-    """ESC [ 2 J clears a screen, ESC ] 0 ; renames a window, U+009B is ESC [ in one; a line break forges a line of a log."""
+    """ESC [ 2 J clears a screen, ESC ] 0 ; renames a window, U+009B is ESC [ in one; a line break forges a line of a
+    log."""
     garment, joint = "cone\x1b[2J\nskirt\u009b31m", "head\x1b]0;mine\x07\x7f"
     names = [joint if name == "head" else name for name in small_garment.JOINTS]
     bundle, model, sequence = tmp_path / "b.safetensors", tmp_path / "m.dcloth", tmp_path / "s.safetensors"
@@ -157,7 +158,8 @@ def test_names_give_no_orders_to_a_terminal(dcloth, tmp_path):
     safetensors_file.write(bundle, tensors, {**metadata, "garment": garment, "joint_names": json.dumps(names)})
     small_garment.write_sequence(sequence, small_garment.motion(10, 30), names=names)
     assert dcloth("convert", bundle, "-o", model).returncode == 0
-    for arguments in (["inspect", model], ["profile", model, sequence], ["run", model, sequence, "-o", tmp_path / "x.pc2"],
+    for arguments in (["inspect", model], ["profile", model, sequence],
+                      ["run", model, sequence, "-o", tmp_path / "x.pc2"],
                       ["evaluate", bundle, sequence, "--precision", "int8"]):
         done = dcloth(*arguments)
         assert done.returncode == 0

@@ -44,7 +44,8 @@ def check_body(tensors):
     assert np.isfinite(vertices).all() and np.isfinite(tensors["joint_bind"]).all()
     assert weights.shape == (len(vertices), len(tensors["joint_bind"])) and weights.min() >= 0
     assert np.abs(weights.sum(1) - 1).max() < 1e-5
-    assert tensors["body_faces"].size > 0 and 0 <= tensors["body_faces"].min() <= tensors["body_faces"].max() < len(vertices)
+    faces = tensors["body_faces"]
+    assert faces.size > 0 and 0 <= faces.min() <= faces.max() < len(vertices)
 
 
 CHECKS = {"poses": check_sequence, "body": check_body}
@@ -76,7 +77,8 @@ def complaints(dcloth, command, folder, extension, cases):
         return list(pool.map(one, enumerate(cases)))
 
 
-@pytest.mark.parametrize("command, extension, least", [("poses", "glb", 200), ("poses", "bvh", 60), ("body", "glb", 180)])
+@pytest.mark.parametrize("command, extension, least",
+                         [("poses", "glb", 200), ("poses", "bvh", 60), ("body", "glb", 180)])
 def test_named_corruptions(command, extension, least, measured, importing, tmp_path):  # noqa: F811
     if command == "body":
         cases = list(import_corruptions.broken_skins())
@@ -87,7 +89,8 @@ def test_named_corruptions(command, extension, least, measured, importing, tmp_p
     answers = complaints(measured, command, tmp_path, extension, cases)
     refused = [answer for answer in answers if answer is not None]
     crashes = sum("the reader crashed" in answer for answer in refused)
-    print(f"{command} {extension}: {len(answers)} corruptions, {len(refused)} refused, {crashes} because the reader crashed")
+    print(f"{command} {extension}: {len(answers)} corruptions, {len(refused)} refused, {crashes} because the reader "
+          "crashed")
     assert len(answers) == len(cases) >= least
     assert len(answers) // 2 < len(refused) < len(answers)    # neither everything nor little
 

@@ -1,5 +1,5 @@
-"""From an artist's files to what training reads: a character and its animation as Blender wrote them, the cloth on it as
-point caches, one command."""
+"""From an artist's files to what training reads: a character and its animation as Blender wrote them, the cloth on it
+as point caches, one command."""
 import json
 import os
 import subprocess
@@ -36,7 +36,8 @@ def cloth():
 
 
 def run(binary, project, out):
-    command = [sys.executable, "-m", "dcloth_training.import_truth", str(project), "--out", str(out), "--dcloth", binary]
+    command = [sys.executable, "-m", "dcloth_training.import_truth", str(project), "--out", str(out), "--dcloth",
+               binary]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False,
                           env={**os.environ, "PYTHONPATH": str(TRAINING), "OMP_NUM_THREADS": "1"})
 
@@ -52,12 +53,14 @@ def test_one_command_makes_a_dataset(binary, cloth, tmp_path):
         "character": str(DATA / "walker.glb"), "garment": "skirt.obj", "defaults": {"animation_clip": "0"},
         "clips": [{"name": "gltf", "animation": str(DATA / "walker.glb"), "cache": "a.mdd"},
                   {"name": "fbx", "animation": str(DATA / "walker.fbx"), "cache": "a.abc", "unit": "cm"},
-                  {"name": "bvh", "animation": str(DATA / "walker.bvh"), "animation_up": "z", "cache": "a.pc2", "fps": 30}]}))
+                  {"name": "bvh", "animation": str(DATA / "walker.bvh"), "animation_up": "z", "cache": "a.pc2",
+                   "fps": 30}]}))
     result = run(binary, project, tmp_path / "out")
     if "built without assimp" in result.stderr:
         pytest.skip("dcloth was built without assimp: importing glTF, FBX and BVH is not tested")
     assert result.returncode == 0, result.stderr
-    read = {n: safetensors_file.read(tmp_path / "out" / "dynamic" / f"{n}.safetensors")[0] for n in ("gltf", "fbx", "bvh")}
+    read = {n: safetensors_file.read(tmp_path / "out" / "dynamic" / f"{n}.safetensors")[0]
+            for n in ("gltf", "fbx", "bvh")}
     eps = np.finfo(np.float32).eps
     for name, tensors in read.items():
         assert tensors["joint_matrices"].shape == (20, 6, 4, 4), name

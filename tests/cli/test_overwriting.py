@@ -39,7 +39,7 @@ def own(files, tmp_path):
 def test_an_output_is_no_input(dcloth, own, monkeypatch, arguments, lost):
     monkeypatch.chdir(own)
     before = {p.name: p.read_bytes() for p in own.iterdir()}
-    refused(dcloth(*arguments.split()), lost, "name of its own")
+    refused(dcloth(*arguments.split()), lost, "different name")
     assert {p.name: p.read_bytes() for p in own.iterdir()} == before
 
 
@@ -49,7 +49,7 @@ def test_links_and_other_spellings_are_the_same_file(dcloth, own, monkeypatch):
     (own / "link.safetensors").symlink_to("walk.safetensors")
     os.link(own / "walk.safetensors", own / "hard.safetensors")
     for name in ("./walk.safetensors", own / "walk.safetensors", "link.safetensors", "hard.safetensors"):
-        refused(dcloth("run", "skirt.dcloth", "walk.safetensors", "-o", name), name, "name of its own")
+        refused(dcloth("run", "skirt.dcloth", "walk.safetensors", "-o", name), name, "different name")
     assert (own / "walk.safetensors").read_bytes() == before
 
 
@@ -58,8 +58,8 @@ def test_two_outputs_are_two_files(dcloth, own, monkeypatch):
     monkeypatch.chdir(own)
     before = {p.name for p in own.iterdir()}
     refused(dcloth("run", "skirt.dcloth", "bare.safetensors", "-o", "new.pc2", "--mesh", own / "new.pc2"), "--mesh",
-            "name of its own")
-    refused(dcloth("convert", "skirt.safetensors", "-o", "new", "--report", own / "new"), "--report", "name of its own")
+            "different name")
+    refused(dcloth("convert", "skirt.safetensors", "-o", "new", "--report", own / "new"), "--report", "different name")
     assert leftovers(own, before) == []
 
 

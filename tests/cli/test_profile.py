@@ -67,8 +67,9 @@ def test_a_sequence_shorter_than_a_frame(dcloth, files, tmp_path):
 
 
 def test_cold(dcloth, files):
-    """The basis, 130 kB that a core's own cache holds, is read five to seven times as slowly from memory. The whole frame
-    shows less, and its median nothing: half of the frames have no tick, so that it lies on either side of a gap."""
+    """The basis, 130 kB that a core's own cache holds, is read five to seven times as slowly from memory. The whole
+    frame shows less, and its median nothing: half of the frames have no tick, so that it lies on either side of a
+    gap."""
     cold, warm = [], []
     for _ in range(3):  # Alternated: a neighbour that slows one run down must not decide.
         cold.append(profile(dcloth, files.model, files.bare, *COLD))

@@ -36,7 +36,8 @@ def decode(track, blob, frames, parents, tracks):
     """The documented rules of tools/track_codec.h, written a second time."""
     count = len(parents)
     half = len(blob) // 2
-    zigzag = np.frombuffer(blob[:half], np.uint8).astype(np.int64) + (np.frombuffer(blob[half:], np.uint8).astype(np.int64) << 8)
+    zigzag = np.frombuffer(blob[:half],
+                           np.uint8).astype(np.int64) + (np.frombuffer(blob[half:], np.uint8).astype(np.int64) << 8)
     residual = ((zigzag >> 1) ^ -(zigzag & 1)).reshape(frames, 3, count)
     for i in range(1, count):
         residual[:, :, i] += residual[:, :, parents[i]]
@@ -62,7 +63,8 @@ def report(dcloth, files):
 
 def test_self_contained(report):
     text, data, _ = page_parts(report[0])
-    outside = [u for u in re.findall(r'(?:src|href)\s*=\s*"([^"]+)"|url\(([^)]+)\)|(https?://[^\s"\'<]+)', text) if any(u)]
+    outside = [u for u in re.findall(r'(?:src|href)\s*=\s*"([^"]+)"|url\(([^)]+)\)|(https?://[^\s"\'<]+)',
+                                     text) if any(u)]
     assert [u for u in outside if "www.w3.org/2000/svg" not in "".join(u)] == []
     assert data["variants"] == report[1]["variants"]
 
@@ -117,7 +119,8 @@ def test_draws_in_a_browser(report, dcloth, files, tmp_path, kind):
         path = tmp_path / "run.html"
         assert dcloth("run", files.model, files.walk, "-o", path).returncode == 0
     image = picture(path, "frame=20&theme=light&split=0", tmp_path / "picture.png")
-    red = (image[:, :, 0] > image[:, :, 1] * 1.6) & (image[:, :, 0] > 0.25)  # the cloth's colour; nothing else is as large
+    # the cloth's colour; nothing else is as large
+    red = (image[:, :, 0] > image[:, :, 1] * 1.6) & (image[:, :, 0] > 0.25)
     assert red.sum() > 4000, "no garment in the picture"
     later = picture(path, "frame=35&theme=light&split=0", tmp_path / "later.png")
     assert (np.abs(image - later).max(-1) > 0.1).sum() > 1000, "another frame looks the same"

@@ -46,8 +46,8 @@ def test_mdd_output_and_its_mesh(dcloth, files, tmp_path):
     assert np.array_equal(np.frombuffer(data[8:8 + 4 * samples], ">f4"), (np.arange(samples) / 60).astype(np.float32))
     assert np.array_equal(np.frombuffer(data[8 + 4 * samples:], ">f4").reshape(values.shape), values)
     lines = [line.split() for line in mesh.read_text().split("\n")]
-    assert np.array_equal(np.array([w[1:] for w in lines if w[:1] == ["v"]], np.float32),
-                          safetensors_file.read(files.bundle)[0]["template.positions"]), "the bind pose, which no clip decides"
+    bind_pose = safetensors_file.read(files.bundle)[0]["template.positions"]    # which no clip decides
+    assert np.array_equal(np.array([w[1:] for w in lines if w[:1] == ["v"]], np.float32), bind_pose)
     faces = safetensors_file.read(tmp_path / "out.safetensors")[0]["faces"]
     assert np.array_equal(np.array([w[1:] for w in lines if w[:1] == ["f"]], int) - 1, faces)
 
@@ -76,7 +76,8 @@ def test_wind_is_three_numbers_and_moves_no_garment_that_does_not_read_it(dcloth
 def test_wind_of_a_sequence_is_checked(dcloth, files, tmp_path):
     poses = safetensors_file.read(files.walk)[0]["joint_matrices"]
     path = tmp_path / "windy.safetensors"
-    for wind, found in ((np.zeros((39, 3)), "[39, 3]"), (np.full((40, 3), np.nan), "NaN"), (np.full((40, 3), 60), "in frame 0")):
+    for wind, found in ((np.zeros((39, 3)), "[39, 3]"), (np.full((40, 3), np.nan), "NaN"),
+                        (np.full((40, 3), 60), "in frame 0")):
         small_garment.write_sequence(path, poses, changes={"wind": wind.astype(np.float32)})
         result = dcloth("run", files.model, path, "-o", tmp_path / "out.pc2")
         assert result.returncode == 2 and "wind" in result.stderr and found in result.stderr, result.stderr
@@ -91,7 +92,8 @@ def test_repeatable(dcloth, files, tmp_path):
 
 
 def test_stages_build_on_each_other(dcloth, files, tmp_path):
-    stages = [positions(dcloth, tmp_path, files.model, files.walk, "--stages", s)[0] for s in ("static", "skeleton", "mesh")]
+    stages = [positions(dcloth, tmp_path, files.model, files.walk, "--stages", s)[0]
+              for s in ("static", "skeleton", "mesh")]
     full, _ = positions(dcloth, tmp_path, files.model, files.walk)
     assert np.array_equal(stages[2], full)
     for a, b in zip(stages, stages[1:]):
@@ -141,7 +143,8 @@ def test_between_two_frames_rotations_turn_on_the_arc(dcloth, files, tmp_path):
     fast, _ = positions(dcloth, tmp_path, files.model, path, "--stages", "static", "--fps", "60")
     hips = poses[0, 0, :3, 3]
     radius = [np.linalg.norm((frame - hips)[:, ::2], axis=1).mean() for frame in fast]
-    # Joints off the axis move on the chord: thighs 0.1 m out lose 0.1 (1 - cos 45) = 29 mm of their place, not of their size.
+    # Joints off the axis move on the chord: thighs 0.1 m out lose 0.1 (1 - cos 45) = 29 mm of their place, not of their
+    # size.
     assert abs(radius[1] - radius[0]) < 0.03
 
 
@@ -155,5 +158,5 @@ def test_frames_slower_than_ticks_run_every_tick(dcloth, files, tmp_path):
 def test_an_animation_is_no_sequence(dcloth, files, tmp_path):
     for name in ("walk.glb", "walk.FBX", "walk.bvh", "walk.vrm"):
         (tmp_path / name).write_bytes(b"glTF")
-        refused(dcloth("run", files.model, tmp_path / name, "-o", tmp_path / "o.html"), "dcloth poses", "walk.safetensors",
-                "dcloth dress")
+        refused(dcloth("run", files.model, tmp_path / name, "-o", tmp_path / "o.html"), "dcloth poses",
+                "walk.safetensors", "dcloth dress")

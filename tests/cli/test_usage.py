@@ -19,8 +19,10 @@ def test_version(dcloth):
 
 @pytest.mark.parametrize("arguments, word", [
     ([], "subcommand"), (["inspcet"], "inspcet"), (["inspect"], "MODEL"), (["convert", "x"], "--output"),
-    (["convert", "x", "-o", "y", "--precision", "int4"], "int4"), (["convert", "x", "-o", "y", "--max-error-mm", "-1"], "-1"),
-    (["run", "m", "s", "-o", "x.pc2", "--fps", "0"], "--fps"), (["run", "m", "s", "-o", "x.pc2", "--stages", "cloth"], "cloth"),
+    (["convert", "x", "-o", "y", "--precision", "int4"], "int4"),
+    (["convert", "x", "-o", "y", "--max-error-mm", "-1"], "-1"),
+    (["run", "m", "s", "-o", "x.pc2", "--fps", "0"], "--fps"),
+    (["run", "m", "s", "-o", "x.pc2", "--stages", "cloth"], "cloth"),
     (["profile", "m", "s", "--budget-ms", "fast"], "fast"), (["evaluate", "b"], "SEQ"),
     (["evaluate", "b", "s", "--precision", "auto"], "auto")])
 def test_bad_arguments(dcloth, arguments, word):
@@ -58,7 +60,7 @@ def test_auto_needs_a_bound_and_motion(dcloth, files, tmp_path):
 
 def test_output_may_not_be_the_bundle(dcloth, files):
     before = files.bundle.read_bytes()
-    refused(dcloth("convert", files.bundle, "-o", files.bundle), "bundle itself")
+    refused(dcloth("convert", files.bundle, "-o", files.bundle), "the bundle")
     assert files.bundle.read_bytes() == before
 
 
@@ -81,7 +83,8 @@ def test_output_into_no_folder(dcloth, files, tmp_path):
 
 
 def test_unknown_output_kind(dcloth, files, tmp_path):
-    refused(dcloth("run", files.model, files.walk, "-o", tmp_path / "x.abc"), ".abc", ".safetensors, .pc2, .mdd or .html")
+    refused(dcloth("run", files.model, files.walk, "-o", tmp_path / "x.abc"), ".abc",
+            ".safetensors, .pc2, .mdd or .html")
     assert leftovers(tmp_path, set()) == []
 
 
@@ -89,7 +92,8 @@ def test_unknown_output_kind(dcloth, files, tmp_path):
 def test_output_that_nobody_gets_is_an_error(binary, files):
     for arguments in (["inspect", files.model], ["inspect", files.model, "--json"], ["--version"], ["--help"]):
         with open("/dev/full", "w") as full:
-            result = subprocess.run([binary, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+            result = subprocess.run([binary, *map(str, arguments)], stdout=full, stderr=subprocess.PIPE, text=True,
+                                    timeout=60)
         assert result.returncode == 2 and "stdout" in result.stderr, arguments
 
 

@@ -34,7 +34,7 @@ std::string FormatOf(const std::filesystem::path& path) {
   if (extension == ".bvh") return "BVH";
   throw converter::Error({.path = path,
                           .tensor = {},
-                          .found = "a name ending '" + extension + "'",
+                          .found = "a file name that ends in '" + extension + "'",
                           .expected = ".glb, .gltf, .vrm, .fbx or .bvh",
                           .mend = "export the character as glTF, FBX or BVH"});
 }
@@ -72,12 +72,13 @@ Eigen::Matrix4d AssimpReader::Matrix(const aiMatrix4x4& matrix, const std::strin
 size_t AssimpReader::NodeOf(const aiString& name, const std::string& where) const {
   const auto found = index_.find(name.C_Str());
   if (found == index_.end()) {
-    Refuse(where + " for a node '" + name.C_Str() + "'", "a node of the file", "the file is damaged; export it again");
+    Refuse(where + " for a node '" + name.C_Str() + "'", "the name of a node in the file",
+           "the file is damaged; export it again");
   }
   if (count_.at(found->first) > 1) {
     Refuse(std::to_string(count_.at(found->first)) + " nodes called '" + found->first + "', of which " + where +
-               " means one",
-           "a name of its own for every bone", "rename them and export again");
+               " needs one",
+           "unique names for bones", "rename the nodes and export again");
   }
   return found->second;
 }
@@ -94,8 +95,9 @@ void AssimpReader::ReadNodes() {
     const Waiting next = waiting.back();
     waiting.pop_back();
     const std::string name = next.node->mName.C_Str();
-    if (file_.nodes.size() >= kMaxNodes) Refuse("more nodes", "at most " + std::to_string(kMaxNodes));
-    if (next.depth > kMaxDepth) Refuse("nodes nested deeper", "at most " + std::to_string(kMaxDepth) + " levels");
+    if (file_.nodes.size() >= kMaxNodes) Refuse("too many nodes", "at most " + std::to_string(kMaxNodes));
+    if (next.depth > kMaxDepth)
+      Refuse("nodes that are nested too deep", "at most " + std::to_string(kMaxDepth) + " levels");
     const size_t index = file_.nodes.size();
     CharacterNode node;
     node.name = name;
@@ -129,7 +131,8 @@ void AssimpReader::ReadSpace() {
     unit = static_cast<double>(unit_f32);
   }
   if (unit != 0) {
-    if (!(unit > 1e-6 && unit < 1e6)) Refuse("UnitScaleFactor " + std::to_string(unit), "centimetres in a unit");
+    if (!(unit > 1e-6 && unit < 1e6))
+      Refuse("UnitScaleFactor " + std::to_string(unit), "the number of centimetres in a unit");
     file_.metres_per_unit = unit / 100;
   }
   const char* const axes[3] = {"CoordAxis", "UpAxis", "FrontAxis"};
@@ -140,11 +143,11 @@ void AssimpReader::ReadSpace() {
     scene_.mMetaData->Get(std::string(axes[row]) + "Sign", sign);
     if (axis < 0 || axis > 2 || (sign != 1 && sign != -1)) {
       Refuse(std::string(axes[row]) + " " + std::to_string(axis) + ", sign " + std::to_string(sign),
-             "0, 1 or 2; 1 or -1");
+             "an axis of 0, 1 or 2 and a sign of 1 or -1");
     }
     upright(row, axis) = sign;
   }
-  if (std::abs(upright.determinant() - 1) > 1e-9) Refuse("axes that mirror or fall together", "right-handed axes");
+  if (std::abs(upright.determinant() - 1) > 1e-9) Refuse("axes that mirror or coincide", "right-handed axes");
   file_.upright = upright;
 }
 
@@ -154,13 +157,13 @@ NodeChannel AssimpReader::ReadChannel(const aiNodeAnim& channel, double ticks_pe
   NodeChannel out;
   out.node = NodeOf(channel.mNodeName, "clip '" + clip + "' has a channel");
   if (std::max({channel.mNumPositionKeys, channel.mNumRotationKeys, channel.mNumScalingKeys}) > kMaxKeys) {
-    Refuse("more keys in " + where, "at most " + std::to_string(kMaxKeys));
+    Refuse("too many keys in " + where, "at most " + std::to_string(kMaxKeys));
   }
   double last = -kMaxSeconds;
   const auto seconds = [&](double ticks) {
     const double at = ticks / ticks_per_second;
     if (!(at >= last && at <= kMaxSeconds)) {
-      Refuse("a key at " + std::to_string(at) + " s in " + where, "times that ascend, within a day");
+      Refuse("a key at " + std::to_string(at) + " s in " + where, "increasing times within a day");
     }
     return last = at;
   };
@@ -180,7 +183,7 @@ NodeChannel AssimpReader::ReadChannel(const aiNodeAnim& channel, double ticks_pe
     Eigen::Quaterniond value(q.w, q.x, q.y, q.z);
     const double length = value.norm();
     if (!std::isfinite(length) || length < 1e-3 || length > 1e3)
-      Refuse("a rotation of no direction in " + where, "unit quaternions");
+      Refuse("a rotation without a direction in " + where, "unit quaternions");
     value.coeffs() /= length;
     out.rotations.emplace_back(seconds(channel.mRotationKeys[i].mTime), value);
   }
@@ -201,7 +204,8 @@ CharacterClip AssimpReader::ReadClip(const aiAnimation& animation, size_t index)
   for (unsigned i = 0; i < animation.mNumChannels; ++i) {
     NodeChannel channel = ReadChannel(*animation.mChannels[i], rate, clip.name);
     if (seen[channel.node])
-      Refuse("two channels of '" + file_.nodes[channel.node].name + "' in clip '" + clip.name + "'", "one a node");
+      Refuse("two channels of '" + file_.nodes[channel.node].name + "' in clip '" + clip.name + "'",
+             "one channel for each node");
     seen[channel.node] = true;
     const auto span = [&](const auto& keys) {
       if (keys.empty()) return;
@@ -237,11 +241,12 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   const GltfFacts facts = format == "glTF" ? ReadGltfFacts(bytes) : GltfFacts{};
   for (const std::string& name : facts.required) {
     if (name != "KHR_draco_mesh_compression" && name != "EXT_meshopt_compression") continue;
-    throw converter::Error({.path = path,
-                            .tensor = {},
-                            .found = "a mesh compressed with " + name,
-                            .expected = "a glTF file without compression",
-                            .mend = "export it without, or take it out: npx @gltf-transform/cli copy IN.glb OUT.glb"});
+    throw converter::Error(
+        {.path = path,
+         .tensor = {},
+         .found = "a mesh compressed with " + name,
+         .expected = "a glTF file without compression",
+         .mend = "export it without compression, or remove it: npx @gltf-transform/cli copy IN.glb OUT.glb"});
   }
   const bool vrm = Lower(path.extension().string()) == ".vrm";
   MemoryLimit limit;
@@ -267,9 +272,9 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
     const bool memory = reason.find("bad_alloc") != std::string::npos;
     throw converter::Error({.path = path,
                             .tensor = {},
-                            .found = memory ? "a file for which assimp asks for more than " +
+                            .found = memory ? "a file that assimp needs more memory for than " +
                                                   std::to_string(limit.allowance() >> 20) + " MiB"
-                                            : "a file that assimp refuses: " + reason,
+                                            : "a file that assimp cannot read: " + reason,
                             .expected = "a sound " + format + " file",
                             .mend = "export it again"});
   }

@@ -43,14 +43,14 @@ void AssimpReader::ReadBind(const aiMesh& mesh) {
     const size_t node = NodeOf(bone.mName, "a bone of mesh '" + name + "'");
     const Eigen::Matrix4d offset = Matrix(bone.mOffsetMatrix, "the bind matrix of '" + file_.nodes[node].name + "'");
     if (std::abs(offset.topLeftCorner<3, 3>().determinant()) < 1e-12) {
-      Refuse("a bind matrix without volume at bone '" + file_.nodes[node].name + "'", "an invertible one");
+      Refuse("a bind matrix that has no inverse for bone '" + file_.nodes[node].name + "'", "an invertible matrix");
     }
     const Eigen::Matrix4d bind = to_world * offset.inverse();
     std::optional<Eigen::Matrix4d>& known = file_.nodes[node].bind;
     // Meshes of one skeleton agree, or no pose fits the file.
     if (known && (*known - bind).cwiseAbs().maxCoeff() > 1e-3 * std::max(1.0, bind.cwiseAbs().maxCoeff())) {
-      Refuse("two bind poses of bone '" + file_.nodes[node].name + "', another in mesh '" + name + "'", "one bind pose",
-             "bind all meshes in the same pose, or export the body alone");
+      Refuse("a second bind pose of bone '" + file_.nodes[node].name + "' in mesh '" + name + "'", "one bind pose",
+             "bind all meshes in the same pose, or export only the body");
     }
     known = bind;
   }
@@ -60,7 +60,7 @@ void AssimpReader::ReadMesh(const aiMesh& mesh) {
   SkinnedMesh out;
   out.name = mesh.mName.C_Str();
   if (mesh.mNumVertices > (1u << 24) || mesh.mNumFaces > (1u << 25))
-    Refuse("a mesh '" + out.name + "' beyond 2^24 vertices", "a smaller one");
+    Refuse("a mesh '" + out.name + "' of more than 2^24 vertices", "at most 2^24");
   const Eigen::Matrix4d to_world = MeshToWorld(mesh);
   // Readers cut a mesh at every face; vertices on the same place are one again.
   std::map<std::array<ai_real, 3>, uint32_t> place;
@@ -78,7 +78,7 @@ void AssimpReader::ReadMesh(const aiMesh& mesh) {
     std::array<uint32_t, 3> corner;
     for (unsigned k = 0; k < 3; ++k) {
       if (face.mIndices[k] >= mesh.mNumVertices)
-        Refuse("a face of mesh '" + out.name + "' beyond its vertices", "indices below the vertex count");
+        Refuse("a face of mesh '" + out.name + "' with a vertex that does not exist", "indices below the vertex count");
       corner[k] = vertex_of[face.mIndices[k]];
     }
     if (corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) continue;
@@ -91,8 +91,8 @@ void AssimpReader::ReadMesh(const aiMesh& mesh) {
     for (unsigned w = 0; w < bone.mNumWeights; ++w) {
       const aiVertexWeight& weight = bone.mWeights[w];
       if (weight.mVertexId >= mesh.mNumVertices || !std::isfinite(weight.mWeight) || weight.mWeight < 0) {
-        Refuse("a weight of bone '" + file_.nodes[node].name + "' that is negative, not finite or of no vertex",
-               "sound weights");
+        Refuse("a weight of bone '" + file_.nodes[node].name + "' that is negative or not finite, or has no vertex",
+               "finite weights of 0 or more for vertices of the mesh");
       }
       if (weight.mWeight > 0) weights[{vertex_of[weight.mVertexId], node}] = static_cast<float>(weight.mWeight);
     }

@@ -8,8 +8,8 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool) {
   throw converter::Error({.path = path,
                           .tensor = {},
                           .found = "a dcloth built without assimp",
-                          .expected = "one built with it, to read glTF, FBX and BVH",
-                          .mend = "install assimp's development files (Debian: libassimp-dev) and build again"});
+                          .expected = "a dcloth built with assimp, which reads glTF, FBX and BVH",
+                          .mend = "install the development files of assimp (Debian: libassimp-dev) and build again"});
 }
 
 }  // namespace dcloth::tools

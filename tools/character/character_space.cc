@@ -27,7 +27,7 @@ double ParseUnit(const std::string& text) {
   throw converter::Error({.path = {},
                           .tensor = {},
                           .found = "unit '" + text + "'",
-                          .expected = "m, cm, mm, in, ft or metres in a unit from 1e-6 to 1e6",
+                          .expected = "m, cm, mm, in, ft, or metres per unit from 1e-6 to 1e6",
                           .mend = {}});
 }
 
@@ -56,13 +56,13 @@ CharacterSpace SpaceOf(const CharacterFile& file, const SpaceOptions& options,
   const double span = rest_joints.empty() ? 0 : space.metres_per_unit * box.sizes().maxCoeff();
   if (rest_joints.size() > 1 && (span < kSmallest || span > kLargest)) {
     char found[160];
-    std::snprintf(found, sizeof found, "joints that span %.4g m at rest, with %g m in a unit (%s)", span,
+    std::snprintf(found, sizeof found, "joints that span %.4g m at rest, at %g m per unit (%s)", span,
                   space.metres_per_unit, file.metres_per_unit ? "the file says so" : "the file does not say");
     throw converter::Error({.path = file.path,
                             .tensor = {},
                             .found = found,
                             .expected = "0.1 to 10 m",
-                            .mend = "say the file's unit, such as --unit cm"});
+                            .mend = "give the file's unit, such as --unit cm"});
   }
   return space;
 }

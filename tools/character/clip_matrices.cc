@@ -27,7 +27,7 @@ ClipMatrices SampleClip(const CharacterFile& file, const CharacterClip& clip, co
                             .tensor = {},
                             .found = found,
                             .expected = "a sequence of at most 4 GB",
-                            .mend = "cut the clip or lower --fps"});
+                            .mend = "shorten the clip or lower --fps"});
   }
   ClipMatrices out;
   out.frame_count = static_cast<size_t>(frames);

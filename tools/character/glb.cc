@@ -24,8 +24,8 @@ void AtMost(const std::filesystem::path& path, const std::string& what, uint64_t
   throw converter::Error({.path = path,
                           .tensor = {},
                           .found = what + " of " + std::to_string(length) + " bytes",
-                          .expected = "at most " + std::to_string(most) + ", what the file holds",
-                          .mend = "the file is damaged or was cut off; export it again"});
+                          .expected = "at most " + std::to_string(most) + ", the size of the file",
+                          .mend = "the file is damaged or cut off; export it again"});
 }
 
 }  // namespace

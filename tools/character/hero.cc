@@ -43,8 +43,8 @@ void ChooseJoints(const CharacterFile& file, const JointMap& map, Hero* hero) {
   for (const auto& [key, node] : map) {
     const uint32_t role = RoleOfKey(key);
     if (role == DCLOTH_ROLE_NONE) {
-      Refuse(file, "'" + key + "' in --map", "a joint of the garment or a role, such as \"left upper leg\"",
-             "roles are listed in dcloth_fit.h");
+      Refuse(file, "the unknown name '" + key + "' in --map",
+             "a joint of the garment or a role, such as \"left upper leg\"", "dcloth_fit.h lists the roles");
     }
     if (std::ranges::none_of(file.nodes,
                              [&wanted = node](const CharacterNode& other) { return other.name == wanted; })) {
@@ -53,8 +53,8 @@ void ChooseJoints(const CharacterFile& file, const JointMap& map, Hero* hero) {
       std::string closest;
       for (const std::string& name : NearestNames(node, held, 3))
         closest += (closest.empty() ? "'" : ", '") + name + "'";
-      Refuse(file, "no node '" + node + "', which --map names for '" + key + "'", "a node of the file",
-             closest.empty() ? "" : "closest are " + closest);
+      Refuse(file, "no node '" + node + "', which --map names for '" + key + "'", "the name of a node in the file",
+             closest.empty() ? "" : "the closest names are " + closest);
     }
     std::erase_if(told, [&](const auto& other) { return other.second == role; });
     told[node] = role;
@@ -76,7 +76,8 @@ void ChooseJoints(const CharacterFile& file, const JointMap& map, Hero* hero) {
 
 void AddMesh(const CharacterFile& file, const SkinnedMesh& mesh, const std::vector<uint32_t>& joint_of, Hero* hero) {
   const size_t first = hero->positions.size() / 3;
-  if (first + mesh.positions.size() > kMostVertices) Refuse(file, "a skin beyond 2^24 vertices", "fewer", "");
+  if (first + mesh.positions.size() > kMostVertices)
+    Refuse(file, "a skin of more than 2^24 vertices", "at most 2^24", "");
   std::vector<std::array<std::pair<float, uint32_t>, kInfluences>> best(mesh.positions.size());
   for (auto& row : best) row.fill({0.0f, 0});
   for (const SkinInfluence& influence : mesh.influences) {
@@ -175,9 +176,9 @@ class OtherSkeleton {
         hips_ = i;
     }
     if (matched < kLeastMatched || hips_ == match_.size()) {
-      Refuse(source, "a skeleton with " + std::to_string(matched) + " names of the character's, hips among them or not",
-             "the character's joints by name, 5 at least, and its hips",
-             "give an animation that was made for this kind of skeleton");
+      Refuse(source, "a skeleton that shares " + std::to_string(matched) + " joint names with the character",
+             "at least 5 shared names, the hips among them",
+             "pass an animation that was made for this kind of skeleton");
     }
     source_space_ = SpaceOf(source, {}, {});
     // Whose unit a file of animation alone does not always tell: hips stand as high as their legs are long.
@@ -264,9 +265,9 @@ class OtherSkeleton {
     if (same_rest_ || 10 * same_axes >= 9 * compared) return;
     same_rest_ = 10 * same_but_arms >= 9 * compared;
     if (same_rest_) return TurnArms(arm_turn);
-    Refuse(source_, "joints with other axes than the character's, and at rest in another pose than its own",
-           "a rest in the character's T or A pose, or the same axes",
-           "export the animation with its skin, or in the bind pose");
+    Refuse(source_, "joints whose axes and rest pose both differ from the character's",
+           "the same axes, or a rest pose that is the character's T or A pose",
+           "export the animation with its skin, or with the bind pose as its rest pose");
   }
 
   // Hands and fingers go with the lower arm.
@@ -363,9 +364,9 @@ const CharacterClip& FindClip(const CharacterFile& file, const std::string& want
   }
   throw converter::Error({.path = file.path,
                           .tensor = {},
-                          .found = "no clip '" + wanted + "' among " + (held.empty() ? "none" : held),
-                          .expected = "a clip of the file by name or number",
-                          .mend = "give --animation NAME, or a file of its own: --animation walk.fbx"});
+                          .found = "no clip '" + wanted + "'; the file has " + (held.empty() ? "none" : held),
+                          .expected = "the name or number of a clip in the file",
+                          .mend = "pass --animation NAME, or another file: --animation walk.fbx"});
 }
 
 }  // namespace
@@ -417,7 +418,7 @@ HeroClip SampleHero(const CharacterFile& file, const Hero& hero, const Character
   const double frames = std::floor((clip.last_seconds - clip.first_seconds) * fps + 1e-3) + 1;
   if (frames * static_cast<double>(hero.joints.size()) * 64 > static_cast<double>(kMostBytes)) {
     Refuse(source, "clip '" + clip.name + "' of " + std::to_string(clip.last_seconds - clip.first_seconds) + " s",
-           "a clip whose poses take at most 2 GB", "cut the clip");
+           "a clip whose poses take at most 2 GB", "shorten the clip");
   }
   out.frames = static_cast<size_t>(frames);
   const bool own = &file == &source;
@@ -454,7 +455,7 @@ HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, 
                             .tensor = {},
                             .found = "no animation",
                             .expected = "a clip",
-                            .mend = "export it with its animation, baked to keys"});
+                            .mend = "export it with its animation baked to keys"});
   }
   const CharacterClip& chosen = clip.empty() ? source.clips.front() : FindClip(source, clip);
   HeroClip sampled = SampleHero(file, hero, source, chosen, fps);

@@ -60,10 +60,11 @@ JointMap ReadJointMap(const std::filesystem::path& path) {
         return !nested;
       },
       false);
-  if (nested || !parsed.is_object()) refuse(nested ? "a list or an object inside the map" : "no JSON object");
+  if (nested || !parsed.is_object())
+    refuse(nested ? "a list or an object inside the map" : "text that is not a JSON object");
   JointMap map;
   for (const auto& [joint, node] : parsed.items()) {
-    if (!node.is_string()) refuse("joint '" + joint + "' without a name in quotes");
+    if (!node.is_string()) refuse("joint '" + joint + "' with a value that is not a string");
     map.emplace(joint, node.get<std::string>());
   }
   return map;
@@ -91,9 +92,9 @@ std::vector<std::string> JointsOf(const CharacterFile& file, const JointMap& map
     if (fresh || other->second == node) continue;
     throw converter::Error({.path = file.path,
                             .tensor = {},
-                            .found = "two joints '" + joints.back() + "', by the map: the nodes '" + other->second +
-                                     "' and '" + node + "'",
-                            .expected = "a name of its own for each joint",
+                            .found = "the nodes '" + other->second + "' and '" + node +
+                                     "', which the map gives the same joint '" + joints.back() + "'",
+                            .expected = "one node for each joint",
                             .mend = "map both nodes, or choose another name in --map"});
   }
   return joints;
@@ -116,7 +117,8 @@ std::vector<size_t> FindJoints(const CharacterFile& file, const JointMap& map, s
     if (found == index.end()) {
       missing += (missing.empty() ? "'" : "; '") + joint + (mapped == map.end() ? "'" : "' (mapped to '" + name + "')");
       const std::vector<std::string> nearest = NearestNames(name, held, 3);
-      for (size_t k = 0; k < nearest.size(); ++k) missing += (k == 0 ? ", closest are '" : "', '") + nearest[k];
+      for (size_t k = 0; k < nearest.size(); ++k)
+        missing += (k == 0 ? ", the closest names are '" : "', '") + nearest[k];
       if (!nearest.empty()) missing += "'";
       continue;
     }
@@ -124,18 +126,17 @@ std::vector<size_t> FindJoints(const CharacterFile& file, const JointMap& map, s
       throw converter::Error({.path = file.path,
                               .tensor = {},
                               .found = std::to_string(found->second.size()) + " nodes called '" + name + "'",
-                              .expected = "one, for the joint '" + joint + "'",
-                              .mend = "rename them and export again"});
+                              .expected = "one node for the joint '" + joint + "'",
+                              .mend = "rename the nodes and export again"});
     }
     nodes.push_back(found->second.front());
   }
   if (!missing.empty()) {
-    throw converter::Error(
-        {.path = file.path,
-         .tensor = {},
-         .found = "no node for the joints " + missing,
-         .expected = "a node for every joint of the garment",
-         .mend = "name the nodes in a mapping file, {\"joint\": \"node\", ...}, and give it with --map"});
+    throw converter::Error({.path = file.path,
+                            .tensor = {},
+                            .found = "no node for the joints " + missing,
+                            .expected = "a node for every joint of the garment",
+                            .mend = "name the nodes in a file, {\"joint\": \"node\", ...}, and pass it with --map"});
   }
   return nodes;
 }

@@ -13,9 +13,9 @@ bool AppendMatrix(const Eigen::Matrix4d& matrix, std::vector<float>* values) {
 void RefuseNumbers(const CharacterFile& file, const std::string& where) {
   throw converter::Error({.path = file.path,
                           .tensor = {},
-                          .found = "numbers out of range at " + where,
-                          .expected = "finite ones",
-                          .mend = "the file is damaged"});
+                          .found = "a number that is out of range at " + where,
+                          .expected = "finite numbers",
+                          .mend = "the file is damaged; export it again"});
 }
 
 }  // namespace dcloth::tools

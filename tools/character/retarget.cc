@@ -22,9 +22,9 @@ Retarget::Retarget(const CharacterFile& file, const Skeleton& skeleton, std::spa
     if (std::abs(linear.determinant()) < 1e-12 || length.minCoeff() < 1e-6) {
       throw converter::Error({.path = file.path,
                               .tensor = {},
-                              .found = "the joint '" + joints[j] + "' without volume at rest",
-                              .expected = "joints with a frame",
-                              .mend = "undo the bone's scale of zero in the rest pose and export again"});
+                              .found = "a scale of 0 for the joint '" + joints[j] + "' in the rest pose",
+                              .expected = "a scale other than 0",
+                              .mend = "set the scale of the bone and export again"});
     }
     if (bind.empty()) {
       turn_.emplace_back(length.cwiseInverse().asDiagonal());

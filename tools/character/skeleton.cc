@@ -17,7 +17,7 @@ Skeleton SkeletonOf(const CharacterFile& file, const JointMap& map, std::span<co
                             .tensor = {},
                             .found = "neither bones nor animated nodes",
                             .expected = "a skeleton",
-                            .mend = "export the armature too"});
+                            .mend = "export the character with its armature"});
   }
   const std::vector<Eigen::Matrix4d> all = RestMatrices(file);
   for (size_t j = 0; j < skeleton.nodes.size(); ++j) {

@@ -41,8 +41,8 @@ std::optional<int> InChild(const std::filesystem::path& input) {
   if (child < 0) {
     throw converter::Error({.path = input,
                             .tensor = {},
-                            .found = "no process to read it in: " + std::generic_category().message(errno),
-                            .expected = "a second process, where a damaged file can do no harm",
+                            .found = "no second process: " + std::generic_category().message(errno),
+                            .expected = "a process of its own to read the file in, so that a damaged file does no harm",
                             .mend = "free memory or processes, or raise their limits (ulimit -u, -v)"});
   }
   if (child == 0) {
@@ -59,10 +59,10 @@ std::optional<int> InChild(const std::filesystem::path& input) {
   throw converter::Error(
       {.path = input,
        .tensor = {},
-       .found = signal == SIGXCPU ? "a file that " + std::to_string(kMaxSeconds) + " s of reading did not get through"
+       .found = signal == SIGXCPU ? "a file that could not be read within " + std::to_string(kMaxSeconds) + " s"
                                   : "a file on which the reader crashed (signal " + std::to_string(signal) + ")",
-       .expected = "a sound glTF, FBX or BVH file",
-       .mend = "the file is damaged or too large; export it again, with the skeleton and its animation alone"});
+       .expected = "an intact glTF, FBX or BVH file",
+       .mend = "the file is damaged or too large; export it again with nothing but the skeleton and its animation"});
 }
 
 #else

@@ -40,7 +40,7 @@ const CharacterClip& ChooseClip(const CharacterFile& file, const std::string& wa
                           .tensor = {},
                           .found = file.clips.empty() ? "no animation" : "the clips " + held,
                           .expected = wanted.empty() ? "one clip" : "a clip '" + wanted + "'",
-                          .mend = file.clips.empty() ? "export the character with its animation, baked to keys"
+                          .mend = file.clips.empty() ? "export the character with its animation baked to keys"
                                                      : "choose one with --clip NAME, or by its number from 0"});
 }
 

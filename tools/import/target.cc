@@ -23,7 +23,7 @@ Target ReadTarget(const std::filesystem::path& path) {
       if (dcloth_model_joint_bind(model.model(), j, bind.data()) != DCLOTH_OK) {
         throw converter::Error({.path = path,
                                 .tensor = {},
-                                .found = "no bind matrix for joint '" + target.joint_names[j] + "'",
+                                .found = "a bind matrix that has no inverse for joint '" + target.joint_names[j] + "'",
                                 .expected = "invertible bind matrices",
                                 .mend = "convert the bundle again"});
       }
@@ -41,7 +41,7 @@ Target ReadTarget(const std::filesystem::path& path) {
                             .tensor = bind.name,
                             .found = "shape " + converter::ShapeText(bind.shape),
                             .expected = "[" + std::to_string(target.joint_names.size()) + ", 4, 4]",
-                            .mend = {}});
+                            .mend = "export the file again"});
   }
   const std::vector<float> values = converter::FloatsOf(file, bind);
   using RowMajor = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
@@ -50,9 +50,9 @@ Target ReadTarget(const std::filesystem::path& path) {
     if (std::abs(target.bind.back().topLeftCorner<3, 3>().determinant()) < 1e-9) {
       throw converter::Error({.path = path,
                               .tensor = bind.name,
-                              .found = "a matrix without volume for joint '" + target.joint_names[j] + "'",
+                              .found = "a matrix that has no inverse for joint '" + target.joint_names[j] + "'",
                               .expected = "invertible bind matrices",
-                              .mend = {}});
+                              .mend = "export the file again"});
     }
   }
   if (!bundle) return target;

@@ -1,12 +1,13 @@
 /* dcloth: fits a garment to a character that it was not trained on. Part of the C ABI, valid C99.
  *
  * A garment is trained on one figure. Other characters have bones of other lengths, joints with axes of their own,
- * another bind pose (T or A) and another girth. dcloth_cloth_fit reads all of that once: the joints in the bind pose and,
- * if there is one, the skin. After it, pass the character's own matrices in each pose. The fit adds no cost to a frame.
+ * another bind pose (T or A) and another girth. dcloth_cloth_fit reads all of that once: the joints in the bind pose
+ * and, if there is one, the skin. After it, pass the character's own matrices in each pose. The fit adds no cost to a
+ * frame.
  *
- * The order of calls: open the model, create the cloth, dcloth_cloth_set_space for axes and unit, dcloth_cloth_fit, then
- * update. A rig that would crumple the garment is refused; the error names the joint, what was found, what is allowed
- * and how to mend it. dcloth_fit.warnings tells when a character is far from the figure of training. */
+ * The order of calls: open the model, create the cloth, dcloth_cloth_set_space for axes and unit, dcloth_cloth_fit,
+ * then update. A rig that would crumple the garment is refused; the error names the joint, what was found, what is
+ * allowed and how to mend it. dcloth_fit.warnings tells when a character is far from the figure of training. */
 #ifndef DCLOTH_DCLOTH_FIT_H_
 #define DCLOTH_DCLOTH_FIT_H_
 
@@ -16,9 +17,9 @@
 extern "C" {
 #endif
 
-/* Which part of the body a joint moves. Roles are found by the names of joints. The names of Mixamo, Unity Humanoid, the
- * Unreal mannequin, MakeHuman, Rigify, VRM, CMU, 3ds Max Biped and Character Creator are known, with any prefix, case and
- * separators. */
+/* Which part of the body a joint moves. Roles are found by the names of joints. The names of Mixamo, Unity Humanoid,
+ * the Unreal mannequin, MakeHuman, Rigify, VRM, CMU, 3ds Max Biped and Character Creator are known, with any prefix,
+ * case and separators. */
 enum {
   DCLOTH_ROLE_NONE = 0,
   DCLOTH_ROLE_HIPS = 1,
@@ -68,7 +69,7 @@ typedef struct dcloth_character {
 
 /* Why a fit may not look right. */
 enum {
-  DCLOTH_FIT_STAND_IN = 1,     /* a joint of the garment is not in the skeleton; the next one of the body moves its part */
+  DCLOTH_FIT_STAND_IN = 1,     /* the skeleton lacks a joint of the garment; the next one of the body moves its part */
   DCLOTH_FIT_PROPORTIONS = 2,  /* a bone is shorter than 0.75 or longer than 1.33 of the scaled figure's */
   DCLOTH_FIT_STANCE = 4,       /* a limb stands more than 60 degrees (arm) or 25 (leg) from the figure's */
   DCLOTH_FIT_GIRTH = 8,        /* waist or hips are under 0.8 or over 1.25 of the scaled figure's */
@@ -95,8 +96,8 @@ typedef struct dcloth_fit {
   int32_t joints[DCLOTH_FIT_ROLES];  /* by role: the character's joint; -1 without one */
 } dcloth_fit;
 
-/* Returns the role of a joint with this name, or DCLOTH_ROLE_NONE for a name that is not known and for null. Joints of the
- * spine are told apart by their height in dcloth_cloth_fit; by name alone the role is a guess.
+/* Returns the role of a joint with this name, or DCLOTH_ROLE_NONE for a name that is not known and for null. Joints of
+ * the spine are told apart by their height in dcloth_cloth_fit; by name alone the role is a guess.
  *   name  UTF-8, terminated
  * Memory: none.
  * Thread: any.

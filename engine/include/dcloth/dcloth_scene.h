@@ -7,15 +7,15 @@
  * `seconds`, in any order and on any threads. Do not plan while a cloth of the scene is being updated. Numbers above
  * 1e9 count as 1e9.
  *
- * Drawing has levels of its own (DCLOTH_DRAW_*). Where it takes too much of the budget, characters lose normals in every
- * second frame, then half of their vertices, then whole frames: those first that matter least. Half of the budget always
- * goes to ticks, if they need it.
+ * Drawing has levels of its own (DCLOTH_DRAW_*). Where it takes too much of the budget, characters lose normals in
+ * every second frame, then half of their vertices, then whole frames: those first that matter least. Half of the budget
+ * always goes to ticks, if they need it.
  *
  * Promises, in the costs as given. A plan costs at most the budget, if the budget covers the least drawing of all
- * characters that their costs allow. If it also covers the longest tick of the levels in use, no character waits for its
- * tick for more frames than there are characters; a character at FROZEN waits at most that long after a second has
- * passed. Idle cloths cost no tick. The frame in which one wakes is paid from what the others leave over; if that is too
- * little, it wakes in the next frame. */
+ * characters that their costs allow. If it also covers the longest tick of the levels in use, no character waits for
+ * its tick for more frames than there are characters; a character at FROZEN waits at most that long after a second has
+ * passed. Idle cloths cost no tick. The frame in which one wakes is paid from what the others leave over; if that is
+ * too little, it wakes in the next frame. */
 #ifndef DCLOTH_DCLOTH_SCENE_H_
 #define DCLOTH_DCLOTH_SCENE_H_
 
@@ -61,8 +61,9 @@ typedef struct dcloth_scene_character {
   float tick_microseconds[DCLOTH_SCENE_LEVELS];
   /* Error of each level, from `dcloth evaluate`. It decides which raise is worth most. */
   float error_mm[DCLOTH_SCENE_LEVELS];
-  /* Cost of a frame without a tick that draws less: positions alone, the coarse mesh, nothing. Positions or a coarse mesh
-   * of cost 0 are never chosen, so that a host that sets nothing here draws everything in every frame. Since 0.2 */
+  /* Cost of a frame without a tick that draws less: positions alone, the coarse mesh, nothing. Positions or a coarse
+   * mesh of cost 0 are never chosen, so that a host that sets nothing here draws everything in every frame.
+   * Since 0.2 */
   float positions_microseconds;
   float coarse_microseconds;
   float undrawn_microseconds;

@@ -68,7 +68,8 @@ bool Read(const T* given, const char* argument, T* read, Diagnostic* diagnostic)
 bool ReadPose(const dcloth_pose* given, dcloth_pose* pose, Diagnostic* diagnostic) {
   if (!Read(given, "pose", pose, diagnostic)) return false;
   if (pose->joint_matrices == nullptr || !FloatsAreAligned(pose->joint_matrices))
-    return Refuse("pose", "joint_matrices", "a null or misaligned pointer", "floats on a multiple of 4", diagnostic);
+    return Refuse("pose", "joint_matrices", "a null or misaligned pointer", "a pointer to floats, aligned to 4 bytes",
+                  diagnostic);
   if (pose->column_major > 1) return Refuse("pose", "column_major", "a number above 1", "0 or 1", diagnostic);
   return true;
 }
@@ -100,7 +101,7 @@ bool ReadFrame(const dcloth_frame& given, const ModelView& model, dcloth_frame* 
     const Path parent = {nullptr, "frame"}, path = {&parent, "seconds"};
     char found[32];
     dcloth::format::Text(found, sizeof(found)).AddNumber(static_cast<double>(frame->seconds));
-    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, found, "0 or more, finite", "");
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, found, "finite numbers of 0 or more", "");
   }
   if ((frame->flags & ~kFlags) != 0)
     return Refuse("frame", "flags", "an unknown flag", "DCLOTH_FRAME_* or 0", diagnostic);

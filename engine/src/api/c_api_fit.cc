@@ -38,30 +38,34 @@ bool IsAligned(const T* pointer) {
 bool CheckCounts(const dcloth_character& c, Diagnostic* diagnostic) {
   constexpr int64_t kNone = Path::kNoIndex;
   if (c.joint_count == 0 || c.joint_count > kMostJoints)
-    return Refuse("joint_count", kNone, "no joint or too many", "1 to 4096", diagnostic);
+    return Refuse("joint_count", kNone, "0 or a number above 4096", "1 to 4096", diagnostic);
   if (c.bind_matrices == nullptr || !IsAligned(c.bind_matrices))
-    return Refuse("bind_matrices", kNone, "a null or misaligned pointer", "floats on a multiple of 4", diagnostic);
+    return Refuse("bind_matrices", kNone, "a null or misaligned pointer", "a pointer to floats, aligned to 4 bytes",
+                  diagnostic);
   if (c.joint_names == nullptr && c.joint_roles == nullptr)
-    return Refuse("joint_names", kNone, "null, as joint_roles", "names or roles of the joints", diagnostic);
+    return Refuse("joint_names", kNone, "null, and joint_roles is null too", "names or roles of the joints",
+                  diagnostic);
   if (c.column_major > 1) return Refuse("column_major", kNone, "a number above 1", "0 or 1", diagnostic);
   bool seen[kRoleCount] = {};
   for (uint32_t j = 0; c.joint_roles != nullptr && j < c.joint_count; ++j) {
     const uint32_t role = c.joint_roles[j];
-    if (role >= kRoleCount) return Refuse("joint_roles", j, "a number that is no role", "DCLOTH_ROLE_*", diagnostic);
+    if (role >= kRoleCount) return Refuse("joint_roles", j, "an unknown number", "DCLOTH_ROLE_*", diagnostic);
     const bool trunk = role >= DCLOTH_ROLE_SPINE && role <= DCLOTH_ROLE_UPPER_CHEST;
     if (seen[role] && !trunk && role != DCLOTH_ROLE_NONE)
-      return Refuse("joint_roles", j, "a second joint of one role", "one of each, but for the trunk's", diagnostic);
+      return Refuse("joint_roles", j, "a role that another joint has", "one joint for each role, except in the trunk",
+                    diagnostic);
     seen[role] = true;
   }
   if (c.body_vertex_count == 0) return true;
   if (c.body_vertex_count > kMostVertices || c.body_triangle_count > kMostTriangles)
-    return Refuse("body_vertex_count", kNone, "a body beyond 2^24 vertices or 2^25 triangles", "fewer", diagnostic);
+    return Refuse("body_vertex_count", kNone, "more than 2^24 vertices or 2^25 triangles", "at most that many",
+                  diagnostic);
   if (c.body_positions == nullptr || c.body_joints == nullptr || c.body_weights == nullptr)
     return Refuse("body_positions", kNone, "a null pointer, or null joints or weights",
                   "points with joints and weights", diagnostic);
   if (!IsAligned(c.body_positions) || !IsAligned(c.body_joints) || !IsAligned(c.body_weights) ||
       !IsAligned(c.body_triangles))
-    return Refuse("body_positions", kNone, "a misaligned pointer", "pointers on a multiple of 4", diagnostic);
+    return Refuse("body_positions", kNone, "a misaligned pointer", "pointers aligned to 4 bytes", diagnostic);
   if (c.body_influences == 0 || c.body_influences > kMostInfluences)
     return Refuse("body_influences", kNone, "0 or a number above 16", "1 to 16", diagnostic);
   return true;

@@ -12,12 +12,13 @@ namespace dcloth::engine {
 
 inline bool CheckStorage(const void* storage, size_t size, size_t needed, format::Diagnostic* diagnostic) {
   if (storage == nullptr) {
-    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, nullptr, "null storage", "memory of the host",
-                            "");
+    return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, nullptr, "a null pointer", "a pointer to storage",
+                            "lend as many bytes as the storage_size function returns");
   }
   if (reinterpret_cast<uintptr_t>(storage) % DCLOTH_ALIGNMENT != 0) {
-    return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, format::kNoOffset, nullptr, "storage off a 64-byte boundary",
-                            "addresses divisible by 64", "allocate with an alignment of DCLOTH_ALIGNMENT");
+    return diagnostic->Fail(DCLOTH_ERROR_ALIGNMENT, format::kNoOffset, nullptr,
+                            "storage that is not aligned to 64 bytes", "an address divisible by 64",
+                            "allocate with an alignment of DCLOTH_ALIGNMENT");
   }
   if (size >= needed) return true;
   char allowed[48];

@@ -62,9 +62,9 @@ bool TakeBindPose(const format::ModelView& model, const dcloth_pose& bind, HostR
                   format::Diagnostic* diagnostic) {
   const auto refuse = [&](const char* found) {
     return diagnostic->Fail(DCLOTH_ERROR_POSE, format::kNoOffset, nullptr, found,
-                            "as many as in a pose, each with an inverse", "");
+                            "invertible matrices, as many as in a pose", "");
   };
-  if (!PoseIsUsable(model, *rig, bind)) return refuse("NaN, beyond 1e9 or another count");
+  if (!PoseIsUsable(model, *rig, bind)) return refuse("a number that is NaN or beyond 1e9, or another count of joints");
   Affine inverse;
   for (size_t j = 0; j < model.joint_count; ++j) {
     if (Invert(JointMatrix(bind, rig->joint_map[j]), &inverse) && Invert(InverseBind(model, j), &inverse)) continue;

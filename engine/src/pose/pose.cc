@@ -136,8 +136,8 @@ void ExplainPose(const format::ModelView& model, const HostRig& rig, const dclot
     }
   }
   const format::Path path = {&parent, "joint_matrices"};
-  diagnostic->Fail(DCLOTH_ERROR_POSE, format::kNoOffset, &path, "a joint that is beyond 1e12 m by its bind pose",
-                   "what is nearer", "use the same scale in the bind pose and in poses");
+  diagnostic->Fail(DCLOTH_ERROR_POSE, format::kNoOffset, &path, "a joint that its bind pose puts beyond 1e12 m",
+                   "joints within 1e12 m", "use the same scale in the bind pose and in poses");
 }
 
 bool ReadPose(const format::ModelView& model, const HostRig& rig, const dcloth_pose& pose, Affine* joints) {

@@ -109,7 +109,7 @@ bool CheckAll(const uint8_t* bytes, size_t size, bool other_model, const Cloth& 
     char allowed[32];
     Text(allowed, sizeof(allowed)).Add(uint64_t{SizeOf(*head, spans)});
     return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, offsetof(StateHead, size), nullptr, size, " bytes", allowed,
-                                 "the bytes are damaged; reset the cloth instead");
+                                 "the saved state is damaged; reset the cloth instead");
   }
   return CheckStatePoses(bytes, *head, diagnostic) &&
          CheckStateSpans(bytes, sizeof(StateHead) + StatePoseBytes(*head), spans, diagnostic);

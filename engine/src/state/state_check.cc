@@ -17,7 +17,7 @@ using format::Text;
 
 constexpr double kLargestDouble = static_cast<double>(kLargestSaved);
 constexpr uint64_t kMostIdleFloats = uint64_t{1} << 24;
-constexpr char kDamaged[] = "the bytes are damaged; reset the cloth instead";
+constexpr char kDamaged[] = "the saved state is damaged; reset the cloth instead";
 
 // A place in the head, for messages.
 struct Field {
@@ -50,23 +50,24 @@ bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* di
   const bool known =
       head.stages == DCLOTH_STAGES_STATIC || head.stages == DCLOTH_STAGES_SKELETON || head.stages == DCLOTH_STAGES_MESH;
   if (fresh ? head.stages != DCLOTH_STAGES_MESH : !known || head.stages > ModelStages(model))
-    return FailCount(DCLOTH_FIELD(stages), head.stages, "DCLOTH_STAGES_* that the model holds", diagnostic);
+    return FailCount(DCLOTH_FIELD(stages), head.stages, "DCLOTH_STAGES_* of a stage that the model has", diagnostic);
   TickPart part = TickPart::kDone;
   if (!format::FindTickPart(head.part, &part) || (fresh && part != TickPart::kDone))
-    return FailCount(DCLOTH_FIELD(part), head.part, "a part of a tick", diagnostic);
+    return FailCount(DCLOTH_FIELD(part), head.part, "the number of a part of a tick", diagnostic);
   // Rest and the way between belong to the mesh stage alone.
   constexpr auto kRest = static_cast<uint32_t>(MeshPace::kRest);
   if (head.mesh_pace > (!fresh && head.stages == DCLOTH_STAGES_MESH ? kRest : 0u))
-    return FailCount(DCLOTH_FIELD(mesh_pace), head.mesh_pace, "0, up to 3 with the mesh stage", diagnostic);
+    return FailCount(DCLOTH_FIELD(mesh_pace), head.mesh_pace, "0; with the mesh stage, 0 to 3", diagnostic);
   if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
     return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
   const bool counting = head.idle_ticks != 0 && head.idle_ticks != kIdleTicks;
   if (counting ? head.idle_floats - 1 >= kMostIdleFloats : head.idle_floats != 0)
-    return FailCount(DCLOTH_FIELD(idle_floats), head.idle_floats, "1 to 2^24 while it counts, else 0", diagnostic);
+    return FailCount(DCLOTH_FIELD(idle_floats), head.idle_floats, "1 to 2^24 while idle ticks are counted, else 0",
+                     diagnostic);
   const TickPlan plan = {head.stages, static_cast<MeshPace>(head.mesh_pace)};
   const uint64_t items = TickItems(model, plan, part);
   if (part != TickPart::kDone ? head.items_done >= items : head.items_done != 0)
-    return FailCount(DCLOTH_FIELD(items_done), head.items_done, "fewer than the part has", diagnostic);
+    return FailCount(DCLOTH_FIELD(items_done), head.items_done, "fewer items than the part has", diagnostic);
   if (head.jumped > (fresh ? 0u : 1u)) return FailCount(DCLOTH_FIELD(jumped), head.jumped, "0 or 1", diagnostic);
   return true;
 }
@@ -84,10 +85,11 @@ bool CheckClock(const StateHead& head, Diagnostic* diagnostic) {
 bool CheckRoot(const StateHead& head, Diagnostic* diagnostic) {
   constexpr double kRounding = 1e-12;  // of a unit vector in double
   const double square = head.heading[0] * head.heading[0] + head.heading[1] * head.heading[1];
-  if (!CheckRange(DCLOTH_FIELD(heading), square, 1 - kRounding, 1 + kRounding, "squares that sum up to 1", diagnostic))
+  if (!CheckRange(DCLOTH_FIELD(heading), square, 1 - kRounding, 1 + kRounding, "1, the squared length of a unit vector",
+                  diagnostic))
     return false;
   const auto check = [&](const Field& field, double value) {
-    return CheckRange(field, value, -kLargestDouble, kLargestDouble, "magnitudes up to 1e18", diagnostic);
+    return CheckRange(field, value, -kLargestDouble, kLargestDouble, "-1e18 to 1e18", diagnostic);
   };
   for (int i = 0; i < 3; ++i) {
     if (!check(DCLOTH_FIELD(position), head.position[i]) || !check(DCLOTH_FIELD(velocity), head.velocity[i]) ||
@@ -103,8 +105,8 @@ bool CheckPose(const uint8_t* bytes, size_t joint_count, size_t offset, Diagnost
     double value = 0;
     std::memcpy(&value, bytes + i * sizeof(value), sizeof(value));
     if (std::fabs(value) <= kLargestJoint) continue;
-    return FailValue({nullptr, "pose", static_cast<int64_t>(i)}, offset + i * sizeof(value), value,
-                     "magnitudes up to 1e12", diagnostic);
+    return FailValue({nullptr, "pose", static_cast<int64_t>(i)}, offset + i * sizeof(value), value, "-1e12 to 1e12",
+                     diagnostic);
   }
   return true;
 }
@@ -116,7 +118,7 @@ bool CheckRow(const StateSpan& span, const uint8_t* bytes, size_t offset, Diagno
     if (std::fabs(value) <= span.largest) continue;
     const bool hidden = span.largest == kLargestHidden;
     return FailValue({nullptr, span.name, static_cast<int64_t>(i)}, offset + i * sizeof(value),
-                     static_cast<double>(value), hidden ? "-1 to 1" : "magnitudes up to 1e18", diagnostic);
+                     static_cast<double>(value), hidden ? "-1 to 1" : "-1e18 to 1e18", diagnostic);
   }
   return true;
 }
@@ -138,19 +140,20 @@ bool CheckShared(const Shared& shared, const char* fix, Diagnostic* diagnostic) 
 }  // namespace
 
 bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnostic* diagnostic) {
-  constexpr char kComplete[] = "is the saved state complete?";
+  constexpr char kComplete[] = "check that the saved state is complete";
   if (size < sizeof(StateHead)) {
     return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 240",
                                  kComplete);
   }
   std::memcpy(head, bytes, sizeof(StateHead));
   if (std::memcmp(head->magic, kStateMagic, sizeof(kStateMagic)) != 0) {
-    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "other bytes at the start", "DCLS",
-                            "this is not the saved state of a cloth");
+    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, 0, nullptr, "different bytes at the start", "DCLS",
+                            "these bytes are not the saved state of a cloth");
   }
   if (head->version != kStateVersion) {
-    return diagnostic->FailCount(DCLOTH_ERROR_VERSION, offsetof(StateHead, version), nullptr, head->version,
-                                 " as the version of the state", "4", "reset the cloth instead");
+    const Path path = {nullptr, "version"};
+    return diagnostic->FailCount(DCLOTH_ERROR_VERSION, offsetof(StateHead, version), &path, head->version, "", "4",
+                                 "another release saved this state; reset the cloth instead");
   }
   if (head->size != size) {
     char allowed[32];
@@ -159,8 +162,8 @@ bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnos
                                  kComplete);
   }
   if (format::Checksum(bytes + kStateSummedFrom, size - kStateSummedFrom) != head->checksum) {
-    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, offsetof(StateHead, checksum), nullptr, "another checksum",
-                            "that of the bytes", kDamaged);
+    return diagnostic->Fail(DCLOTH_ERROR_FORMAT, offsetof(StateHead, checksum), nullptr,
+                            "a checksum that does not match the bytes", "the checksum of the bytes", kDamaged);
   }
   return true;
 }
@@ -169,10 +172,11 @@ bool CheckStateModel(const StateHead& head, const ModelView& model, bool other_m
   constexpr char kFix[] = "open the model that the state was saved with, or reset the cloth";
   const uint64_t identity = ModelIdentity(model);
   if (!other_model && head.identity != identity) {
-    char allowed[48];
-    Text(allowed, sizeof(allowed)).Add(identity).Add(" of '").Add(model.name).Add("'");
-    return diagnostic->FailCount(DCLOTH_ERROR_MODEL, offsetof(StateHead, identity), nullptr, head.identity,
-                                 " as the identity of the model", allowed, kFix);
+    char allowed[64];
+    Text(allowed, sizeof(allowed)).Add(identity).Add(", which is '").Add(model.name).Add("'");
+    const Path path = {nullptr, "identity"};
+    return diagnostic->FailCount(DCLOTH_ERROR_MODEL, offsetof(StateHead, identity), &path, head.identity, "", allowed,
+                                 kFix);
   }
   const Shared shared[] = {
       {DCLOTH_FIELD(joint_count), head.joint_count, model.joint_count},
@@ -188,23 +192,27 @@ bool CheckStateModel(const StateHead& head, const ModelView& model, bool other_m
   }
   if (head.tick_rate != model.tick_rate) {
     const Path path = {nullptr, "tick_rate"};
-    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, tick_rate), &path, "another rate", "the model's",
-                            kFix);
+    char found[32], allowed[32];
+    Text(found, sizeof(found)).AddNumber(static_cast<double>(head.tick_rate)).Add(" Hz");
+    Text(allowed, sizeof(allowed)).AddNumber(static_cast<double>(model.tick_rate)).Add(" Hz");
+    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, tick_rate), &path, found, allowed, kFix);
   }
   // Another rank's are passed over.
   if (!other_model && head.idle_floats != 0 && head.idle_floats != IdleStartFloats(model)) {
     const Path path = {nullptr, "idle_floats"};
-    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, idle_floats), &path, "another count", "the model's",
-                            kFix);
+    char allowed[32];
+    Text(allowed, sizeof(allowed)).Add(uint64_t{IdleStartFloats(model)});
+    return diagnostic->FailCount(DCLOTH_ERROR_MODEL, offsetof(StateHead, idle_floats), &path, head.idle_floats, "",
+                                 allowed, kFix);
   }
   if (head.identity != identity && head.part != format::FactsOf(TickPart::kDone).number) {
     return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, part), nullptr,
-                            "a tick in work in the state of another model", "a state between ticks",
+                            "an unfinished tick in the state of another model", "a state between ticks",
                             "save after an update without DCLOTH_FRAME_PIPELINED");
   }
   if (head.identity != identity && head.mesh_pace != 0) {
     return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, mesh_pace), nullptr,
-                            "a mesh stage at half rate in the state of another model", "one at full rate",
+                            "a mesh stage at half rate in the state of another model", "a mesh stage at full rate",
                             "save after a tick without DCLOTH_FRAME_HALF_RATE_MESH");
   }
   return true;

@@ -38,7 +38,7 @@ TEST(BundleLimitsTest, TheLeastDeterminantOfABindMatrixIsTaken) {
   };
   EXPECT_EQ(ParseRawBundle(with_determinant(1e-9)).bind[0](1, 0), -1);
   EXPECT_EQ(ParseRawBundle(with_determinant(-1e-9)).bind[0](1, 0), -1);
-  EXPECT_TRUE(Mentions(Refusal(with_determinant(std::nextafter(1e-9, 0))), "without inverse in joint 'joint_0'"));
+  EXPECT_TRUE(Mentions(Refusal(with_determinant(std::nextafter(1e-9, 0))), "has no inverse for joint 'joint_0'"));
 }
 
 TEST(BundleLimitsTest, OddMetadataAreTaken) {
@@ -92,7 +92,8 @@ TEST(BundleLimitsTest, EachNumberOfALastRowOfABindMatrixCounts) {
       if (value == (i == 15 ? 1.0f : 0.0f)) {
         EXPECT_EQ(text, "");
       } else {
-        EXPECT_TRUE(Mentions(text, "character.bind", "another last row than 0 0 0 1 in joint 'joint_1'")) << i;
+        EXPECT_TRUE(Mentions(text, "character.bind", "a last row other than 0 0 0 1 in the matrix of joint 'joint_1'"))
+            << i;
       }
     }
   }
@@ -171,7 +172,7 @@ TEST(BundleLimitsTest, FacesNameThreeVerticesThatThereAre) {
     const std::string place = " in face " + std::to_string(face) + ",";
     EXPECT_EQ(refusal(face, {0, 11, 1}), "");
     for (const std::array<int32_t, 3> twice : {std::array{3, 3, 4}, std::array{4, 3, 3}, std::array{3, 4, 3}}) {
-      EXPECT_TRUE(Mentions(refusal(face, twice), "body.faces: found a vertex twice" + place, "three different"));
+      EXPECT_TRUE(Mentions(refusal(face, twice), "body.faces: found the same vertex twice" + place, "three different"));
     }
     for (size_t c = 0; c < 3; ++c) {
       for (const int32_t vertex : {-1, 12}) {

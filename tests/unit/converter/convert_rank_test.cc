@@ -235,8 +235,8 @@ TEST(ConvertRankTest, BadRequestsAreRefused) {
   const auto refusal = [&](const Bundle& from, const ConvertOptions& options) {
     return ErrorText([&] { Convert(from, options); });
   };
-  EXPECT_TRUE(
-      Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 8)), "a rank of 8", "own 10", "--calibrate"));
+  EXPECT_TRUE(Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 8)), "a rank of 8", "own rank of 10",
+                       "--calibrate"));
   EXPECT_EQ(refusal(bundle, With(Precision::kFp32, RankMode::kFixed, 9)), "");
   const std::vector<Sequence> motion = {ParseSequence(spec, 1)};
   ConvertOptions least = With(Precision::kFp32, RankMode::kFixed, 1);
@@ -247,11 +247,11 @@ TEST(ConvertRankTest, BadRequestsAreRefused) {
   EXPECT_TRUE(Mentions(refusal(bundle, With(Precision::kFp32, RankMode::kSearch)), "--max-error-mm", "--calibrate"));
   ConvertOptions half = With(Precision::kFp32, RankMode::kSearch);
   half.calibration = motion;
-  EXPECT_TRUE(Mentions(refusal(bundle, half), "a search for the rank without a bound"));
+  EXPECT_TRUE(Mentions(refusal(bundle, half), "a search for the rank without an error bound"));
   half.calibration = {};
   half.motion = motion;
   half.max_error_mm = 1;
-  EXPECT_TRUE(Mentions(refusal(bundle, half), "a search for the rank without a bound"));
+  EXPECT_TRUE(Mentions(refusal(bundle, half), "a search for the rank without an error bound"));
   BundleSpec still = spec;
   still.skeleton = still.mesh = false;
   EXPECT_TRUE(Mentions(refusal(ParseBundle(still), With(Precision::kFp32, RankMode::kFixed, 4)), "no skeleton stage"));

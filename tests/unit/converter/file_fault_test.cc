@@ -157,7 +157,7 @@ TEST_F(FileFaultTest, AFailedReplacementLeavesNoTemporary) {
   PreparedFile file(folder_ / "y", std::as_bytes(std::span(text)));
   EXPECT_EQ(Entries(), 2u);
   fs::create_directory(folder_ / "y");
-  EXPECT_TRUE(Mentions(ErrorText([&] { file.Replace(); }), "y: found that it cannot be replaced: Is a directory"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { file.Replace(); }), "y: found a file that cannot be replaced: Is a directory"));
   { const PreparedFile gone = std::move(file); }
   EXPECT_TRUE(fs::is_directory(folder_ / "y"));
   EXPECT_EQ(Entries(), 2u);

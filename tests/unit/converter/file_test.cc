@@ -113,7 +113,8 @@ TEST_F(FileTest, FollowsALinkAndRefusesADanglingOne) {
   EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
   EXPECT_EQ(Get(folder_ / "x"), "new");
   fs::create_symlink("nothing", folder_ / "dangling");
-  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "dangling", "new"); }), "symbolic link to nothing"));
+  EXPECT_TRUE(
+      Mentions(ErrorText([&] { Write(folder_ / "dangling", "new"); }), "symbolic link to a file that does not exist"));
 }
 
 TEST_F(FileTest, FailedWriteLeavesNothingBehind) {
@@ -169,7 +170,7 @@ TEST_F(FileTest, TemporariesHaveAHundredNames) {
   for (int attempt = 1; attempt < 100; ++attempt) put(attempt);
   Write(folder_ / "x", "1");
   put(0);
-  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "x", "2"); }), "no file can be created there", "exists"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { Write(folder_ / "x", "2"); }), "where no file can be created", "exists"));
   EXPECT_EQ(Get(folder_ / "x"), "1");
   EXPECT_EQ(Entries(), 101u);
 }

@@ -49,7 +49,7 @@ TEST(FoldTest, VertexWithoutWeightIsRefused) {
     raw.SetFloat("static.initial_weights", 5 * spec.bones + j, -10);
   }
   EXPECT_TRUE(
-      Mentions(ErrorText([&] { FoldSkinWeights(ParseRawBundle(raw)); }), "no positive skin weight left for vertex 5"));
+      Mentions(ErrorText([&] { FoldSkinWeights(ParseRawBundle(raw)); }), "no positive skin weight for vertex 5"));
 }
 
 // Sums of three floats hold any double.
@@ -66,7 +66,7 @@ TEST(FoldTest, ASumOfAMillionthIsNoneAndTheNextDoubleIsOne) {
     EXPECT_EQ(rest, 0);
     return ErrorText([&] { FoldSkinWeights(bundle); });
   };
-  EXPECT_TRUE(Mentions(refusal(1e-6), "no positive skin weight left for vertex 3"));
+  EXPECT_TRUE(Mentions(refusal(1e-6), "no positive skin weight for vertex 3"));
   EXPECT_EQ(refusal(std::nextafter(1e-6, 1)), "");
 }
 

@@ -95,10 +95,9 @@ TEST(DisplacementMomentTest, IsAMeanOverFramesWhoseBonesHaveAnInverse) {
     return dcloth::testing::ErrorText([&] { DisplacementMoment(bundle, folded, frame, motion); });
   };
   for (const double determinant : {0.0, 1e-9, -1e-9}) {
-    EXPECT_EQ(
-        refusal(determinant),
-        "s.safetensors: tensor joint_matrices: found joint joint_2 collapsed in frame 2, expected matrices with an "
-        "inverse to calibrate on; leave this sequence out of --calibrate");
+    EXPECT_EQ(refusal(determinant),
+              "s.safetensors: tensor joint_matrices: found a collapsed joint 'joint_2' in frame 2, expected invertible "
+              "matrices; leave this sequence out of --calibrate");
   }
   EXPECT_EQ(refusal(std::nextafter(1e-9, 1)), "");
   EXPECT_EQ(refusal(std::nextafter(-1e-9, -1)), "");

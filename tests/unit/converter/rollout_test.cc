@@ -82,8 +82,8 @@ TEST(RolloutTest, OtherRatesAndCharactersAreRefused) {
   other.joints = 4;
   EXPECT_TRUE(
       Mentions(ErrorText([&] { Rollout(model, ParseSequence(other, 2), 1, ignore); }), "no joints joint_4, joint_5"));
-  EXPECT_TRUE(
-      Mentions(ErrorText([&] { Rollout(model, ParseSequence(spec, 2), 2, ignore); }), "the tick of frame 0 refused"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { Rollout(model, ParseSequence(spec, 2), 2, ignore); }),
+                       "a failure of the tick of frame 0: ARGUMENT"));
 }
 
 // A hundredth more or less than the model's rate is the last that may be.

@@ -143,7 +143,7 @@ const BadHeader kBadHeaders[] = {
     {"BadUtf8", "{\"a\xFF\":{}}", 0, "not JSON"},
     {"ZeroByte", std::string("{}\0x", 4), 0, "a zero byte"},
     {"NameTwice", "{\"a\":" + Tensor("U8", "[1]", "[0,1]") + ",\"a\":" + Tensor("U8", "[1]", "[1,2]") + "}", 2,
-     "the name twice"},
+     "a name that"},
     {"FieldTwice", R"({"a":{"dtype":"U8","dtype":"U8","shape":[1],"data_offsets":[0,1]}})", 1, "'dtype' twice"},
     {"MetadataTwice", R"({"__metadata__":{"k":"v","k":"w"}})", 0, "'k' twice"},
     {"MetadataNumber", R"({"__metadata__":{"k":1}})", 0, "expected texts only"},
@@ -162,16 +162,16 @@ const BadHeader kBadHeaders[] = {
     {"DtypeList", R"({"a":{"dtype":["U8"],"shape":[1],"data_offsets":[0,1]}})", 1, "a list"},
     {"ShapeText", R"({"a":{"dtype":"U8","shape":"[1]","data_offsets":[0,1]}})", 1, "the text"},
     {"ManyDimensions", "{\"a\":" + Tensor("U8", "[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "[0,1]") + "}", 1,
-     "more numbers in shape"},
+     "too many numbers in shape"},
     {"OneOffset", "{\"a\":" + Tensor("U8", "[0]", "[0]") + "}", 0, "1 data_offsets"},
-    {"ThreeOffsets", "{\"a\":" + Tensor("U8", "[1]", "[0,1,2]") + "}", 1, "more numbers in data_offsets"},
+    {"ThreeOffsets", "{\"a\":" + Tensor("U8", "[1]", "[0,1,2]") + "}", 1, "too many numbers in data_offsets"},
     {"OffsetsBackwards", "{\"a\":" + Tensor("U8", "[1]", "[1,0]") + "}", 1, "bytes 1 to 0"},
     {"OffsetsWrapped", "{\"a\":" + Tensor("U8", "[18446744073709551615]", "[1,0]") + "}", 1, "bytes 1 to 0"},
     {"SizeMismatch", "{\"a\":" + Tensor("F32", "[2]", "[0,4]") + "}", 4, "8 bytes for F32 [2]"},
     // 2^33 * 2^31 * 4 wraps to 0 in 64 bits.
     {"WrappedProduct", "{\"a\":" + Tensor("F32", "[8589934592,2147483648]", "[0,0]") + "}", 0, "fits in 64 bits"},
     {"WrappedBeforeZero", "{\"a\":" + Tensor("F32", "[8589934592,2147483648,0]", "[0,0]") + "}", 0, "fits in 64 bits"},
-    {"PastTheEnd", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + "}", 1, "the file is truncated"},
+    {"PastTheEnd", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + "}", 1, "the file is cut off"},
     {"Overlap", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + ",\"b\":" + Tensor("U8", "[2]", "[1,3]") + "}", 3,
      "overlap"},
     {"Shared", "{\"a\":" + Tensor("U8", "[2]", "[0,2]") + ",\"b\":" + Tensor("U8", "[2]", "[0,2]") + "}", 2, "overlap"},
@@ -244,16 +244,16 @@ TEST(SafetensorsTest, WriterRefusesWhatTheReaderWould) {
   const std::vector<float> a = {1, 2};
   const auto bytes = std::as_bytes(std::span(a));
   const SafeTensor twice[] = {{"a", SafeType::kF32, {2}, bytes}, {"a", SafeType::kF32, {2}, bytes}};
-  EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(twice, {}); }), "the name twice"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(twice, {}); }), "a name that"));
   const SafeTensor wrong[] = {{"a", SafeType::kF32, {3}, bytes}};
-  EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(wrong, {}); }), "8 bytes, expected those of F32 [3]"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(wrong, {}); }), "8 bytes, expected the bytes of F32 [3]"));
   Shape deepest(kMaxDimensions, 1);
   deepest[0] = 2;
   SafeTensor deep[] = {{"a", SafeType::kF32, deepest, bytes}};
   const std::string header = SafeHeader(deep, {});
   EXPECT_EQ(SafeFile::Parse(File(header, 8), "f").Require("a").shape, deepest);
   deep[0].shape.push_back(1);
-  EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(deep, {}); }), "expected those of F32 [2, 1"));
+  EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(deep, {}); }), "expected the bytes of F32 [2, 1"));
   const SafeTensor reserved[] = {{"__metadata__", SafeType::kF32, {2}, bytes}};
   EXPECT_TRUE(Mentions(ErrorText([&] { SafeHeader(reserved, {}); }), "reserved"));
   const SafeTensor latin[] = {{"\xE9", SafeType::kF32, {2}, bytes}};

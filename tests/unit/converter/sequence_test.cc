@@ -62,7 +62,7 @@ TEST(SequenceTest, HalfTruthIsAddedToItsOrigin) {
   const auto huge_bytes = std::as_bytes(std::span(huge));
   large.bytes.assign(huge_bytes.begin(), huge_bytes.end());
   raw.Replace("truth_origin", {2, 3}, {0, 0, 0, 0, 3e38f, 0});
-  EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found a sum with truth beyond the floats at element 28"));
+  EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found a sum with truth that a float cannot hold at element 28"));
   raw.Replace("truth_origin", {3, 3}, std::vector<float>(9));
   EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found F32 [3, 3], expected F32 [2, 3]"));
 }
@@ -79,7 +79,7 @@ TEST(SequenceTest, FaultsAreRefused) {
   EXPECT_TRUE(Mentions(Refusal(raw), "shape [3, 6, 16], expected [T, 6, 4, 4]"));
   raw = whole;
   raw.Replace("joint_matrices", {0, 6, 4, 4}, {});
-  EXPECT_TRUE(Mentions(Refusal(raw), "T at least 1"));
+  EXPECT_TRUE(Mentions(Refusal(raw), "T of 1 or more"));
   raw = whole;
   raw.Replace("truth", {2, spec.vertices, 3}, std::vector<float>(6 * spec.vertices));
   EXPECT_TRUE(Mentions(Refusal(raw), "tensor truth: found shape [2, 60, 3], expected [3, n, 3]"));
@@ -169,7 +169,7 @@ TEST(SequenceTest, MapsByNameAndListsAllMissing) {
   EXPECT_TRUE(std::equal(pose.begin() + 16, pose.end(), sequence.joint_matrices.begin() + 16 * 6));
   const std::string more[] = {"tail", "joint_1", "wing"};
   EXPECT_TRUE(Mentions(ErrorText([&] { MapJoints(sequence, more); }), "no joints tail, wing,",
-                       "holds joint_0, joint_1, joint_2, joint_3, joint_4, joint_5;"));
+                       "has joint_0, joint_1, joint_2, joint_3, joint_4, joint_5;"));
 }
 
 TEST(SequenceTest, RunOutputReadsBack) {

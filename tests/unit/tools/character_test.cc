@@ -93,7 +93,7 @@ TEST(CharacterTest, WeightsOfAStepOfABonesTransformAreRefused) {
 
 TEST(CharacterTest, MapsThatCallTwoNodesAlikeAreRefused) {
   for (const JointMap& map : {JointMap{{"Chest", "Hips"}}, JointMap{{"Hips", "Chest"}}}) {
-    ExpectWords(Refusal([&] { BodyOf(Character(), map); }), {"two joints '", "'Hips' and 'Chest'", "--map"});
+    ExpectWords(Refusal([&] { BodyOf(Character(), map); }), {"the nodes 'Hips' and 'Chest'", "--map"});
   }
   EXPECT_EQ(BodyOf(Character(), {{"Chest", "Hips"}, {"Hips", "Chest"}}).parents, (std::vector<int32_t>{-1, 0}));
 }

@@ -291,13 +291,14 @@ TEST_F(ClothTest, ARefusedFrameSaysWhy) {
     EXPECT_EQ(dcloth_cloth_update(cloth.get(), &call.pose, &call.frame, &call.output, nullptr), status) << what;
   };
   constexpr dcloth_status kArgument = DCLOTH_ERROR_ARGUMENT;
-  refused([](Call* c) { c->frame.seconds = -1; }, kArgument, "frame.seconds", "-1.00000", "0 or more, finite");
+  refused([](Call* c) { c->frame.seconds = -1; }, kArgument, "frame.seconds", "-1.00000",
+          "finite numbers of 0 or more");
   refused([](Call* c) { c->frame.flags = 1u << 31; }, kArgument, "frame.flags", "an unknown flag",
           "DCLOTH_FRAME_* or 0");
   refused([](Call* c) { c->frame.stages = 5; }, kArgument, "frame.stages", "an unknown number", "DCLOTH_STAGES_*");
   refused([](Call* c) { c->pose.column_major = 2; }, kArgument, "pose.column_major", "a number above 1", "0 or 1");
   refused([](Call* c) { c->pose.joint_matrices = nullptr; }, kArgument, "pose.joint_matrices",
-          "a null or misaligned pointer", "floats on a multiple of 4");
+          "a null or misaligned pointer", "a pointer to floats, aligned to 4 bytes");
   refused([](Call* c) { c->output.vertex_count = 7; }, kArgument, "output.vertex_count", "7", "60, the model's");
   refused([](Call* c) { c->output.positions = nullptr; }, kArgument, "output.positions", "a null pointer", "memory");
   refused([](Call* c) { c->output.flags = 64; }, kArgument, "output.flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");

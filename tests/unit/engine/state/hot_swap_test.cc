@@ -38,7 +38,7 @@ TEST(HotSwap, TheSameNetworkGoesOn) {
   const StateBytes state = Save(older.cloth.get()), fresh = Save(newer.cloth.get());
   dcloth_error error = EmptyError();
   ASSERT_EQ(Restore(newer.cloth.get(), state, 0, &error), DCLOTH_ERROR_MODEL);
-  EXPECT_EQ(std::string(error.text).find("found 1 as the identity of the model; allowed: 2 of '"), 0u) << error.text;
+  EXPECT_EQ(std::string(error.text).find("identity: found 1; allowed: 2, which is '"), 0u) << error.text;
   ASSERT_EQ(Save(newer.cloth.get()), fresh);
   ASSERT_EQ(Restore(newer.cloth.get(), state, DCLOTH_RESTORE_OTHER_MODEL, &error), DCLOTH_OK) << error.text;
   older.cloth.reset();
