@@ -12,14 +12,17 @@ function(dcloth_common target)
     target_compile_definitions(${target} PRIVATE DCLOTH_WASM_SIMD)
   endif()
   if(DCLOTH_WARNINGS_AS_ERRORS)
-    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:-Werror> $<$<CXX_COMPILER_ID:MSVC>:/WX>)
+    target_compile_options(${target} PRIVATE
+      $<$<CXX_COMPILER_ID:GNU,Clang,AppleClang>:-Werror> $<$<CXX_COMPILER_ID:MSVC>:/WX>)
   endif()
   if(DCLOTH_SANITIZE)
-    target_compile_options(${target} PRIVATE -fsanitize=${DCLOTH_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    target_compile_options(${target} PRIVATE
+      -fsanitize=${DCLOTH_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
     target_link_options(${target} PUBLIC -fsanitize=${DCLOTH_SANITIZE})
   endif()
   get_target_property(type ${target} TYPE)
-  if(DCLOTH_BUILD_FUZZERS AND type STREQUAL STATIC_LIBRARY)  # fuzzers count edges there; tests need none in their own code
+  # Fuzzers count edges there; tests need none in their own code.
+  if(DCLOTH_BUILD_FUZZERS AND type STREQUAL STATIC_LIBRARY)
     target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
   endif()
   set(relocatable ON)
@@ -60,9 +63,9 @@ function(dcloth_offline target)
   set_target_properties(${target} PROPERTIES CXX_STANDARD 20 CXX_STANDARD_REQUIRED ON)
 endfunction()
 
-# dcloth_precompile(GROUP TARGET HEADER...): TARGET finds the headers parsed already; the first target of a group, an executable,
-# parses them, the others of the same folder, with the same flags, take its. No source may rely on them: cross builds and builds
-# with a compiler cache go without.
+# dcloth_precompile(GROUP TARGET HEADER...): TARGET finds the headers parsed already; the first target of a group, an
+# executable, parses them, the others of the same folder, with the same flags, take its. No source may rely on them:
+# cross builds and builds with a compiler cache go without.
 function(dcloth_precompile group target)
   if(NOT DCLOTH_PRECOMPILED_HEADERS)
     return()

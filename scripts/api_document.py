@@ -5,7 +5,8 @@ Usage: api_document.py [-o docs/api.md] [--check]
 
 Reads engine/include/dcloth/*.h and engine/abi.json. A block of a header, up to an empty line, is one comment and the
 declarations that it is about; it becomes one section. Fails where a name of the manifest got no section, or a function
-lacks one of the lines Memory, Thread, Errors and Cost. --check writes nothing: it fails where the file is not up to date.
+lacks one of the lines Memory, Thread, Errors and Cost. --check writes nothing: it fails where the file is not up to
+date.
 """
 import argparse
 import json
@@ -145,7 +146,8 @@ class Page:
                     i += 1
                 out += ["", "```", *(row[2:] for row in table), "```", ""]
                 continue
-            while i + 1 < len(lines) and re.match(r" +\S", lines[i + 1]) and not re.match(r" +\S.*\S {2,}\S", lines[i + 1]):
+            while (i + 1 < len(lines) and re.match(r" +\S", lines[i + 1])
+                   and not re.match(r" +\S.*\S {2,}\S", lines[i + 1])):
                 i += 1
                 item.append(lines[i].strip())
             i += 1
@@ -199,11 +201,13 @@ class Page:
         contract = []
         if functions:
             whole = "\n".join(lines)
-            found = re.search(r"(?:^|\s)" + r"\s".join(rf"{word}:\s(?P<{word}>.*)" for word in CONTRACT) + "$", whole, re.DOTALL)
+            found = re.search(r"(?:^|\s)" + r"\s".join(rf"{word}:\s(?P<{word}>.*)" for word in CONTRACT) + "$", whole,
+                              re.DOTALL)
             if found:
                 lines = whole[:found.start()].split("\n")
                 contract = ["| | |", "|---|---|",
-                            *(f"| {word} | {self.prose(' '.join(found[word].split()).rstrip('.'))} |" for word in CONTRACT), ""]
+                            *(f"| {word} | {self.prose(' '.join(found[word].split()).rstrip('.'))} |"
+                              for word in CONTRACT), ""]
             else:
                 self.faults.append(f"{title}: the comment does not end in {', '.join(word + ':' for word in CONTRACT)}")
         out = [f"### {title}", ""]
@@ -220,7 +224,8 @@ class Page:
     def write(self):
         sections = {header: list(self.sections(header)) for header in self.headers}
         out = ["# API reference", "",
-               "Made by `scripts/api_document.py` from the headers, which say the same; a test compares. Not edited by hand.",
+               "Made by `scripts/api_document.py` from the headers, which say the same; a test compares. Not edited by "
+               "hand.",
                "In which order to call what: [integrate.md](integrate.md). "
               "What may change: [compatibility.md](compatibility.md).", ""]
         for header, found in sections.items():

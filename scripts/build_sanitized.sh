@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # `build_sanitized.sh FOLDER [TARGET...]`: builds tests, or the targets named, with clang under AddressSanitizer and
-# UndefinedBehaviorSanitizer. In the environment DCLOTH_SANITIZE=thread: under ThreadSanitizer instead; DCLOTH_FUZZERS=ON:
-# libraries get the counters that libFuzzer steers by, and there are fuzzers (scripts/fuzz.sh).
+# UndefinedBehaviorSanitizer. In the environment DCLOTH_SANITIZE=thread: under ThreadSanitizer instead;
+# DCLOTH_FUZZERS=ON: libraries get the counters that libFuzzer steers by, and there are fuzzers (scripts/fuzz.sh).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=$1

@@ -13,10 +13,11 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 FLATBUFFERS = re.compile(r"flatbuffers/|dcloth_generated\.h|dcloth_objects\.h")
 EIGEN = re.compile(r"Eigen/|unsupported/Eigen")
 HIGHWAY = re.compile(r"hwy/")
-EXCEPTIONS_AND_HEAP = re.compile(r"vector|string|memory|map|set|unordered_\w+|iostream|fstream|sstream|stdexcept|thread|mutex|chrono|cstdlib|stdlib\.h|cstdio|stdio\.h|cassert|assert\.h")
+EXCEPTIONS_AND_HEAP = re.compile(r"vector|string|memory|map|set|unordered_\w+|iostream|fstream|sstream|stdexcept|"
+                                 r"thread|mutex|chrono|cstdlib|stdlib\.h|cstdio|stdio\.h|cassert|assert\.h")
 # What the engine may know of the model file: the view, what fills it, what tells of a fault.
-FORMAT_FOR_ENGINE = {"engine/format/view.h", "engine/format/verify.h", "engine/format/diagnostic.h", "engine/format/limits.h",
-                     "engine/format/checksum.h", "engine/format/tick_parts.h"}
+FORMAT_FOR_ENGINE = {"engine/format/view.h", "engine/format/verify.h", "engine/format/diagnostic.h",
+                     "engine/format/limits.h", "engine/format/checksum.h", "engine/format/tick_parts.h"}
 PACKING = re.compile(r"kernels/(half|kernels|kernel_list|scalar_math)\.h|kernels/\w+/\w+(?<!-inl)\.h")
 ROOMS = ("engine/", "kernels/", "converter/", "tools/", "platforms/", "tests/", "bench/")
 # The rooms of engine/src, each with those that it may see; "" is what lies in no room, the cloth that is made of them.

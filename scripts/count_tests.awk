@@ -1,5 +1,5 @@
-# Prints how many tests passed and failed, "N M", from the output of a runner: the sums of our own runners' closing lines, or
-# else of ctest's, or else of pytest's, node's, GoogleTest's and test_platforms.sh's.
+# Prints how many tests passed and failed, "N M", from the output of a runner: the sums of our own runners' closing
+# lines, or else of ctest's, or else of pytest's, node's, GoogleTest's and test_platforms.sh's.
 /^[a-z_]+: [0-9]+ passed, [0-9]+ failed$/ { runners = 1; runner_passed += $2; runner_failed += $4 }
 /^[0-9]+% tests passed, [0-9]+ tests failed out of [0-9]+/ { ctest = 1; ctest_passed += $NF - $4; ctest_failed += $4 }
 /[0-9]+ (passed|failed).* in [0-9.]+s/ {

@@ -4,8 +4,8 @@
     coverage.py BUILD [--least PERCENT] [--missing]
 
 BUILD was configured with DCLOTH_COVERAGE and has run its tests (scripts/coverage.sh does both). A line counts as run
-where any of its instances ran: vector kernels are compiled once for each instruction set. --missing names the lines that
-did not. Exit code 1 where engine or kernels are below PERCENT (95), or where nothing was found to look at.
+where any of its instances ran: vector kernels are compiled once for each instruction set. --missing names the lines
+that did not. Exit code 1 where engine or kernels are below PERCENT (95), or where nothing was found to look at.
 """
 import argparse
 import collections

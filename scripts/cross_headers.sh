@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Gathers what a cross build reads from this machine: headers of its packages, below one folder: `cross_headers.sh FOLDER`.
-# The folder then goes to cmake as CMAKE_FIND_ROOT_PATH. All of it is the same on every processor and system.
+# Gathers what a cross build reads from this machine: headers of its packages, below one folder: `cross_headers.sh
+# FOLDER`. The folder then goes to cmake as CMAKE_FIND_ROOT_PATH. All of it is the same on every processor and system.
 set -euo pipefail
 folder=$1
 packages=(libhwy-dev libflatbuffers-dev nlohmann-json3-dev libcli11-dev libeigen3-dev)

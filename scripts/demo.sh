@@ -13,7 +13,8 @@ scripts/build.sh build -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=OFF
 bundle=models/skirt/skirt.safetensors
 mkdir -p out/demo
 for precision in fp32 fp16 int8; do
-  build/dcloth convert "$bundle" -o "out/demo/skirt-$precision.dcloth" --precision "$precision" >"out/demo/convert-$precision.txt"
+  build/dcloth convert "$bundle" -o "out/demo/skirt-$precision.dcloth" --precision "$precision" \
+    >"out/demo/convert-$precision.txt"
 done
 
 # One run measures: its JSON, the table on stderr and the report are the same numbers.

@@ -3,8 +3,8 @@
 # UndefinedBehaviorSanitizer. `fuzz.sh [SECONDS [TARGET...]]`: 60 seconds each of model, bundle, sequence, state and,
 # where assimp is installed (install_dependencies.sh import), scene when nothing is said, as many at a time as there are
 # cores. They start from what earlier fuzzing left in tests/fuzz/kept; corpora grow in out/fuzz/corpus and are taken up
-# again (tests/fuzz/keep.py packs what they reach). An input that breaks something lies in out/fuzz/findings, and the script
-# fails.
+# again (tests/fuzz/keep.py packs what they reach). An input that breaks something lies in out/fuzz/findings, and the
+# script fails.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-60}

@@ -43,7 +43,8 @@ def read(path, garment):
 def drawing_table(crowds):
     """What less drawing costs, and what crowds are given; `draws` and `drawing_us` by DCLOTH_DRAW_*."""
     nothing, coarse, positions, full = crowds[0]["drawing_us"]
-    lines = ["", f"A frame without a tick costs {full:.0f} µs with positions and normals, {positions:.0f} with positions "
+    lines = ["", f"A frame without a tick costs {full:.0f} µs with positions and normals, {positions:.0f} with "
+                 "positions "
              f"alone, {coarse:.0f} with the\ncoarse mesh and its normals, and {nothing:.0f} undrawn.", "",
              "| characters, budget | drawn in a mean frame | at each level | frame, of the budget: p50 / p99 / most | "
              "over by 5 % | error of the drawn |", "|---|---|---|---|---|---|"]
@@ -51,9 +52,9 @@ def drawing_table(crowds):
         none, coarse, positions, full = crowd["draws"]
         drawn = f"{full:.0f} fully, {positions:.0f} without new normals, {coarse:.0f} coarse, {none:.0f} not"
         levels = ", ".join(f"{count:.0f} {name}" for count, name in zip(crowd["levels"], ROWS) if count >= 0.5)
-        lines.append(f"| {crowd['characters']}, {crowd['budget_us'] / 1000:g} ms | {drawn} | {levels} | {crowd['p50']:.2f} / "
-                     f"{crowd['p99']:.2f} / {crowd['largest']:.2f} | {crowd['over']} of {crowd['frames']:,} frames | "
-                     f"{crowd['error_mm']:.1f} mm |")
+        lines.append(f"| {crowd['characters']}, {crowd['budget_us'] / 1000:g} ms | {drawn} | {levels} | "
+                     f"{crowd['p50']:.2f} / {crowd['p99']:.2f} / {crowd['largest']:.2f} | {crowd['over']} of "
+                     f"{crowd['frames']:,} frames | {crowd['error_mm']:.1f} mm |")
     return lines
 
 
@@ -67,11 +68,11 @@ def table(report, crowds):
             name, f"{level['tick_us']:.0f} µs")
         distance = "0" if name == "mesh" else f"{level['to_mesh_mm']:.2f} mm"
         lines.append(f"| {name} | {what} | {cost} | {level['error_mm']:.1f} mm | {distance} | {tick} |")
-    lines.append(f"| idle, at any level | drawing, until the pose moves | none | {report['idle_mm']:.1f} mm where the clips "
-                 "end | – | 0 |")
+    lines.append(f"| idle, at any level | drawing, until the pose moves | none | {report['idle_mm']:.1f} mm where the "
+                 "clips end | – | 0 |")
     lines.append("")
-    lines.append(f"Drawing takes {report['draw_us']:.0f} µs more in each frame, at every level. int8, {report['isa']}, one "
-                 "thread, on the bundled sequences;\nerrors are mean vertex distances to the simulation.")
+    lines.append(f"Drawing takes {report['draw_us']:.0f} µs more in each frame, at every level. int8, {report['isa']}, "
+                 "one thread, on the bundled sequences;\nerrors are mean vertex distances to the simulation.")
     if crowds:
         lines += drawing_table(crowds)
     return "\n".join(lines) + "\n"

@@ -8,6 +8,7 @@ build=${1:-build}
 
 [ -x "$build/stability_test" ] || scripts/build.sh "$build" -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON
 code=0
-DCLOTH_STABILITY_TICKS=20000 DCLOTH_STABILITY_JSON="$build/stability.json" "$build/stability_test" --gtest_brief=1 || code=$?
+DCLOTH_STABILITY_TICKS=20000 DCLOTH_STABILITY_JSON="$build/stability.json" \
+  "$build/stability_test" --gtest_brief=1 || code=$?
 python3 scripts/stability_document.py "$build/stability.json" -o models/STABILITY.md
 exit "$code"

@@ -1,6 +1,7 @@
-# Sourced by the test runners. `step NAME COMMAND...` runs a command, shows and keeps its output (out/test/RUNNER-NAME.log) and counts
-# its tests; a step that fails does not end the runner. `closing_line` prints "RUNNER: N passed, N failed" and fails where
-# anything did. Any C++ build then uses ccache where it is installed; it is never required.
+# Sourced by the test runners. `step NAME COMMAND...` runs a command, shows and keeps its output
+# (out/test/RUNNER-NAME.log) and counts its tests; a step that fails does not end the runner. `closing_line` prints
+# "RUNNER: N passed, N failed" and fails where anything did. Any C++ build then uses ccache where it is installed; it is
+# never required.
 runner=$(basename "$0" .sh)
 passed=0 failed=0
 mkdir -p out/test

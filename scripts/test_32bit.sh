@@ -7,8 +7,8 @@ cd "$(dirname "$0")/.."
 folder=build-32bit
 
 scripts/install_dependencies.sh build test cross_i386
-# Debian's g++-multilib would bring the 64-bit kernel headers into sight and takes the cross compilers away; so they are named
-# here. SSE2 counts as on every processor of today: x87 keeps more bits than a float has.
+# Debian's g++-multilib would bring the 64-bit kernel headers into sight and takes the cross compilers away; so they are
+# named here. SSE2 counts as on every processor of today: x87 keeps more bits than a float has.
 flags="-m32 -msse2 -mfpmath=sse -idirafter /usr/include/x86_64-linux-gnu"
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What takes too long for every change, some three hours on two cores: rollouts of 20,000 ticks, 2,000 frames of pictures with
-# their pinned hashes, here, on 64-bit Arm and in WebAssembly, all tests in C++ under sanitizers and on 64-bit Arm, tests that
-# start threads under ThreadSanitizer, five minutes of fuzzing each target, the Python wheel, the Rust crate, the packages of a
-# release. `test_long.sh [STEP...]`: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust, packages; all when
-# none is named. `godot` must be named: it compiles the GDExtension with godot-cpp, whose sources GODOT_CPP_DIR names. Before
-# a release; after a change of training, kernels or format.
+# What takes too long for every change, some three hours on two cores: rollouts of 20,000 ticks, 2,000 frames of
+# pictures with their pinned hashes, here, on 64-bit Arm and in WebAssembly, all tests in C++ under sanitizers and on
+# 64-bit Arm, tests that start threads under ThreadSanitizer, five minutes of fuzzing each target, the Python wheel, the
+# Rust crate, the packages of a release. `test_long.sh [STEP...]`: rollouts, pictures, sanitized, threads, fuzz,
+# aarch64, web, python, rust, packages; all when none is named. `godot` must be named: it compiles the GDExtension with
+# godot-cpp, whose sources GODOT_CPP_DIR names. Before a release; after a change of training, kernels or format.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/steps.sh
@@ -18,7 +18,10 @@ export DCLOTH_TOOL=build/dcloth
 for name in "${steps[@]}"; do
   case $name in
     rollouts) step rollouts scripts/stability.sh || true ;;
-    pictures) DCLOTH_PICTURE_FRAMES=2000 step pictures ctest --test-dir build --output-on-failure --no-tests=error -R '^picture$' || true ;;
+    pictures)
+      DCLOTH_PICTURE_FRAMES=2000 \
+        step pictures ctest --test-dir build --output-on-failure --no-tests=error -R '^picture$' || true
+      ;;
     sanitized)
       step build_sanitized scripts/build_sanitized.sh build-sanitize &&
         { step sanitized ctest --test-dir build-sanitize --output-on-failure --no-tests=error -j "$(nproc)" || true; }
@@ -32,7 +35,8 @@ for name in "${steps[@]}"; do
     godot) step godot scripts/test_godot.sh || true ;;
     packages) step packages scripts/package.sh --test || true ;;
     *)
-      echo "test_long: unknown step '$name'; allowed: rollouts, pictures, sanitized, threads, fuzz, aarch64, web, python, rust, godot, packages" >&2
+      echo "test_long: unknown step '$name'; allowed: rollouts, pictures, sanitized, threads, fuzz, aarch64, web," \
+        "python, rust, godot, packages" >&2
       exit 2
       ;;
   esac

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Uses each package of a release as somebody who has nothing else: `test_packages.sh [--only PATTERN] [FOLDER]`; FOLDER is what
-# scripts/package.sh wrote, out/packages when not named. PATTERN chooses packages by name (grep -E): sums, garments,
-# linux-x86_64, npm, unity. The last two play the models of FOLDER.
-# Each is unpacked in an empty folder and used with a bare environment: what its README says is typed, a host in C is built
-# against it by CMake and by pkg-config, models are played, Unity's C# under Mono. A package that is not in FOLDER, or whose
-# tools are not installed, is listed as not tested.
+# Uses each package of a release as somebody who has nothing else: `test_packages.sh [--only PATTERN] [FOLDER]`; FOLDER
+# is what scripts/package.sh wrote, out/packages when not named. PATTERN chooses packages by name (grep -E): sums,
+# garments, linux-x86_64, npm, unity. The last two play the models of FOLDER. Each is unpacked in an empty folder and
+# used with a bare environment: what its README says is typed, a host in C is built against it by CMake and by
+# pkg-config, models are played, Unity's C# under Mono. A package that is not in FOLDER, or whose tools are not
+# installed, is listed as not tested.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD

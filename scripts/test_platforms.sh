@@ -3,11 +3,12 @@
 # `test_platforms.sh [--only PATTERN] [aarch64] [windows]`, both platforms when none is named.
 # aarch64: 64-bit Arm Linux under qemu-user. windows: x86-64 by mingw-w64 under Wine, with the command line.
 # PATTERN chooses test executables by name (grep -E), "kernels_|engine_" for instance; no others are built. Two steps
-# have names of their own: "picture", tests/picture: on Windows the pinned hashes of the reproducible mode, on AArch64 fewer
-# frames (DCLOTH_PICTURE_FRAMES, 20) against this machine's program; "command_line", on Windows alone: tests/cli with
-# dcloth.exe, and its models and vertices against the native ones. Both want DCLOTH_TOOL, a native `dcloth`, and the picture
-# on AArch64 `dcloth_picture` where that build has it; without DCLOTH_TOOL they are built.
-# Continuous integration runs kernels, engine and pictures on AArch64. What ran and what was left out is printed last; what is known of each platform: platforms/README.md.
+# have names of their own: "picture", tests/picture: on Windows the pinned hashes of the reproducible mode, on AArch64
+# fewer frames (DCLOTH_PICTURE_FRAMES, 20) against this machine's program; "command_line", on Windows alone: tests/cli
+# with dcloth.exe, and its models and vertices against the native ones. Both want DCLOTH_TOOL, a native `dcloth`, and
+# the picture on AArch64 `dcloth_picture` where that build has it; without DCLOTH_TOOL they are built. Continuous
+# integration runs kernels, engine and pictures on AArch64. What ran and what was left out is printed last; what is
+# known of each platform: platforms/README.md.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -73,9 +74,9 @@ native_tool() {
   realpath "${DCLOTH_TOOL:-build/dcloth}"
 }
 
-# The command line as its users see it, then its models and vertices against the native ones'. Not here: files of artists
-# (no assimp), what the file system does to a process (interrupted), pages in a browser, and emptied caches, which depend
-# on the machine alone and take minutes where they are large.
+# The command line as its users see it, then its models and vertices against the native ones'. Not here: files of
+# artists (no assimp), what the file system does to a process (interrupted), pages in a browser, and emptied caches,
+# which depend on the machine alone and take minutes where they are large.
 test_command_line() {
   local folder=$1 log=$1/command_line.log launcher=$PWD/$1/dcloth-wine tool status=0
   tool=$(native_tool "$folder") || return 1
@@ -88,7 +89,8 @@ test_command_line() {
   # In that character set Wine takes file names for UTF-8.
   LC_ALL=C.UTF-8 DCLOTH_BIN=$launcher DCLOTH_NATIVE=$tool .venv/bin/python3 -m pytest -q -rsP -p no:cacheprovider \
     -k "not cold and not projection" \
-    tests/cli/test_{names,usage,convert_inspect,run,hostile,overwriting,evaluate,profile,as_native}.py >"$log" 2>&1 || status=1
+    tests/cli/test_{names,usage,convert_inspect,run,hostile,overwriting,evaluate,profile,as_native}.py \
+    >"$log" 2>&1 || status=1
   wineserver -k || true
   [ $status -eq 0 ] || { cat "$log" >&2; return 1; }
   grep -oE "^(skirt|robe) .* from native" "$log" | sed 's/^/windows: the command line: /' >>"$summary"
@@ -116,16 +118,16 @@ test_picture() {
   echo "$platform: the pictures: $(tail -n 1 "$log")" >>"$summary"
 }
 
-# Cases of the bundled garments' own tests under the emulator, one executable beside the other, with models that the native
-# tool has converted.
+# Cases of the bundled garments' own tests under the emulator, one executable beside the other, with models that the
+# native tool has converted.
 test_garments() {
   local folder=$1 tool garment program cases log status=0
   tool=$(native_tool "$folder") || return 1
   mkdir -p "$folder/models"
   for garment in models/*/; do
     garment=$(basename "$garment")
-    "$tool" convert "models/$garment/$garment.safetensors" --precision int8 -o "$folder/models/$garment.int8.dcloth" >/dev/null ||
-      return 1
+    "$tool" convert "models/$garment/$garment.safetensors" --precision int8 \
+      -o "$folder/models/$garment.int8.dcloth" >/dev/null || return 1
   done
   local -A running=()
   for program in "${garment_tests[@]}"; do
@@ -139,7 +141,8 @@ test_garments() {
   for program in "${!running[@]}"; do
     log=$folder/$program.log
     wait "${running[$program]}" || { grep -E 'Failure$|FAILED' "$log" >&2 || tail -n 40 "$log" >&2; status=1; }
-    echo "aarch64: $program: $(grep -oE '\[  (PASSED|FAILED)  \] [0-9]+ test' "$log" | tr '\n' ' ')of $garment_cases" >>"$summary"
+    cases=$(grep -oE '\[  (PASSED|FAILED)  \] [0-9]+ test' "$log" | tr '\n' ' ')
+    echo "aarch64: $program: ${cases}of $garment_cases" >>"$summary"
   done
   [ ${#running[@]} -gt 0 ] || { echo "test_platforms: no garment's test is named '$garment_cases'" >&2; return 1; }
   return $status

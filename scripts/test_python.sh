@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Builds the Python wheel, installs it into an empty environment, and tests it there from an empty folder: `test_python.sh`,
-# or `test_python.sh -k EXPRESSION` for some tests (pytest's -k). DCLOTH_TOOL names a `dcloth` to compare with; without it
-# the wheel's own command plays the C++ host. DCLOTH_PYTHON names an interpreter other than Debian's. Wheel and Panda3D's
-# pictures: out/python.
-# Not part of scripts/test.sh: it builds engine and tools once more, and nanobind, numpy and Panda3D come from PyPI.
+# Builds the Python wheel, installs it into an empty environment, and tests it there from an empty folder:
+# `test_python.sh`, or `test_python.sh -k EXPRESSION` for some tests (pytest's -k). DCLOTH_TOOL names a `dcloth` to
+# compare with; without it the wheel's own command plays the C++ host. DCLOTH_PYTHON names an interpreter other than
+# Debian's. Wheel and Panda3D's pictures: out/python. Not part of scripts/test.sh: it builds engine and tools once more,
+# and nanobind, numpy and Panda3D come from PyPI.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 case "${1:-}" in
@@ -23,7 +23,8 @@ trap 'rm -rf "$log" "$empty"' EXIT
 echo "building $folder/wheel" >&2
 {
   "$folder/venv/bin/pip" --disable-pip-version-check wheel --no-deps -w "$folder/wheel" \
-    --config-settings="build-dir=$PWD/build-python" --config-settings=cmake.define.DCLOTH_WARNINGS_AS_ERRORS=ON platforms/python
+    --config-settings="build-dir=$PWD/build-python" --config-settings=cmake.define.DCLOTH_WARNINGS_AS_ERRORS=ON \
+    platforms/python
   "$folder/venv/bin/pip" --disable-pip-version-check install "$folder"/wheel/dcloth-*.whl pytest safetensors panda3d
 } >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
 if [ -n "${DCLOTH_TOOL:-}" ]; then DCLOTH_TOOL=$(realpath "$DCLOTH_TOOL"); export DCLOTH_TOOL; fi

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Tests the Rust crates: `test_rust.sh [STEP...]`, all steps when none is named.
-#   crate     dcloth: declarations against engine/abi.json, the bundled skirt against `dcloth run`, the documentation's examples
+#   crate     dcloth: declarations against engine/abi.json, the bundled skirt against `dcloth run`, the documentation's
+#             examples
 #   plugin    bevy_dcloth in an app without renderer, against `dcloth run`
 #   pictures  bevy_dcloth's example on the figure of training, drawn by Mesa in software (out/rust/pictures)
 # crate also runs clippy; for the plugin it would build Bevy once more. DCLOTH_TOOL names the `dcloth` to compare with
-# (build/dcloth by default). Rust 1.95 or later must be there: Debian 12's is older. Bevy takes 2 GB and, on one core, ten
-# minutes to build.
-# Not part of scripts/test.sh: cargo fetches other crates.
+# (build/dcloth by default). Rust 1.95 or later must be there: Debian 12's is older. Bevy takes 2 GB and, on one core,
+# ten minutes to build. Not part of scripts/test.sh: cargo fetches other crates.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 steps=("$@")
@@ -59,8 +59,8 @@ for name in "${steps[@]}"; do
       VK_ICD_FILENAMES=$(echo /usr/share/vulkan/icd.d/lvp_icd.*.json) XDG_RUNTIME_DIR=$folder quiet \
         "$CARGO_TARGET_DIR/debug/examples/pictures" "$folder/skirt.dcloth" "$folder/figure.glb" "$folder/pictures" \
         --fit bones --frames 156 --every 39 --record
-      quiet "$tool" run "$folder/skirt.dcloth" "$folder/pictures/poses.safetensors" -o "$folder/pictures/run.safetensors" \
-        --outside-body
+      quiet "$tool" run "$folder/skirt.dcloth" "$folder/pictures/poses.safetensors" \
+        -o "$folder/pictures/run.safetensors" --outside-body
       tests -p bevy_dcloth --test pictures -- --ignored --nocapture
       ;;
     *) echo "test_rust: unknown step '$name'; allowed: crate, plugin, pictures" >&2; exit 2 ;;

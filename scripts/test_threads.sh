@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the tests that start threads with clang under ThreadSanitizer, in build-threads/, and runs them: two models and many
-# instances on many threads at once, the choice of an instruction set, many characters.
+# Builds the tests that start threads with clang under ThreadSanitizer, in build-threads/, and runs them: two models and
+# many instances on many threads at once, the choice of an instruction set, many characters.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tests=(attack_threads_test attack_isa_race_test)

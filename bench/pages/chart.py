@@ -3,7 +3,8 @@ import html
 import math
 
 # Class -> light, dark. Blue, orange, green and violet of about the same lightness, told apart by the colour-blind too.
-COLORS = {"a": ("#2166c2", "#6cb0ff"), "b": ("#c8540a", "#ff9e57"), "c": ("#157f5b", "#4ecb9b"), "d": ("#7a4fc0", "#b998f5")}
+COLORS = {"a": ("#2166c2", "#6cb0ff"), "b": ("#c8540a", "#ff9e57"), "c": ("#157f5b", "#4ecb9b"),
+          "d": ("#7a4fc0", "#b998f5")}
 INKS = {"card": ("#ffffff", "#15191f"), "grid": ("#e3e6ea", "#2b313a"), "ink": ("#1c2128", "#e8eaed"),
         "soft": ("#5b6470", "#9aa4b1")}
 FONT = "-apple-system, 'Segoe UI', 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif"
@@ -13,10 +14,12 @@ LEAST_SPAN = 4    # of a y axis: highest over lowest, or a flat curve would look
 
 def _rules(which):
     ink = {name: pair[which] for name, pair in INKS.items()}
-    rules = [f".card{{fill:{ink['card']};stroke:{ink['grid']}}}", f".grid{{stroke:{ink['grid']}}}", f".t{{fill:{ink['ink']}}}",
+    rules = [f".card{{fill:{ink['card']};stroke:{ink['grid']}}}", f".grid{{stroke:{ink['grid']}}}",
+             f".t{{fill:{ink['ink']}}}",
              f".s{{fill:{ink['soft']}}}", f".note{{stroke:{ink['soft']}}}", f".halo{{stroke:{ink['card']}}}"]
     for name, pair in {**COLORS, "n": INKS["soft"]}.items():    # n: a mark of no colour, in a key
-        rules += [f".l{name}{{stroke:{pair[which]}}}", f".f{name}{{fill:{pair[which]}}}", f".h{name}{{fill:{ink['card']}}}"]
+        rules += [f".l{name}{{stroke:{pair[which]}}}", f".f{name}{{fill:{pair[which]}}}",
+                  f".h{name}{{fill:{ink['card']}}}"]
     return "".join(rules)
 
 
@@ -27,8 +30,8 @@ def style():
 
 def svg(width, height, parts, label):
     return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
-        f'aria-label="{html.escape(label)}" font-family="{FONT}" font-size="12">', style(),
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
+        f'role="img" aria-label="{html.escape(label)}" font-family="{FONT}" font-size="12">', style(),
         f'<rect class="card" x=".5" y=".5" width="{width - 1}" height="{height - 1}" rx="10"/>', *parts, "</svg>", ""])
 
 
@@ -41,7 +44,8 @@ def ticks(low, high):
     """Powers of ten within [low, high], with 2 and 5 or more between them where those are few."""
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for steps in ((1,), (1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7)):
-        found = [m * 10.0 ** power for power in powers for m in steps if low * 0.999 <= m * 10.0 ** power <= high * 1.001]
+        found = [m * 10.0 ** power for power in powers
+                 for m in steps if low * 0.999 <= m * 10.0 ** power <= high * 1.001]
         if len(found) >= 3:
             break
     return found
@@ -63,7 +67,8 @@ class Panel:
         return self.left + (self.right - self.left) * math.log(value / self.x_low) / math.log(self.x_high / self.x_low)
 
     def y(self, value):
-        return self.bottom - (self.bottom - self.top) * math.log(value / self.y_low) / math.log(self.y_high / self.y_low)
+        way = math.log(value / self.y_low) / math.log(self.y_high / self.y_low)
+        return self.bottom - (self.bottom - self.top) * way
 
     def axes(self, title, x_title):
         out = [text(self.left - 40, self.top - 16, title, "t", weight=600)]
@@ -92,7 +97,8 @@ class Panel:
                for (x, y), tail in zip(points, tails)]
         joined = " ".join(f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in points)
         out.append(f'<polyline class="l{color}" stroke-width="2" points="{joined}"/>')
-        return out + [f'<circle class="f{color}" cx="{self.x(x):.1f}" cy="{self.y(y):.1f}" r="3.2"/>' for x, y in points]
+        return out + [f'<circle class="f{color}" cx="{self.x(x):.1f}" cy="{self.y(y):.1f}" r="3.2"/>'
+                      for x, y in points]
 
     def names(self, ends, gap=15):
         """{(name, colour): last point} written right of the box, apart from each other."""
@@ -119,11 +125,13 @@ class Labels:
         width, height = BOLD * len(content), 13
         for far in (0, 14, 30, 48, 70):
             for dx, dy in ((11 + far, 4), (-11 - far - width, 4), (-width / 2, -11 - far), (-width / 2, 21 + far),
-                           (9 + far, -9 - far), (9 + far, 17 + far), (-9 - far - width, -9 - far), (-9 - far - width, 17 + far)):
+                           (9 + far, -9 - far), (9 + far, 17 + far), (-9 - far - width, -9 - far),
+                           (-9 - far - width, 17 + far)):
                 box = (x + dx - 1, y + dy - height + 3, x + dx + width + 1, y + dy + 3)
                 inside = (box[0] >= self.panel.left and box[2] <= self.panel.right and box[1] >= self.panel.top
                           and box[3] <= self.panel.bottom)
-                if inside and not any(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in self.taken):
+                if inside and not any(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3]
+                                      for t in self.taken):
                     self.taken.append(box)
                     return x + dx, y + dy, far == 0
         return None

@@ -1,4 +1,7 @@
 """Tables, lists and numbers in Markdown."""
+import textwrap
+
+WIDTH = 120
 
 
 def ms(value):
@@ -12,3 +15,27 @@ def table(header, rows):
 
 def bullets(lines):
     return "\n".join(f"- {line}" for line in lines) or "None."
+
+
+def wrapped(page):
+    """The page with its paragraphs and list items filled to WIDTH columns; tables, pictures, headings and code stay."""
+    out, item, code = [], [], False
+
+    def close():
+        if item:
+            indent = "  " if item[0].startswith("- ") else ""
+            out.append(textwrap.fill(" ".join(item), WIDTH, subsequent_indent=indent, break_long_words=False,
+                                     break_on_hyphens=False))
+            item.clear()
+
+    for line in page.split("\n"):
+        code ^= line.startswith("```")
+        if code or not line or line.startswith(("```", "|", "#", "<", "![")):
+            close()
+            out.append(line)
+        else:
+            if line.startswith("- "):
+                close()
+            item.append(line.strip())
+    close()
+    return "\n".join(out)

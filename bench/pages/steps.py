@@ -37,5 +37,6 @@ def text(summary, cores, quick=False):
     lines += [machine.busy_text(summary["others_used_cores"], cores, summary["seconds"])]
     busy = [f"{name} ({used:.1f})" for name, _, used in summary["steps"] if not machine.quiet(used)]
     if busy and machine.quiet(summary["others_used_cores"]):
-        lines.append(f"Of {len(summary['steps'])} steps others used more than {machine.QUIET_CORES} cores in: {', '.join(busy)}.")
+        lines.append(f"Of {len(summary['steps'])} steps others used more than {machine.QUIET_CORES} cores in: "
+                     f"{', '.join(busy)}.")
     return "\n".join(lines)

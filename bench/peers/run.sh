@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Times dcloth beside general inference runtimes on a paper-size network and on the bundled skirt, and writes RESULTS.md, in
-# one command:
+# Times dcloth beside general inference runtimes on a paper-size network and on the bundled skirt, and writes
+# RESULTS.md, in one command:
 #   bench/peers/run.sh [--core C] [--ticks N] [--seconds S]
 # Builds the tool and the bench in build/, installs the peers in out/peers/venv (pip; never the system's Python), then
 # compares and times; under eight minutes on an idle machine of two cores. Figures also in out/peers/results.json.

@@ -28,7 +28,8 @@ def arguments(argv):
     parser.add_argument("--shared", type=Path, help="the engine as a shared library")
     parser.add_argument("--work", type=Path, help="for results.json")
     parser.add_argument("--pages", type=Path, required=True)
-    parser.add_argument("--from", dest="kept", type=Path, help="write the pages of figures that were kept; measure nothing")
+    parser.add_argument("--from", dest="kept", type=Path,
+                        help="write the pages of figures that were kept; measure nothing")
     parser.add_argument("--quick", action="store_true", help="few points and frames, one garment: does it run at all")
     options = parser.parse_args(argv)
     missing = [name for name in ("build", "shared", "work") if getattr(options, name) is None]
@@ -60,7 +61,8 @@ def measured(options):
 def version(results):
     """The library's, and the commit where there is one."""
     said = next(iter(results["garments"].values()))["evaluate"]["version"]
-    commit = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
+    commit = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
+                            check=False)
     return f"{said} ({commit.stdout.strip()})" if commit.returncode == 0 else said
 
 

@@ -25,7 +25,8 @@ def goals(results):
         cold = garment["profiles"]["int8"]["cold"]
         add(f"{name}, int8: tick with skinning and normals, cold p50", COLD_TICK_MS, cold["frame_ms"]["p50"], "ms")
         for heat in ("warm", "cold"):
-            add(f"{name}, int8: skinning and normals, {heat} p50", DRAW_MS, draw_ms(garment["profiles"]["int8"][heat]), "ms")
+            add(f"{name}, int8: skinning and normals, {heat} p50", DRAW_MS, draw_ms(garment["profiles"]["int8"][heat]),
+                "ms")
             add(f"{name}, int8: opening the model, {heat} p50", OPEN_MS, garment["open_ms"][heat], "ms")
         largest = max(said["cold"]["instance_bytes"] for said in garment["profiles"].values())
         add(f"{name}: an instance, largest precision", INSTANCE_BYTES / 1e6, largest / 1e6, "MB", timed=False)
@@ -63,7 +64,8 @@ def losses(results):
     groups = kernel_groups(results)
     for group, (_, asked, of) in GROUPS.items():
         mine = [row for row in groups if row["group"] == group]
-        below = [f"{r['garment']} {r['precision']} {r['heat']} {r['reached']:.0%}" for r in mine if r["reached"] < asked]
+        below = [f"{r['garment']} {r['precision']} {r['heat']} {r['reached']:.0%}"
+                 for r in mine if r["reached"] < asked]
         if below:
             said.append(f"{group} below {asked:.0%} of the {of} that the core can do in {len(below)} of {len(mine)}: "
                         f"{', '.join(below)}.")

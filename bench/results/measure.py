@@ -42,17 +42,18 @@ def garment(name, grid, steps, root, dcloth, library, folder, frames):
     bundle = home / f"{name}.safetensors"
     walk, stop = (home / "sequences" / f"{clip}.safetensors" for clip in ("walk_turn", "run_stop"))
     said = {"products": layer_products(bundle), "profiles": {}, "motion": walk.stem, "calibration": stop.stem}
-    said["evaluate"] = steps.json(f"{name}: speed against error", dcloth, "evaluate", bundle, walk, "--pareto", "--calibrate",
-                                  stop, *grid, "--json")
+    said["evaluate"] = steps.json(f"{name}: speed against error", dcloth, "evaluate", bundle, walk, "--pareto",
+                                  "--calibrate", stop, *grid, "--json")
     for precision in PRECISIONS:
         model = Path(folder) / f"{name}-{precision}.dcloth"
         steps.run(f"{name} {precision}: convert", dcloth, "convert", bundle, "-o", model, "--precision", precision)
         said["profiles"][precision] = {}
-        for heat in ("warm", "cold", "contended") if precision == "int8" and (os.cpu_count() or 1) > 1 else ("warm", "cold"):
+        contended = precision == "int8" and (os.cpu_count() or 1) > 1
+        for heat in ("warm", "cold", "contended") if contended else ("warm", "cold"):
             project = ["--project"] if (precision, heat) == ("int8", "cold") else []
             said["profiles"][precision][heat] = steps.json(
-                f"{name} {precision}: {heat}", dcloth, "profile", model, walk, "--fps", 30, "--frames", frames[heat], "--json",
-                *FLAGS[heat], *project)
+                f"{name} {precision}: {heat}", dcloth, "profile", model, walk, "--fps", 30, "--frames", frames[heat],
+                "--json", *FLAGS[heat], *project)
     said["open_ms"] = {heat: statistics.median(library.open_milliseconds(model, heat == "cold", OPENINGS))
                        for heat in ("warm", "cold")}
     return said

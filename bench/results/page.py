@@ -1,6 +1,6 @@
 """The measured garments as a Markdown page with a picture for each."""
 from pages import machine, steps
-from pages.markdown import bullets, ms, table
+from pages.markdown import bullets, ms, table, wrapped
 
 from . import pareto
 from .goals import draw_ms, goals, kernel_groups, losses
@@ -9,14 +9,15 @@ from .measure import FLAGS
 PAGE = """\
 # Results
 
-Written by `bench/results/run.sh`, the one command that repeats it together with the [scaling curves](../scaling/SCALING.md); do
-not edit. Beside general runtimes: [peers](../peers/RESULTS.md).
+Written by `bench/results/run.sh`, the one command that repeats it together with the [scaling
+curves](../scaling/SCALING.md); do not edit. Beside general runtimes: [peers](../peers/RESULTS.md).
 
 {machine}
 
-**Warm**: tick after tick. **Cold**: caches emptied before each tick by reading {evicted:.0f} MB. **Contended**: cold, with a
-thread on another core that wants memory and arithmetic. One thread, one tick a frame. **E_d**: distance of vertices to the simulation on
-motion that was not trained on, mean ± deviation over frames; **to fp32**: to the same network in float32.
+**Warm**: tick after tick. **Cold**: caches emptied before each tick by reading {evicted:.0f} MB. **Contended**: cold,
+with a thread on another core that wants memory and arithmetic. One thread, one tick a frame. **E_d**: distance of
+vertices to the simulation on motion that was not trained on, mean ± deviation over frames; **to fp32**: to the same
+network in float32.
 
 ## Against the goals
 
@@ -26,11 +27,11 @@ Goals were set for the skirt; the robe is held against the same. Of kernels:
 
 {groups}
 
-Share of what this core reads (basis sum, vertex MLP, GRU: their bytes from memory when cold, a working set of the frame's size
-again and again when warm) or multiplies (graph layers: the multiply-adds of their matrices alone, at {peak:.0f} GMAC/s in its
-widest vectors; gates and norms, which the kernel tables below count too, are of the same order in narrow layers); **bold** where it
-falls short. Times of a group are sums of its kernels' medians. Graph layers ask for weights of the vertex MLP and the GRU
-meanwhile, so those two may pass what memory gives.
+Share of what this core reads (basis sum, vertex MLP, GRU: their bytes from memory when cold, a working set of the
+frame's size again and again when warm) or multiplies (graph layers: the multiply-adds of their matrices alone, at
+{peak:.0f} GMAC/s in its widest vectors; gates and norms, which the kernel tables below count too, are of the same order
+in narrow layers); **bold** where it falls short. Times of a group are sums of its kernels' medians. Graph layers ask
+for weights of the vertex MLP and the GRU meanwhile, so those two may pass what memory gives.
 
 ## Losses
 
@@ -51,9 +52,9 @@ GARMENT = """\
 
 The front, fastest first: {front}.
 
-`int8@72/skeleton` is a basis of 72 rows, stopped after the skeleton stage (its model holds all stages still). Rows are fitted to
-`{calibration}`, all is measured on `{motion}`: {cold_ticks} cold ticks and {warm_ticks} warm ones a variant, in turns. *Dominated*:
-another variant is neither slower cold nor less exact (steps of {step:g} mm).
+`int8@72/skeleton` is a basis of 72 rows, stopped after the skeleton stage (its model holds all stages still). Rows are
+fitted to `{calibration}`, all is measured on `{motion}`: {cold_ticks} cold ticks and {warm_ticks} warm ones a variant,
+in turns. *Dominated*: another variant is neither slower cold nor less exact (steps of {step:g} mm).
 
 ### Where a frame goes
 
@@ -61,9 +62,9 @@ another variant is neither slower cold nor less exact (steps of {step:g} mm).
 
 {kernels}
 
-Models as `dcloth convert` makes them unasked, fitted to no motion. Kernels: p50 in ms, then the share reached of the core's
-limit: a kernel's operations at {gflops:.0f} GFLOP/s ({unit}) or its bytes at {read:.0f} GB/s warm and {memory:.1f} GB/s cold,
-whichever takes longer.
+Models as `dcloth convert` makes them unasked, fitted to no motion. Kernels: p50 in ms, then the share reached of the
+core's limit: a kernel's operations at {gflops:.0f} GFLOP/s ({unit}) or its bytes at {read:.0f} GB/s warm and
+{memory:.1f} GB/s cold, whichever takes longer.
 """
 
 
@@ -98,7 +99,8 @@ def groups_table(results):
         found = cells.setdefault((row["garment"], row["precision"]), {}).setdefault(row["group"], [])
         found.append(f"{ms(row['ms'])} ms, {share}")    # warm, then cold
     return table(["warm; cold", *asked.values()],
-                 [[" ".join(key), *("; ".join(found.get(group, ["–"])) for group in asked)] for key, found in cells.items()])
+                 [[" ".join(key), *("; ".join(found.get(group, ["–"])) for group in asked)]
+                  for key, found in cells.items()])
 
 
 def variants_table(evaluated):
@@ -109,15 +111,17 @@ def variants_table(evaluated):
         timed = ["–"] * 3
         if v["tick_ms"]:
             timed = [f"{v['model_bytes'] / 1e6:.2f}", spread(v["tick_ms"]), ms(v["tick_warm_ms"]["p50"])]
-        lines.append([v["name"], v["rank"] or "–", *timed, error(v["truth"]), f"{to_fp32['mean']:.3f}, {to_fp32['max']:.2f}",
+        lines.append([v["name"], v["rank"] or "–", *timed, error(v["truth"]),
+                      f"{to_fp32['mean']:.3f}, {to_fp32['max']:.2f}",
                       place])
-    return table(["variant", "rows", "model, MB", "cold p50 / p95 / p99 / max, ms", "warm p50, ms", "E_d mean ± std, p99, mm",
-                  "to fp32 mean, max, mm", "dominated by"], lines)
+    return table(["variant", "rows", "model, MB", "cold p50 / p95 / p99 / max, ms", "warm p50, ms",
+                  "E_d mean ± std, p99, mm", "to fp32 mean, max, mm", "dominated by"], lines)
 
 
 def frames_table(profiles):
     rows = [[f"{precision}, {heat}", spread(said["frame_ms"]), ms(said["tick_ms"]["p50"]), ms(draw_ms(said)),
-             error(said["truth"]), f"{said['model_bytes'] / 1e6:.2f}", f"{said['instance_bytes'] / 1e6:.2f}", said["frames"]]
+             error(said["truth"]), f"{said['model_bytes'] / 1e6:.2f}", f"{said['instance_bytes'] / 1e6:.2f}",
+             said["frames"]]
             for precision, by_heat in profiles.items() for heat, said in by_heat.items()]
     return table(["", "frame p50 / p95 / p99 / max, ms", "tick p50, ms", "skinning and normals p50, ms",
                   "E_d mean ± std, p99, mm", "model, MB", "instance, MB", "frames"], rows)
@@ -134,7 +138,9 @@ def kernels_table(profiles):
     columns = [(precision, heat) for precision in profiles for heat in ("warm", "cold")]
 
     def cell(kernel):
-        return "–" if kernel is None else f"{ms(kernel['ms']['p50'])}, {kernel['fraction_of_limit']:.0%} of {kernel['bound']}"
+        if kernel is None:
+            return "–"
+        return f"{ms(kernel['ms']['p50'])}, {kernel['fraction_of_limit']:.0%} of {kernel['bound']}"
     return table(["kernel", *(f"{precision} {heat}" for precision, heat in columns)],
                  [[name, *(cell(found.get(column)) for column in columns)] for name, found in by_name.items()])
 
@@ -143,13 +149,16 @@ def garment_section(name, garment):
     evaluated, profiles = garment["evaluate"], garment["profiles"]
     last = profiles["int8"]
     counts = next(v["tick_count"] for v in evaluated["variants"] if v["tick_ms"])
-    facts = (f"{evaluated['vertices']:,} vertices, ticks at {evaluated['tick_rate']:g} Hz. Opening the int8 model takes "
-             f"{1e3 * garment['open_ms']['warm']:.0f} µs, with emptied caches {1e3 * garment['open_ms']['cold']:.0f}.")
+    facts = (f"{evaluated['vertices']:,} vertices, ticks at {evaluated['tick_rate']:g} Hz. Opening the int8 model "
+             f"takes {1e3 * garment['open_ms']['warm']:.0f} µs, with emptied caches "
+             f"{1e3 * garment['open_ms']['cold']:.0f}.")
     return GARMENT.format(
         name=name, facts=facts, variants=variants_table(evaluated), front=", ".join(evaluated["pareto"]["front"]),
-        calibration=garment["calibration"], motion=garment["motion"], cold_ticks=counts["cold"], warm_ticks=counts["warm"],
+        calibration=garment["calibration"], motion=garment["motion"], cold_ticks=counts["cold"],
+        warm_ticks=counts["warm"],
         step=evaluated["pareto"]["step_mm"], frames=frames_table(profiles), kernels=kernels_table(profiles),
-        gflops=last["warm"]["machine"]["gflops"], unit=last["warm"]["machine"]["unit"], read=last["warm"]["machine"]["read_gbs"],
+        gflops=last["warm"]["machine"]["gflops"], unit=last["warm"]["machine"]["unit"],
+        read=last["warm"]["machine"]["read_gbs"],
         memory=last["cold"]["machine"]["memory_gbs"])
 
 
@@ -163,14 +172,17 @@ def projection_section(results):
     devices = table(["device", "one core", "limit of a tick, ms", "tick, ms", "skinning and normals, ms"],
                     [[d["name"], d["core"], f"{d['limit_tick_ms']:.2f}", f"{d['tick_ms']:.2f}", f"{d['draw_ms']:.2f}"]
                      for d in said["devices"]])
-    return f"## Projection for devices not at hand\n\n**{said['label']}**: {name}, int8.\n\n{devices}\n\nAssumed:\n\n{assumed}"
+    return (f"## Projection for devices not at hand\n\n**{said['label']}**: {name}, int8.\n\n{devices}\n\n"
+            f"Assumed:\n\n{assumed}")
 
 
 def machine_text(results):
     limits, fma = results["limits"], results["limits"]["fma_gmacs"]
     peaks = ", ".join(f"{rate:.0f} GMAC/s in {bits}-bit vectors" for bits, rate in fma.items())
-    return "\n".join([machine.built(results), f"Limits of the core, measured in this run: {limits['read_gbps']:.1f} GB/s from "
-                      f"memory, {peaks}, float32.", steps.text(results["run"], results["machine"]["cores"], results["quick"])])
+    return "\n".join([machine.built(results),
+                      f"Limits of the core, measured in this run: {limits['read_gbps']:.1f} GB/s from memory, "
+                      f"{peaks}, float32.",
+                      steps.text(results["run"], results["machine"]["cores"], results["quick"])])
 
 
 def pictures(results):
@@ -181,12 +193,14 @@ def pictures(results):
 
 
 def markdown(results):
-    return PAGE.format(
+    page = PAGE.format(
         machine=machine_text(results), evicted=results["machine"]["evicted_bytes"] / 1e6, goals=goals_table(results),
         groups=groups_table(results), peak=max(results["limits"]["fma_gmacs"].values(), default=0),
         losses=bullets(losses(results)),
-        garments="\n".join(garment_section(name, garment) for name, garment in results["garments"].items()).rstrip("\n"),
-        projection=projection_section(results)).rstrip("\n") + "\n"
+        garments="\n".join(garment_section(name, garment)
+                           for name, garment in results["garments"].items()).rstrip("\n"),
+        projection=projection_section(results))
+    return wrapped(page.rstrip("\n") + "\n")
 
 
 assert set(FLAGS) == {"warm", "cold", "contended"}    # as the page explains them

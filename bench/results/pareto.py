@@ -13,7 +13,8 @@ def compared(row):
 
 
 def _mark(stages, x, y, color, hollow):
-    return f'<path class="l{color} {"h" if hollow else "f"}{color}" stroke-width="1.7" d="M{x:.1f} {y:.1f}{SHAPES[stages]}"/>'
+    return (f'<path class="l{color} {"h" if hollow else "f"}{color}" stroke-width="1.7" '
+            f'd="M{x:.1f} {y:.1f}{SHAPES[stages]}"/>')
 
 
 def _key(rows):
@@ -49,8 +50,10 @@ def picture(name, evaluated, quiet):
     places = {row["name"]: (panel.x(row["tick_ms"]["p50"]), panel.y(compared(row))) for row in rows}
     if front:
         way = f"M{places[front[0]['name']][0]:.1f} {panel.top}"
-        way += "".join(f"V{places[row['name']][1]:.1f}H{places[after['name']][0]:.1f}" for row, after in zip(front, front[1:]))
-        parts.append(f'<path class="note" stroke-width="1.5" d="{way}V{places[front[-1]["name"]][1]:.1f}H{panel.right}"/>')
+        way += "".join(f"V{places[row['name']][1]:.1f}H{places[after['name']][0]:.1f}"
+                       for row, after in zip(front, front[1:]))
+        parts.append(f'<path class="note" stroke-width="1.5" '
+                     f'd="{way}V{places[front[-1]["name"]][1]:.1f}H{panel.right}"/>')
     for row in [row for row in rows if row["dominated"]] + front:
         parts.append(_mark(row["stages"], *places[row["name"]], COLOR[row["precision"]], row["dominated"]))
     labels = chart.Labels(panel, places.values())

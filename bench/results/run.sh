@@ -2,9 +2,9 @@
 # Measures the bundled garments and how cost grows with a garment's size, and writes bench/results/RESULTS.md and
 # bench/scaling/SCALING.md with their pictures, in one command:
 #   bench/results/run.sh [--quick]
-# Builds the tool and the benches in build/ and the shared library, for its size, in build/shared/; then measures, under ten
-# minutes on an idle machine of two cores. Figures also in out/results/results.json. --quick takes few points and frames of one
-# garment and writes to out/results/quick/: does it run at all.
+# Builds the tool and the benches in build/ and the shared library, for its size, in build/shared/; then measures, under
+# ten minutes on an idle machine of two cores. Figures also in out/results/results.json. --quick takes few points and
+# frames of one garment and writes to out/results/quick/: does it run at all.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -22,5 +22,5 @@ out=out/results pages=bench
 for argument in "$@"; do
   [ "$argument" != --quick ] || { out=out/results/quick pages=out/results/quick; }
 done
-PYTHONPATH=bench:bench/peers /usr/bin/python3 -m results --build build --shared build/shared/engine/libdcloth.so --work $out \
-  --pages $pages "$@"
+PYTHONPATH=bench:bench/peers /usr/bin/python3 -m results --build build --shared build/shared/engine/libdcloth.so \
+  --work $out --pages $pages "$@"

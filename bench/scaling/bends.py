@@ -1,4 +1,5 @@
-"""Where a measured curve bends and what the figures say of the reason: caches, fixed cost, a kernel that grows otherwise."""
+"""Where a measured curve bends and what the figures say of the reason: caches, fixed cost, a kernel that grows
+otherwise."""
 import math
 from itertools import pairwise
 
@@ -55,8 +56,8 @@ def ms(value):
 def growth_sentence(title, rows):
     first, last = rows[0], rows[-1]
     steps = exponents(rows, p50)
-    return (f"From {first['value']:,} to {last['value']:,} ({last['value'] / first['value']:.0f} times) a warm frame grows "
-            f"{p50(last) / p50(first):.1f} times, {ms(p50(first))} to {ms(p50(last))} ms: exponent "
+    return (f"From {first['value']:,} to {last['value']:,} ({last['value'] / first['value']:.0f} times) a warm frame "
+            f"grows {p50(last) / p50(first):.1f} times, {ms(p50(first))} to {ms(p50(last))} ms: exponent "
             f"{exponent(first, last, p50):.2f}, {min(steps):.2f} to {max(steps):.2f} between neighbours; a cold one "
             f"{p50(last, 'cold') / p50(first, 'cold'):.1f} times.")
 
@@ -70,8 +71,8 @@ def fixed_sentence(rows):
     shares = [total(row, stays) / (total(row, stays) + total(row, grows)) for row in (first, last)]
     if max(shares) < 0.05:
         return None
-    said = (f"What does not grow ({', '.join(stays[:4])}{' and others' if len(stays) > 4 else ''}) is {shares[0]:.0%} of the "
-            f"smallest frame and {shares[1]:.0%} of the largest")
+    said = (f"What does not grow ({', '.join(stays[:4])}{' and others' if len(stays) > 4 else ''}) is {shares[0]:.0%} "
+            f"of the smallest frame and {shares[1]:.0%} of the largest")
     for before, now in pairwise(rows):
         low, high = (total(row, grows) / total(row, stays) for row in (before, now))
         if low < 1 <= high:
@@ -86,19 +87,23 @@ def cache_sentences(rows, caches):
         index = rows.index(beyond)
         before = rows[index - 1]
         steps = exponents(rows, p50)
-        sides = [f"{steps[i]:.2f} {where}" for i, where in ((index - 2, "before"), (index - 1, "there"), (index, "after"))
+        sides = [f"{steps[i]:.2f} {where}"
+                 for i, where in ((index - 2, "before"), (index - 1, "there"), (index, "after"))
                  if 0 <= i < len(steps)]
-        said.append(f"**{name}** ({sized(limit)}) is outgrown near {at:,.0f}: reading a frame's bytes again and again goes at "
-                    f"{before['warm']['read_gbs']:.0f} GB/s for {before['frame_bytes'] / 1e6:.1f} MB and at "
-                    f"{beyond['warm']['read_gbs']:.0f} for {beyond['frame_bytes'] / 1e6:.1f}; exponent {', '.join(sides)}.")
+        said.append(f"**{name}** ({sized(limit)}) is outgrown near {at:,.0f}: reading a frame's bytes again and again "
+                    f"goes at {before['warm']['read_gbs']:.0f} GB/s for {before['frame_bytes'] / 1e6:.1f} MB and at "
+                    f"{beyond['warm']['read_gbs']:.0f} for {beyond['frame_bytes'] / 1e6:.1f}; exponent "
+                    f"{', '.join(sides)}.")
     if said:
         return said
     low, high = (rows[i]["frame_bytes"] for i in (0, -1))
     inside = [name for name, limit in caches if limit >= high]
     past = [name for name, limit in caches if limit < low]
-    place = " and ".join([f"past {past[-1]}" if past else ""] * bool(past) + ([f"within {inside[0]}"] if inside else []))
+    place = " and ".join([f"past {past[-1]}" if past else ""] * bool(past)
+                         + ([f"within {inside[0]}"] if inside else []))
     return [f"No cache is outgrown on the way: a frame's bytes, {low / 1e6:.1f} to {high / 1e6:.1f} MB, stay "
-            f"{place or 'in memory'}, read at {rows[0]['warm']['read_gbs']:.0f} to {rows[-1]['warm']['read_gbs']:.0f} GB/s."]
+            f"{place or 'in memory'}, read at {rows[0]['warm']['read_gbs']:.0f} to {rows[-1]['warm']['read_gbs']:.0f} "
+            "GB/s."]
 
 
 def slope_parts(before, now):
@@ -144,8 +149,8 @@ def bend_sentences(rows, caches):
                "The kernels' medians show less than half of it: frames were interrupted")
         caches_left = [outgrown[id(row)] for row in rows[i:i + 2] if id(row) in outgrown]
         where = f", where {' and '.join(caches_left)} is outgrown" if caches_left and kernels else ""
-        said.append(f"Bend at **{rows[i]['value']:,}**, {'upward' if change > 0 else 'downward'}: exponent {steps[i - 1]:.2f} "
-                    f"before, {steps[i]:.2f} after. {why}{where}.")
+        said.append(f"Bend at **{rows[i]['value']:,}**, {'upward' if change > 0 else 'downward'}: exponent "
+                    f"{steps[i - 1]:.2f} before, {steps[i]:.2f} after. {why}{where}.")
     return said
 
 
@@ -169,8 +174,8 @@ def cold_sentence(rows):
 
 def reasons(title, rows, caches):
     """The sentences under a curve, every one of the measured figures."""
-    said = [growth_sentence(title, rows), fixed_sentence(rows), *cache_sentences(rows, caches), *bend_sentences(rows, caches),
-            largest_sentence(rows), cold_sentence(rows)]
+    said = [growth_sentence(title, rows), fixed_sentence(rows), *cache_sentences(rows, caches),
+            *bend_sentences(rows, caches), largest_sentence(rows), cold_sentence(rows)]
     return [sentence for sentence in said if sentence]
 
 
@@ -185,7 +190,8 @@ def character_reasons(said, caches):
     for name, limit, at, beyond in crossings(rows, caches, lambda row: row["bytes"]):
         before = rows[rows.index(beyond) - 1]
         out.append(f"**{name}** ({sized(limit)}) is outgrown near {at:.0f} characters: {ms(before['ms'])} ms at "
-                   f"{before['value']}, {ms(beyond['ms'])} at {beyond['value']} ({beyond['ms'] / before['ms'] - 1:+.0%}).")
+                   f"{before['value']}, {ms(beyond['ms'])} at {beyond['value']} "
+                   f"({beyond['ms'] / before['ms'] - 1:+.0%}).")
     if len(out) == 1:
         holds = next((name for name, limit in caches if limit >= last["bytes"]), "memory")
         out.append(f"No cache is outgrown on the way: all of it stays in {holds}.")

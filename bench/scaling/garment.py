@@ -1,4 +1,5 @@
-"""Synthetic garments of any size for the scaling curves: a skirt on a capsule body with random weights of sensible scale.
+"""Synthetic garments of any size for the scaling curves: a skirt on a capsule body with random weights of sensible
+scale.
 
 Untrained weights cost what trained ones cost: no kernel looks at values.
 """

@@ -42,13 +42,15 @@ class Bench:
             row = {"error_mm": error}
             for heat, flags in (("warm", []), ("cold", ["--cold"])):
                 # One tick a frame: the tick rate is 30 Hz.
-                said = self.steps.json(f"{name}: {heat}", self.build / "dcloth", "profile", model, self.motion, "--fps", 30,
-                                       "--frames", frames[heat], "--json", *flags)
-                row[heat] = {"frame_ms": said["frame_ms"], "frames": said["frames"], "read_gbs": said["machine"]["read_gbs"],
+                said = self.steps.json(f"{name}: {heat}", self.build / "dcloth", "profile", model, self.motion, "--fps",
+                                       30, "--frames", frames[heat], "--json", *flags)
+                row[heat] = {"frame_ms": said["frame_ms"], "frames": said["frames"],
+                             "read_gbs": said["machine"]["read_gbs"],
                              "memory_gbs": said["machine"]["memory_gbs"],
                              "kernels_ms": {k["name"]: k["ms"]["p50"] for k in said["kernels"] if k["ms"]}}
             row |= {"model_bytes": said["model_bytes"], "instance_bytes": said["instance_bytes"],
-                    "kernels": {k["name"]: {key: k[key] for key in ("flops", "bytes", "bound")} for k in said["kernels"]},
+                    "kernels": {k["name"]: {key: k[key] for key in ("flops", "bytes", "bound")}
+                                for k in said["kernels"]},
                     "frame_bytes": sum(k["bytes"] for k in said["kernels"])}
             self._points[size] = row
         return {"value": len(skirt(value)[0]) if axis == "vertices" else value, **self._points[size]}

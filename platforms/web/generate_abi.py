@@ -13,7 +13,8 @@ import re
 import sys
 
 # C type: bytes (and alignment) on wasm32, type of an argument or result in JavaScript.
-SCALARS = {"uint16_t": (2, "number"), "uint32_t": (4, "number"), "int32_t": (4, "number"), "dcloth_status": (4, "number"),
+SCALARS = {"uint16_t": (2, "number"), "uint32_t": (4, "number"), "int32_t": (4, "number"),
+           "dcloth_status": (4, "number"),
            "size_t": (4, "number"), "uint64_t": (8, "bigint"), "float": (4, "number"), "char": (1, "number")}
 POINTER_BYTES = 4
 # Beside the C ABI: lent memory comes from here, and steps are timed by the host's clock (clock.c).

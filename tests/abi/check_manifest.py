@@ -4,10 +4,10 @@ constant with its value, every symbol of the library.
 
 Usage: check_manifest.py FOLDER MANIFEST CC [--symbols NM LIBRARY] [--write | --faults]
 
-FOLDER holds the public headers, every *.h: parsed for what they declare, compiled with CC as C99, each also alone, for what
-that means in bytes. --write makes the manifest anew: a change of the ABI is then a change in its diff. --faults seeds faults
-into copies of the headers, each of which must be found.
-Bindings in other languages are checked against the same file. Offsets are those of 64-bit targets.
+FOLDER holds the public headers, every *.h: parsed for what they declare, compiled with CC as C99, each also alone, for
+what that means in bytes. --write makes the manifest anew: a change of the ABI is then a change in its diff. --faults
+seeds faults into copies of the headers, each of which must be found. Bindings in other languages are checked against
+the same file. Offsets are those of 64-bit targets.
 """
 import argparse
 import json
@@ -109,7 +109,8 @@ def alone_faults(headers, cc):
     with tempfile.TemporaryDirectory() as folder:
         write_headers(headers, folder)
         for name in headers:
-            done = subprocess.run([cc, "-std=c99", "-Wall", "-Wpedantic", "-Wstrict-prototypes", "-Werror", "-fsyntax-only",
+            done = subprocess.run([cc, "-std=c99", "-Wall", "-Wpedantic", "-Wstrict-prototypes", "-Werror",
+                                   "-fsyntax-only",
                                    "-x", "c", "-I", folder, "-"], input=f'#include "dcloth/{name}"\nint main(void);\n',
                                   capture_output=True, text=True, check=False)
             if done.returncode != 0:
@@ -159,7 +160,8 @@ def rules(found):
             yield f"structs.{name}: does not start with uint32_t struct_size"
         last = struct["fields"][-1]
         if last["offset"] + last["bytes"] != struct["bytes"]:
-            yield f"structs.{name}: padding behind the last field; a later field there would be read from old hosts' garbage"
+            yield (f"structs.{name}: padding behind the last field; a later field there would be read from old hosts' "
+                   "garbage")
         for member in struct["fields"]:
             if re.search(r"\[\w*_COUNT\]$", member["type"]):
                 yield f"structs.{name}.{member['name']}: an array as long as an enum, which may grow"

@@ -10,8 +10,8 @@ import sys
 
 # Memory and text of the C library, square root and arc tangent.
 ALLOWED = {"memcpy", "memmove", "memset", "memcmp", "memchr", "strncmp", "strlen", "sqrt", "sqrtf", "atan2"}
-# The linker's own, and what sanitizers, hardening and position independence add; on Windows the compiler's touch of each
-# page of a frame above 4 KB, where the system grows the stack page by page.
+# The linker's own, and what sanitizers, hardening and position independence add; on Windows the compiler's touch of
+# each page of a frame above 4 KB, where the system grows the stack page by page.
 TOOLCHAIN = re.compile(r"_GLOBAL_OFFSET_TABLE_|__stack_chk_fail|___chkstk_ms|__(asan|ubsan|tsan|msan|sanitizer)_.*|"
                        r"__cpu_model|__cpu_indicator_init")
 FORBIDDEN_DEFINITIONS = re.compile(r"_GLOBAL__sub_I_|__cxx_global_var_init")
@@ -40,7 +40,8 @@ def main():
                 initialisers.append(f"{current}: {name}")
     outside = {name: where for name, where in undefined.items() if name not in defined}
     bad = {name: where for name, where in outside.items() if name not in ALLOWED and not TOOLCHAIN.fullmatch(name)}
-    print(f"{sys.argv[2]}: {objects} objects, {len(defined)} symbols, asks for {', '.join(sorted(outside)) or 'nothing'}")
+    print(f"{sys.argv[2]}: {objects} objects, {len(defined)} symbols, asks for "
+          f"{', '.join(sorted(outside)) or 'nothing'}")
     for name, where in sorted(bad.items()):
         print(f"error: {where} uses {name}, which is not on the list in {sys.argv[0]}", file=sys.stderr)
     for text in initialisers:

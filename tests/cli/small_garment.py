@@ -1,4 +1,5 @@
-"""A whole small garment: a cone skirt of 504 vertices on a capsule body, untrained weights of sensible size, and motion.
+"""A whole small garment: a cone skirt of 504 vertices on a capsule body, untrained weights of sensible size, and
+motion.
 
 The truth is the skirt, plainly skinned, with a swing that lags behind the hips: wrong as cloth, right as test data.
 """
@@ -10,7 +11,8 @@ import safetensors_file
 
 JOINTS = ["hips", "spine", "thigh_l", "shin_l", "thigh_r", "shin_r", "head"]
 PARENTS = [-1, 0, 0, 2, 0, 4, 1]
-OFFSETS = np.array([[0, 1.0, 0], [0, 0.25, 0], [0.1, -0.05, 0], [0, -0.42, 0], [-0.1, -0.05, 0], [0, -0.42, 0], [0, 0.35, 0]])
+OFFSETS = np.array([[0, 1.0, 0], [0, 0.25, 0], [0.1, -0.05, 0], [0, -0.42, 0], [-0.1, -0.05, 0], [0, -0.42, 0],
+                    [0, 0.35, 0]])
 BONES = ["hips", "thigh_l", "shin_l", "thigh_r", "shin_r"]
 FEATURES = ["hips", "thigh_l", "shin_l", "thigh_r", "shin_r"]
 RINGS, COLUMNS = 18, 28
@@ -65,7 +67,8 @@ def motion(frames, fps, speed=1.0):
 def skirt():
     way = np.linspace(0, 1, RINGS)
     points, faces = tube(0.17 + 0.2 * way, 1.08 - 0.5 * way, (0, 0), COLUMNS)
-    pleats = 1 + 0.1 * np.repeat(way ** 2, COLUMNS) * np.cos(7 * 2 * np.pi * np.tile(np.arange(COLUMNS), RINGS) / COLUMNS)
+    pleats = 1 + 0.1 * np.repeat(way ** 2,
+                                 COLUMNS) * np.cos(7 * 2 * np.pi * np.tile(np.arange(COLUMNS), RINGS) / COLUMNS)
     points[:, 0] *= pleats
     points[:, 2] *= pleats
     return points, faces
@@ -73,7 +76,8 @@ def skirt():
 
 def body():
     heights = np.linspace(1.75, 0.9, 14)
-    torso = tube(np.interp(heights, [0.9, 1.0, 1.3, 1.5, 1.58, 1.75], [0.15, 0.16, 0.13, 0.17, 0.08, 0.09]), heights, (0, 0), 20)
+    torso = tube(np.interp(heights, [0.9, 1.0, 1.3, 1.5, 1.58, 1.75], [0.15, 0.16, 0.13, 0.17, 0.08, 0.09]), heights,
+                 (0, 0), 20)
     parts = [torso] + [tube(np.linspace(0.09, 0.05, 14), np.linspace(0.95, 0.08, 14), (x, 0), 14) for x in (0.1, -0.1)]
     points, faces, at = [], [], 0
     for p, f in parts:
@@ -118,7 +122,8 @@ def bundle_tensors(width=8):
         return millimetres * 1e-3 * (waves * hem)[:, :, None] * random.standard_normal((count, 1, 3))
 
     t = {"template.positions": points, "template.faces": faces, "character.bind": bind(),
-         "body.positions": skin_points, "body.faces": skin_faces, "body.joint_weights": joint_weights(skin_points, JOINTS),
+         "body.positions": skin_points, "body.faces": skin_faces,
+         "body.joint_weights": joint_weights(skin_points, JOINTS),
          "nearest.points": nearest, "nearest.joint_weights": joint_weights(nearest, JOINTS),
          "features.mean": np.zeros(d), "features.deviation": np.ones(d), "features.low": np.full(d, -4.0),
          "features.high": np.full(d, 4.0),
@@ -126,13 +131,15 @@ def bundle_tensors(width=8):
          "static.mlp.2.weight": dense(3 * m, HIDDEN, 2e-3), "static.mlp.2.bias": np.zeros(3 * m),
          "static.initial_weights": joint_weights(points, BONES),
          "static.residual_weights": 1e-3 * random.standard_normal((2, n, m)),
-         "skeleton.gru.weight_ih": dense(3 * K_SKELETON, d), "skeleton.gru.weight_hh": dense(3 * K_SKELETON, K_SKELETON),
+         "skeleton.gru.weight_ih": dense(3 * K_SKELETON, d),
+         "skeleton.gru.weight_hh": dense(3 * K_SKELETON, K_SKELETON),
          "skeleton.gru.bias_ih": np.zeros(3 * K_SKELETON), "skeleton.gru.bias_hh": np.zeros(3 * K_SKELETON),
          "skeleton.basis": basis(K_SKELETON, 12), "mesh.input_mean": np.array([0, -0.3, 0]),
          "mesh.input_deviation": np.array([0.15, 0.3, 0.15]),
          "mesh.embed.weight": dense(1, width), "mesh.embed.bias": np.zeros(1),
          "mesh.mlp.0.weight": dense(HIDDEN, n), "mesh.mlp.0.bias": np.zeros(HIDDEN),
-         "mesh.mlp.2.weight": dense(K_MESH, HIDDEN), "mesh.mlp.2.bias": np.zeros(K_MESH), "mesh.basis": basis(K_MESH, 4)}
+         "mesh.mlp.2.weight": dense(K_MESH, HIDDEN), "mesh.mlp.2.bias": np.zeros(K_MESH),
+         "mesh.basis": basis(K_MESH, 4)}
     for layer in range(2):
         inputs = 3 if layer == 0 else width
         t[f"mesh.layers.{layer}.w_p"] = dense(inputs, width)

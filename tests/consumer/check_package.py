@@ -4,8 +4,8 @@
 Usage: check_package.py WAY BUILD_FOLDER MODEL WORK_FOLDER [CMAKE_OPTION...]
 
 WAY: find_package, pkg_config (of what `cmake --install BUILD_FOLDER` installs, moved afterwards) or add_subdirectory
-(of the repository, as a shared library, unoptimised: it is built for this test alone). The host is tests/abi/consumer.c; it plays
-MODEL. PKG_CONFIG and CC name other programs than pkg-config and cc.
+(of the repository, as a shared library, unoptimised: it is built for this test alone). The host is
+tests/abi/consumer.c; it plays MODEL. PKG_CONFIG and CC name other programs than pkg-config and cc.
 """
 import os
 import re
@@ -81,8 +81,9 @@ def program_of(page, begins=""):
 
 def check_sketch(work, flags):
     """The lines in C that README.md shows, with what they leave to the host as parameters."""
-    host = ("int host(const void* bytes, size_t size, void* view, void* memory, uint32_t joint_count, uint32_t vertex_count,"
-            "\n         const float* joint_matrices, float* positions, float* normals, float delta_seconds)")
+    host = ("int host(const void* bytes, size_t size, void* view, void* memory, uint32_t joint_count, uint32_t "
+            "vertex_count,\n         const float* joint_matrices, float* positions, float* normals, float "
+            "delta_seconds)")
     source = work / "sketch.c"
     source.write_text(f"#include <dcloth/dcloth.h>\n\nint fail(const char* text);\n\n{host};\n{host} {{\n"
                       f"{program_of('README.md')}return 0;\n}}\n", encoding="utf-8")

@@ -4,8 +4,8 @@ every build.
 
 Usage: keep.py FUZZERS FOLDER [TARGET...]    after scripts/fuzz.sh: keep.py build-fuzz out/fuzz
 
-A pack holds inputs one behind the other, each after its length (32 bits, little-endian). Inputs above a target's limit are
-left out: the edges that only they reach are few, and they would be most of the bytes.
+A pack holds inputs one behind the other, each after its length (32 bits, little-endian). Inputs above a target's limit
+are left out: the edges that only they reach are few, and they would be most of the bytes.
 """
 import struct
 import subprocess
@@ -37,7 +37,8 @@ def main():
         sys.exit(__doc__)
     fuzzers, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2])
     for target in sys.argv[3:] or sorted(path.name for path in (folder / "corpus").iterdir()):
-        inputs, all_inputs = smallest_cover(fuzzers / f"fuzz_{target}", [folder / "corpus" / target, folder / "seeds" / target],
+        inputs, all_inputs = smallest_cover(fuzzers / f"fuzz_{target}",
+                                            [folder / "corpus" / target, folder / "seeds" / target],
                                             MOST_BYTES.get(target, 1 << 16))
         pack = b"".join(struct.pack("<I", len(data)) + data for data in inputs)
         (KEPT / f"{target}.pack").write_bytes(pack)

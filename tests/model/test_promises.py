@@ -42,7 +42,8 @@ WORTH = 0.01  # of the error before it: what a stage must take off to be worth i
 
 
 def test_every_stage_earns_its_time_or_the_card_says_that_it_does_not(variants, garment):
-    """On the bundled sequences, none of which was trained on. The card's sentence goes when the stage earns its time."""
+    """On the bundled sequences, none of which was trained on. The card's sentence goes when the stage earns its
+    time."""
     card = (garment.bundle.parent / "README.md").read_text()
     before = variants["skinning"]["truth"]["position_mm"]["mean"]
     for stage, name in (("static", "int8/static"), ("skeleton", "int8/skeleton"), ("mesh", "int8")):

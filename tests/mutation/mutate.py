@@ -3,12 +3,12 @@
 
     mutate.py BUILD [--files PATTERN] [--sample N] [--seed S] [--results FILE]
 
-BUILD is a Ninja build of this tree with all tests built. A mutant is compiled by the build's own command into a folder of
-its own and linked before the libraries, so neither tree nor build changes. What passes all tests is compiled again with each
-index into an array checked, as the sanitized tests of scripts/test.sh have it: a step past an array on the stack may
-change nothing in a release build. Verdicts are added to FILE (out/mutation/results.jsonl), and a mutant that has one is
-not tried again: stop and go on at will. At the end the survivors are listed; explained.json says of those that no test
-can tell apart why, and any other makes the exit code 1.
+BUILD is a Ninja build of this tree with all tests built. A mutant is compiled by the build's own command into a folder
+of its own and linked before the libraries, so neither tree nor build changes. What passes all tests is compiled again
+with each index into an array checked, as the sanitized tests of scripts/test.sh have it: a step past an array on the
+stack may change nothing in a release build. Verdicts are added to FILE (out/mutation/results.jsonl), and a mutant that
+has one is not tried again: stop and go on at will. At the end the survivors are listed; explained.json says of those
+that no test can tell apart why, and any other makes the exit code 1.
 """
 import argparse
 import collections
@@ -90,8 +90,10 @@ def owners():
 
 
 # What is looked for in a line and what it becomes.
-OPERATORS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "), (r" == ", " != "), (r" != ", " == "),
-             (r" && ", " || "), (r" \|\| ", " && "), (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " + "), (r" / ", " * "),
+OPERATORS = [(r" < ", " <= "), (r" <= ", " < "), (r" > ", " >= "), (r" >= ", " > "), (r" == ", " != "),
+             (r" != ", " == "),
+             (r" && ", " || "), (r" \|\| ", " && "), (r" \+ ", " - "), (r" - ", " + "), (r" \* ", " + "),
+             (r" / ", " * "),
              (r" \+= ", " -= "), (r"\btrue\b", "false"), (r"\bfalse\b", "true"), (r"(?<![\w.])0(?![\w.])", "1"),
              (r"(?<![\w.])1(?![\w.])", "2"), (r"\bAdd\(", "Sub("), (r"\bMin\(", "Max("), (r"\bMax\(", "Min("),
              (r"\bLt\(", "Le("), (r"\bGe\(", "Gt(")]

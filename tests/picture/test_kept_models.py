@@ -1,8 +1,8 @@
 """A file of every format version that a release wrote opens and draws what it drew then, to the bit.
 
-kept/ holds a small garment as the converter of that version wrote it, poses to play, and the hashes of what the engine of
-that version drew with the reproducible kernels. A new version adds a file; none is ever written anew. `--body` keeps the
-cloth outside of the body.
+kept/ holds a small garment as the converter of that version wrote it, poses to play, and the hashes of what the engine
+of that version drew with the reproducible kernels. A new version adds a file; none is ever written anew. `--body` keeps
+the cloth outside of the body.
 """
 import json
 import os
@@ -30,7 +30,8 @@ def test_every_kept_file_is_listed():
 @pytest.mark.parametrize("name", sorted(DRAWN))
 def test_kept_model(name):
     model, kept = KEPT / f"{name}.dcloth", DRAWN[name]
-    printed = subprocess.run([os.environ["DCLOTH_BIN"], "inspect", model, "--json"], capture_output=True, check=True).stdout
+    printed = subprocess.run([os.environ["DCLOTH_BIN"], "inspect", model, "--json"], capture_output=True,
+                             check=True).stdout
     said = json.loads(printed)
     assert said["format"] == kept["format"]
     assert drawn(model) == kept["picture"]

@@ -1,18 +1,18 @@
 """The shipped models draw the same picture on every instruction set: within 0.01 mm of each other (int8: 0.02), and the
-same bits in the reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside of
-the body, there within 0.01 mm on average: on which side a vertex deep inside comes out may hang on the last bit. Over 200
-frames, or as many as DCLOTH_PICTURE_FRAMES says; hashes are pinned for 20, 200 and 2,000 (scripts/test_long.sh).
-So do untrained models with wider graph layers than the shipped ones have, whose kernels nothing else runs on every platform;
-made by numpy, whose last bits differ from machine to machine, they are not pinned.
+same bits in the reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside
+of the body, there within 0.01 mm on average: on which side a vertex deep inside comes out may hang on the last bit.
+Over 200 frames, or as many as DCLOTH_PICTURE_FRAMES says; hashes are pinned for 20, 200 and 2,000
+(scripts/test_long.sh). So do untrained models with wider graph layers than the shipped ones have, whose kernels nothing
+else runs on every platform; made by numpy, whose last bits differ from machine to machine, they are not pinned.
 
-int8 models round activations to integers, so that the last bit of one moves others by a step. The arithmetic before those
-roundings is therefore the same everywhere, to the bit, up to the mesh stage (kernels/README.md).
+int8 models round activations to integers, so that the last bit of one moves others by a step. The arithmetic before
+those roundings is therefore the same everywhere, to the bit, up to the mesh stage (kernels/README.md).
 
-DCLOTH_PICTURE_OTHERS names programs of other platforms, one a line, "aarch64=qemu-aarch64 -L ROOT PROGRAM": they play the
-same model bytes and poses. Without DCLOTH_PICTURE, the host's program, they alone do.
+DCLOTH_PICTURE_OTHERS names programs of other platforms, one a line, "aarch64=qemu-aarch64 -L ROOT PROGRAM": they play
+the same model bytes and poses. Without DCLOTH_PICTURE, the host's program, they alone do.
 
-`python3 test_same_picture.py --pin` writes the hashes anew, after a model or the arithmetic has changed; a change of hashes
-is a change that replays notice, and belongs into the change log.
+`python3 test_same_picture.py --pin` writes the hashes anew, after a model or the arithmetic has changed; a change of
+hashes is a change that replays notice, and belongs into the change log.
 """
 import hashlib
 import json
@@ -34,13 +34,14 @@ import small_garment
 PINNED_FRAMES = ("20", "200", "2000")
 FRAMES = int(os.environ.get("DCLOTH_PICTURE_FRAMES", "200"))
 PINNED = pathlib.Path(__file__).with_name("hashes.json")
-GARMENTS = sorted(path.parent.name for path in (ROOT / "models").glob("*/*.safetensors") if path.stem == path.parent.name)
+GARMENTS = sorted(path.parent.name
+                  for path in (ROOT / "models").glob("*/*.safetensors") if path.stem == path.parent.name)
 OUTSIDE = "int8, outside of the body"
 VARIANTS = ["int8", "fp16", "fp32", OUTSIDE]
 WIDTHS = [16, 24, 32]  # features of a graph layer; from 16 on int8 models multiply integers there
 HOST_ISAS = ["reproducible", "sse4", "avx2", "avx3", "neon", "scalar"]
-OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"], "wasm": ["reproducible", "wasm"],
-              "wasm-scalar": ["reproducible", "scalar"]}
+OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"],
+              "wasm": ["reproducible", "wasm"], "wasm-scalar": ["reproducible", "scalar"]}
 LIMIT_MM = 0.01
 # A last bit before the mesh stage's coefficients may round one of them to the next integer: 0.013 mm of the robe.
 INT8_LIMIT_MM = 0.02
@@ -151,7 +152,8 @@ def test_same_picture(garment, variant, tmp_path):
     if str(FRAMES) not in pinned["pictures"]:
         return
     assert model == pinned["model"], "the converter wrote other bytes than those that the hashes are of; see the top"
-    assert picture == pinned["pictures"][str(FRAMES)], "the reproducible mode draws another picture than before; see the top"
+    kept = pinned["pictures"][str(FRAMES)]
+    assert picture == kept, "the reproducible mode draws another picture than before; see the top"
 
 
 @pytest.mark.parametrize("precision", ["int8", "fp32"])
@@ -169,7 +171,8 @@ def pin():
             for frames in PINNED_FRAMES:
                 with tempfile.TemporaryDirectory() as folder:
                     drawn, pin["model"] = pictures(garment, variant, pathlib.Path(folder),
-                                                   [("host", [os.environ["DCLOTH_PICTURE"]], ["reproducible"])], int(frames))
+                                                   [("host", [os.environ["DCLOTH_PICTURE"]], ["reproducible"])],
+                                                   int(frames))
                 print(garment, variant, frames, *drawn["host", "reproducible"], flush=True)
                 pin["pictures"][frames] = drawn["host", "reproducible"][0]
     PINNED.write_text(json.dumps(pins, indent=1) + "\n")

@@ -19,7 +19,8 @@ def played(tmp_path_factory):
     bundle, model, poses = folder / "bundle.safetensors", folder / "model.dcloth", folder / "poses.f32"
     small_garment.write_bundle(bundle)
     dcloth = os.environ["DCLOTH_BIN"]
-    subprocess.run([dcloth, "convert", bundle, "-o", model, "--precision", "int8"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([dcloth, "convert", bundle, "-o", model, "--precision", "int8"], check=True,
+                   stdout=subprocess.DEVNULL)
     inspected = json.loads(subprocess.run([dcloth, "inspect", model, "--json"], check=True, capture_output=True).stdout)
     order = [small_garment.JOINTS.index(name) for name in inspected["joints"]]
     small_garment.motion(300, 30)[:, order].astype(np.float32).tofile(poses)

@@ -40,7 +40,8 @@ def meta(path, relative):
 
 def hidden(relative):
     """What Unity does not import. Samples are copied into projects, with the .meta files below their folder."""
-    return (relative.parts[0].endswith("~") and len(relative.parts) < 3) or any(p.startswith(".") for p in relative.parts)
+    hidden = any(p.startswith(".") for p in relative.parts)
+    return hidden or (relative.parts[0].endswith("~") and len(relative.parts) < 3)
 
 
 def check_metas(package, write):

@@ -1,7 +1,7 @@
 // Plays a script (player_script.py) through ClothPlayer, as the renderer component does.
 // Arguments: MODEL SCRIPT RESULT model|unity. The poses are in the space named.
-// Or: --fit MODEL: a character of 1.2 times the figure's size and other names, which wears the garment 1.2 times as large.
-// Or: --describe MODEL TRIANGLES. Prints the count of vertices, writes triangles as Unity's front faces turn.
+// Or: --fit MODEL: a character of 1.2 times the figure's size and other names, which wears the garment 1.2 times as
+// large. Or: --describe MODEL TRIANGLES. Prints the count of vertices, writes triangles as Unity's front faces turn.
 using System;
 using System.IO;
 using System.Runtime.InteropServices;

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Unpacks the plugin that scripts/package_unreal.py packs and builds it as far as it goes without Unreal: every source is
-compiled with the packed headers alone and linked with the packed library. With Mono, its .Build.cs files are compiled and
-run too.
+"""Unpacks the plugin that scripts/package_unreal.py packs and builds it as far as it goes without Unreal: every source
+is compiled with the packed headers alone and linked with the packed library. With Mono, its .Build.cs files are
+compiled and run too.
 
 Usage: check_package.py PACKER LIBRARY STAND_IN_INCLUDES REPOSITORY COMPILER FOLDER [MCS MONO]
 """

@@ -389,7 +389,8 @@ test("less of a frame is drawn", () => {
   const scene = engine.createScene(2);
   const costs = { drawMicroseconds: 100, tickMicroseconds: [0, 10, 100, 100, 1000], errorMm: [20, 12, 3.6, 3.5, 3] };
   scene.set(0, { cloth: full, importance: 1, ...costs });
-  scene.set(1, { cloth: less, importance: 0.01, positionsMicroseconds: 80, coarseMicroseconds: 50, undrawnMicroseconds: 1,
+  scene.set(1, { cloth: less, importance: 0.01, positionsMicroseconds: 80, coarseMicroseconds: 50,
+      undrawnMicroseconds: 1,
     mostUndrawn: 3, ...costs });
   const seen = [0, 0, 0, 0];
   for (let frame = 0; frame < 8; ++frame) {

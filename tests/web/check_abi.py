@@ -28,7 +28,8 @@ def faults(manifest):
     for name, text in list(manifest["functions"].items())[::5]:
         yield f"{name}: gone", changed(lambda m: m["functions"].pop(name))
         other = "uint32_t " if text.startswith("uint64_t ") else "uint64_t "
-        yield f"{name}: another result", changed(lambda m: m["functions"].update({name: other + text[text.index(name):]}))
+        result = other + text[text.index(name):]
+        yield f"{name}: another result", changed(lambda m: m["functions"].update({name: result}))
 
 
 def main():

@@ -7,8 +7,8 @@ import { gzipSync } from "node:zlib";
 import { bytesOf, load, modules, repository } from "./files.js";
 
 const manifest = JSON.parse(readFileSync(`${repository}/engine/abi.json`, "utf8"));
-// The modules' bytes, plain and gzipped, as the package's README states them. Every visitor of a web page loads them, so
-// whoever changes them by 2% states the new figures there.
+// The modules' bytes, plain and gzipped, as the package's README states them. Every visitor of a web page loads them,
+// so whoever changes them by 2% states the new figures there.
 const page = readFileSync(`${repository}/platforms/web/README.md`, "utf8");
 const stated = Object.fromEntries(Object.entries({ simd: "dcloth.wasm", scalar: "dcloth-scalar.wasm" }).map(
   ([kernels, file]) => {
@@ -55,7 +55,8 @@ for (const kernels of ["simd", "scalar"]) {
     console.log(`${kernels}: ${bytes.byteLength} bytes, ${packed} gzipped`);
     [bytes.byteLength, packed].forEach((found, i) => {
       const apart = Math.abs(found / stated[kernels][i] - 1);
-      assert.ok(apart < 0.02, `${found} bytes; platforms/web/README.md states ${stated[kernels][i]}, allowed: within 2%`);
+      assert.ok(apart < 0.02,
+          `${found} bytes; platforms/web/README.md states ${stated[kernels][i]}, allowed: within 2%`);
     });
   });
 }

@@ -16,7 +16,8 @@ test("a rig in centimetres with Z up walks in the skirt", () => {
   writeFileSync(join(folder, "package.json"), '{ "type": "module" }');
   copyFileSync(join(repository, "tests/web/three_host.js"), join(folder, "host.js"));
   copyFileSync(join(repository, "platforms/web/page/figure.js"), join(folder, "figure.js"));
-  const done = spawnSync(process.execPath, ["--preserve-symlinks", "host.js", site, join(repository, "platforms/web/page")],
+  const done = spawnSync(process.execPath,
+      ["--preserve-symlinks", "host.js", site, join(repository, "platforms/web/page")],
     { cwd: folder, encoding: "utf8" });
   assert.equal(done.status, 0, done.stderr);
   const said = JSON.parse(done.stdout);

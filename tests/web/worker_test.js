@@ -1,5 +1,5 @@
-// The engine in a worker against the engine in this thread: the same vertices, errors, order, memory. In Node's workers; a
-// Web Worker is in page_test.js.
+// The engine in a worker against the engine in this thread: the same vertices, errors, order, memory. In Node's
+// workers; a Web Worker is in page_test.js.
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Worker } from "node:worker_threads";
@@ -47,7 +47,8 @@ test.after(() => worker.terminate());
 
 test("a model in the worker says what it holds", () => {
   assert.deepEqual([worker.version, worker.instructionSet, worker.fallback], [engine.version, "wasm", ""]);
-  for (const what of ["name", "precision", "format", "jointCount", "vertexCount", "triangleCount", "stages", "tickSeconds",
+  for (const what of ["name", "precision", "format", "jointCount", "vertexCount", "triangleCount", "stages",
+      "tickSeconds",
     "hasBody", "readsWind", "clothBytes", "jointNames", "jointParents", "triangles", "bindMatrices"]) {
     assert.deepEqual(there[what], here[what], what);
   }

@@ -11,7 +11,9 @@ class Camera {
     this.pointers = new Map();
     canvas.addEventListener('pointerdown', (e) => this.down(canvas, e));
     canvas.addEventListener('pointermove', (e) => this.move(canvas, e));
-    for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, (e) => this.pointers.delete(e.pointerId));
+    for (const name of ['pointerup', 'pointercancel']) {
+      canvas.addEventListener(name, (e) => this.pointers.delete(e.pointerId));
+    }
     canvas.addEventListener('wheel', (e) => {
       e.preventDefault();
       this.zoom(Math.exp(e.deltaY * 0.001));

@@ -1,7 +1,8 @@
 // Plots as SVG in the page's own colours: axes and labels for all, time per stage, error over time.
 
 const STAGE_COLORS = {
-  pose: '#8a8f98', static: '#b05a9c', skeleton: '#3f8fd2', mesh: '#5b6ee1', displacement: '#e4573d', skinning: '#c2863a', penetration: '#7a9a2e', normals: '#2aa198',
+  pose: '#8a8f98', static: '#b05a9c', skeleton: '#3f8fd2', mesh: '#5b6ee1', displacement: '#e4573d',
+  skinning: '#c2863a', penetration: '#7a9a2e', normals: '#2aa198',
 };
 
 function ticksLinear(low, high, wanted) {
@@ -56,7 +57,9 @@ function labelPlace(cx, cy, text, box, placed) {
   const spots = [];
   for (let ring = 0; ring < 6; ring++) {
     const up = cy - 24 - 15 * ring, down = cy + 10 + 15 * ring;
-    for (const y of [up, down]) for (const x of [cx - width / 2, cx - width - 8, cx + 8]) spots.push({x, y, width, height});
+    for (const y of [up, down]) {
+      for (const x of [cx - width / 2, cx - width - 8, cx + 8]) spots.push({x, y, width, height});
+    }
   }
   const free = (s) => s.x > box.left + 2 && s.x + width < box.right && s.y > box.top && s.y + height < box.bottom &&
       !placed.some((p) => s.x < p.x + p.width && p.x < s.x + width && s.y < p.y + height && p.y < s.y + height);
@@ -79,7 +82,8 @@ function stageChart() {
     svg.append(element('line', {x1: x.at(v), x2: x.at(v), y1: box.top, y2: box.bottom, class: 'grid'}),
                element('text', {x: x.at(v), y: box.bottom + 18, class: 'tick', 'text-anchor': 'middle'}, `${v}`));
   }
-  svg.append(element('text', {x: box.right, y: box.bottom + 36, class: 'axis', 'text-anchor': 'end'}, 'ms, median, cold cache'));
+  svg.append(element('text', {x: box.right, y: box.bottom + 36, class: 'axis', 'text-anchor': 'end'},
+      'ms, median, cold cache'));
   let key = 0, line = 6;
   Object.entries(STAGE_COLORS).forEach(([name, color]) => {
     const width = 30 + name.length * 6.6;
@@ -124,8 +128,10 @@ function errorChart(sequence, seek) {
                element('text', {x: key + 18, y: 18, class: 'note'}, variantLabel(name)));
   }
   for (const name of names) {
-    const points = sequence.errors[name].map((e, f) => `${x.at(f / sequence.fps).toFixed(1)},${y.at(e).toFixed(1)}`).join(' ');
-    svg.append(element('polyline', {points, fill: 'none', stroke: variantColor(name), 'stroke-width': 1.8, 'stroke-linejoin': 'round'}));
+    const points = sequence.errors[name].map((e, f) =>
+        `${x.at(f / sequence.fps).toFixed(1)},${y.at(e).toFixed(1)}`).join(' ');
+    svg.append(element('polyline',
+        {points, fill: 'none', stroke: variantColor(name), 'stroke-width': 1.8, 'stroke-linejoin': 'round'}));
   }
   const cursor = element('line', {y1: box.top, y2: box.bottom, class: 'cursor'});
   svg.append(cursor);

@@ -28,7 +28,8 @@ function spatialParents(faces, count) {
 }
 
 // A track is [frames][xyz][count] int16 quanta about the frame's origin. Stored per number: (value - prediction), minus
-// the same of the parent vertex, zigzag, low bytes of the whole track before its high bytes. Arithmetic wraps at 16 bits.
+// the same of the parent vertex, zigzag, low bytes of the whole track before its high bytes. Arithmetic wraps at 16
+// bits.
 const PREDICT_PREVIOUS = 1, PREDICT_LINEAR = 2, PREDICT_REFERENCE = 3, PREDICT_REFERENCE_MOTION = 4;
 
 function decodeTrack(bytes, frames, parents, predictor, reference) {

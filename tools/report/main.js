@@ -14,7 +14,8 @@ function applyTheme(state) {
   document.documentElement.dataset.theme = state.theme;
 }
 
-// A round upper end for the legend, the same for every variant: three times the mean error of the last one, on a 1-2-5 grid.
+// A round upper end for the legend, the same for every variant: three times the mean error of the last one, on a 1-2-5
+// grid.
 function errorScale(sequence) {
   const last = Object.values(sequence.errors).pop();
   const top = Math.max(3 * last.reduce((sum, e) => sum + e, 0) / last.length, 0.01);
@@ -28,7 +29,8 @@ function staticSections(select) {
   byId('facts').textContent = report.facts.join('  ·  ');
   const wide = report.variants.length > 9;
   byId('speed-error').closest('.pair').classList.toggle('wide', wide);
-  const slots = {headline: headline(), 'speed-error': paretoChart(select, wide), stages: stageChart(), table: resultTable(select)};
+  const slots = {headline: headline(), 'speed-error': paretoChart(select, wide), stages: stageChart(),
+      table: resultTable(select)};
   for (const [id, node] of Object.entries(slots)) {
     if (node) byId(id).append(node);
     else byId(id).closest('[data-optional]').hidden = true;
@@ -114,7 +116,8 @@ class Page {
   // A table row may name a variant that has no track of its own ("int8@64"): the nearest one is shown.
   select(name) {
     const [precision, stage] = name.split('/');
-    const found = [trackName(name), stage, precision.split('@')[0]].find((n) => n && this.names && this.names.includes(n));
+    const wanted = [trackName(name), stage, precision.split('@')[0]];
+    const found = wanted.find((n) => n && this.names && this.names.includes(n));
     if (!found) return;
     this.state.variant = found;
     this.changed();
@@ -145,7 +148,8 @@ class Page {
     byId('right-name').textContent = variantLabel(state.variant);
     const showLegend = state.color === 'error' && state.variant !== 'truth';
     byId('legend').hidden = !showLegend;
-    byId('legend-bar').style.background = `linear-gradient(90deg, ${VIRIDIS.split(' ').map((h) => '#' + h).join(', ')})`;
+    const colors = VIRIDIS.split(' ').map((h) => '#' + h).join(', ');
+    byId('legend-bar').style.background = `linear-gradient(90deg, ${colors})`;
     byId('legend-high').textContent = `${state.errorScale} mm`;
     writeHash(state);
     this.viewer.invalidate();

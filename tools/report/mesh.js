@@ -22,8 +22,10 @@ function smoothNormals(positions, faces, out) {
   out.fill(0);
   for (let f = 0; f < faces.length; f += 3) {
     const a = faces[f] * 3, b = faces[f + 1] * 3, c = faces[f + 2] * 3;
-    const ux = positions[b] - positions[a], uy = positions[b + 1] - positions[a + 1], uz = positions[b + 2] - positions[a + 2];
-    const vx = positions[c] - positions[a], vy = positions[c + 1] - positions[a + 1], vz = positions[c + 2] - positions[a + 2];
+    const ux = positions[b] - positions[a], uy = positions[b + 1] - positions[a + 1],
+        uz = positions[b + 2] - positions[a + 2];
+    const vx = positions[c] - positions[a], vy = positions[c + 1] - positions[a + 1],
+        vz = positions[c + 2] - positions[a + 2];
     const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
     for (const at of [a, b, c]) {
       out[at] += x;
@@ -42,12 +44,14 @@ function smoothNormals(positions, faces, out) {
 // How far the neighbours stand out along the normal, per mean edge length: > 0 in a valley, < 0 on a ridge.
 // Shading by it is what lets the eye read wrinkles under soft light.
 function foldDepth(positions, normals, edges, out) {
-  const sums = foldDepth.sums && foldDepth.sums.length === out.length * 2 ? foldDepth.sums : new Float32Array(out.length * 2);
+  const sums = foldDepth.sums && foldDepth.sums.length === out.length * 2 ? foldDepth.sums
+      : new Float32Array(out.length * 2);
   foldDepth.sums = sums;
   sums.fill(0);
   for (let e = 0; e < edges.length; e += 2) {
     const i = edges[e], j = edges[e + 1], a = i * 3, b = j * 3;
-    const x = positions[b] - positions[a], y = positions[b + 1] - positions[a + 1], z = positions[b + 2] - positions[a + 2];
+    const x = positions[b] - positions[a], y = positions[b + 1] - positions[a + 1],
+        z = positions[b + 2] - positions[a + 2];
     const length = Math.sqrt(x * x + y * y + z * z);
     sums[i * 2] += x * normals[a] + y * normals[a + 1] + z * normals[a + 2];
     sums[j * 2] -= x * normals[b] + y * normals[b + 1] + z * normals[b + 2];

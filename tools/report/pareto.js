@@ -1,6 +1,7 @@
 // Milliseconds against millimetres: every variant that was measured, the front joined, what others dominate hollow.
 
-const STAGE_SHAPES = {mesh: ['circle', 'all stages'], skeleton: ['square', 'to the skeleton stage'], static: ['triangle', 'static stage alone']};
+const STAGE_SHAPES = {mesh: ['circle', 'all stages'], skeleton: ['square', 'to the skeleton stage'],
+    static: ['triangle', 'static stage alone']};
 const SHAPE_PATHS = {
   circle: (r) => `M${-r} 0a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`,
   square: (r) => `M${-0.88 * r} ${-0.88 * r}h${1.76 * r}v${1.76 * r}h${-1.76 * r}z`,
@@ -14,10 +15,12 @@ const precisionColor = (v) => VARIANT_COLORS[v.name.endsWith('/outside') ? 'outs
 function shapeMark(stages, x, y, color, hollow, ...children) {
   const [shape] = STAGE_SHAPES[stages] || STAGE_SHAPES.mesh;
   return element('path', {d: SHAPE_PATHS[shape](MARK_RADIUS), transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})`,
-                          stroke: color, 'stroke-width': 1.8, fill: hollow ? 'var(--card)' : color, class: 'mark'}, ...children);
+                          stroke: color, 'stroke-width': 1.8, fill: hollow ? 'var(--card)' : color, class: 'mark'},
+                         ...children);
 }
 
-// Down to each point of the front, then level to the next: above and right of the line there is something as good or better.
+// Down to each point of the front, then level to the next: above and right of the line there is something as good or
+// better.
 function frontLine(front, x, y, box) {
   let d = `M${x.at(front[0].tick_ms.p50).toFixed(1)} ${box.top}`;
   for (const v of front) d += `H${x.at(v.tick_ms.p50).toFixed(1)}V${y.at(comparedMm(v)).toFixed(1)}`;
@@ -44,7 +47,8 @@ function paretoKey(svg, rows, width) {
 }
 
 function paretoTitle(v) {
-  const parts = [v.name, `${formatNumber(comparedMm(v))} mm`, `p50 ${formatNumber(v.tick_ms.p50)} ms, p99 ${formatNumber(v.tick_ms.p99)} ms`,
+  const parts = [v.name, `${formatNumber(comparedMm(v))} mm`,
+      `p50 ${formatNumber(v.tick_ms.p50)} ms, p99 ${formatNumber(v.tick_ms.p99)} ms`,
                  `${formatNumber(v.model_bytes / 1e6)} MB`];
   if (v.rank) parts.push(`${v.rank} rows`);
   if (v.dominated_by) parts.push(`dominated by ${v.dominated_by}`);
@@ -66,7 +70,8 @@ function paretoChart(select, wide) {
   const rows = report.variants.filter((v) => v.tick_ms && v.fp32);
   if (rows.length === 0) return null;
   const box = wide ? {left: 52, right: 1130, top: 66, bottom: 420} : {left: 52, right: 540, top: 84, bottom: 300};
-  const svg = element('svg', {viewBox: `0 0 ${box.right + 20} ${box.bottom + 44}`, role: 'img', 'aria-label': 'Speed against error'});
+  const svg = element('svg',
+      {viewBox: `0 0 ${box.right + 20} ${box.bottom + 44}`, role: 'img', 'aria-label': 'Speed against error'});
   const base = report.variants.find((v) => v.name === 'skinning' && v.truth);
   const x = makeScale(rows.map((v) => v.tick_ms.p50), box.left, box.right);
   // Plain skinning is drawn to scale unless that would press the others together.

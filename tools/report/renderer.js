@@ -1,7 +1,8 @@
 // A small WebGL2 renderer: dynamic meshes, one shadow map, any number of panes side by side in one canvas.
 
 const SHADOW_SIZE = 2048;
-const VIRIDIS = '440154 481a6c 472f7d 414487 39568c 31688e 2a788e 23888e 1f988b 22a884 35b779 54c568 7ad151 a5db36 d2e21b fde725';
+const VIRIDIS = '440154 481a6c 472f7d 414487 39568c 31688e 2a788e 23888e ' +
+    '1f988b 22a884 35b779 54c568 7ad151 a5db36 d2e21b fde725';
 
 const KEY_LIGHT = normalize([0.45, 0.82, 0.62]);
 
@@ -63,7 +64,8 @@ class Renderer {
 
   createColorMap() {
     const gl = this.gl;
-    const bytes = VIRIDIS.split(' ').flatMap((hex) => [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16)).concat(255));
+    const bytes = VIRIDIS.split(' ').flatMap((hex) =>
+        [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16)).concat(255));
     this.colorMap = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.colorMap);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, bytes.length / 4, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(bytes));
@@ -76,8 +78,10 @@ class Renderer {
   createMesh(count, faces, colours = null) {
     const gl = this.gl;
     const mesh = {
-      positions: new Float32Array(count * 3), normals: new Float32Array(count * 3), scalars: new Float32Array(count * 2),
-      faces, buffers: [], vao: gl.createVertexArray(), type: faces instanceof Uint16Array ? gl.UNSIGNED_SHORT : gl.UNSIGNED_INT,
+      positions: new Float32Array(count * 3), normals: new Float32Array(count * 3),
+      scalars: new Float32Array(count * 2),
+      faces, buffers: [], vao: gl.createVertexArray(),
+      type: faces instanceof Uint16Array ? gl.UNSIGNED_SHORT : gl.UNSIGNED_INT,
     };
     gl.bindVertexArray(mesh.vao);
     [mesh.positions, mesh.normals, mesh.scalars].forEach((data, i) => {

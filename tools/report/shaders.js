@@ -17,7 +17,8 @@ void main() {
   painted = paint;
   world_normal = normal;
   scalar = scalars;
-  light_position = light_projection * vec4(position + 0.006 * normal, 1.0);  // off the surface: no self-shadowing stripes
+  // off the surface: no self-shadowing stripes
+  light_position = light_projection * vec4(position + 0.006 * normal, 1.0);
   gl_Position = view_projection * vec4(position, 1.0);
 }`;
 

@@ -1,7 +1,8 @@
 // What is shown, mirrored in the URL's hash so that a picture can be named: #seq=0&variant=int8&frame=60&color=error
 
 const VARIANT_COLORS = {
-  truth: '#8a8f98', skinning: '#c2863a', static: '#b05a9c', skeleton: '#3f8fd2', fp32: '#5b6ee1', fp16: '#2aa198', int8: '#e4573d',
+  truth: '#8a8f98', skinning: '#c2863a', static: '#b05a9c', skeleton: '#3f8fd2', fp32: '#5b6ee1', fp16: '#2aa198',
+  int8: '#e4573d',
   outside: '#7a9a2f',
 };
 const VARIANT_LABELS = {
@@ -35,7 +36,8 @@ function readHash() {
 
 function writeHash(state) {
   const values = {
-    seq: state.sequence, variant: state.variant, frame: Math.round(state.frame), color: state.color, split: state.split ? 1 : 0,
+    seq: state.sequence, variant: state.variant, frame: Math.round(state.frame), color: state.color,
+    split: state.split ? 1 : 0,
     play: state.playing ? 1 : 0, theme: state.theme,
   };
   history.replaceState(null, '', '#' + new URLSearchParams(values));

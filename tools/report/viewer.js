@@ -110,7 +110,8 @@ class Viewer {
       return {
         x: i / names.length, width: 1 / names.length,
         meshes: [
-          {mesh: this.bodyMesh, material: 1, outer: !this.body ? STICK_COLOR : this.body.colours ? [1, 1, 1] : BODY_COLOR, inner: BODY_COLOR},
+          {mesh: this.bodyMesh, material: 1,
+              outer: !this.body ? STICK_COLOR : this.body.colours ? [1, 1, 1] : BODY_COLOR, inner: BODY_COLOR},
           {mesh: this.cloths[i], material: state.color === 'error' && truthTrack && !isTruth ? 2 : 0,
            outer: isTruth ? TRUTH_OUTER : CLOTH_OUTER, inner: isTruth ? TRUTH_INNER : CLOTH_INNER},
         ],

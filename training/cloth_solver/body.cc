@@ -101,7 +101,9 @@ void Body::Refit(Part* part) {
     }
     node.low = {1e9f, 1e9f, 1e9f}, node.high = {-1e9f, -1e9f, -1e9f};
     for (int32_t i = node.first; i < node.first + node.count; ++i)
-      for (int32_t v : part->faces[part->order[i]]) node.low = Low(node.low, from_[v]), node.high = High(node.high, from_[v]);
+      for (int32_t v : part->faces[part->order[i]]) {
+        node.low = Low(node.low, from_[v]), node.high = High(node.high, from_[v]);
+      }
   }
 }
 

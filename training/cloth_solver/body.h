@@ -1,6 +1,6 @@
-// The body as cloth touches it: parts, each a surface of triangles with a true signed distance. A cloth vertex is followed
-// over each part from step to step, and searched for again in every frame. A part may be open where it was cut from its
-// neighbour: beside its border it is not touched.
+// The body as cloth touches it: parts, each a surface of triangles with a true signed distance. A cloth vertex is
+// followed over each part from step to step, and searched for again in every frame. A part may be open where it was cut
+// from its neighbour: beside its border it is not touched.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -31,8 +31,8 @@ class Body {
   int32_t parts() const { return static_cast<int32_t>(parts_.size()); }
   const std::vector<int32_t>& candidates(int32_t p) const { return parts_[p].candidates; }
 
-  // The signed distance of candidate number `k` of part p at `at`, if it may be below `limit`. A vertex that was farther
-  // away is not looked at again before it can have come within reach.
+  // The signed distance of candidate number `k` of part p at `at`, if it may be below `limit`. A vertex that was
+  // farther away is not looked at again before it can have come within reach.
   Contact Touch(int32_t p, int32_t k, const Vec& at, float limit);
 
  private:

@@ -43,15 +43,16 @@ typedef struct cloth_solver_problem {
   const float* pattern;        /* [faces, 3, 2] corners of each triangle in its flat panel, m; warp runs along +y */
   const float* mass_scale;     /* [vertices] factor on density (hems); NULL: 1 */
   const float* bend_scale;     /* [vertices] factor on bend (seams, hems); NULL: 1 */
-  const float* crease;         /* [vertices] pressed pleats: fold angle in radians at the edges between two vertices whose
-                                  values share a sign, the smaller one's; > 0 folds outward (mountain); NULL: none */
+  const float* crease;         /* [vertices] pressed pleats: fold angle in radians at the edges between two vertices
+                                  whose values share a sign, the smaller one's; > 0 folds outward (mountain);
+                                  NULL: none */
   const int32_t* pin;          /* [pinned] cloth vertices that follow pin_path */
   const float* pin_path;       /* [frames, pinned, 3] */
   const int32_t* body_face;    /* [body_faces, 3] outward */
   const int32_t* body_part;    /* [body_faces] part that a face belongs to; a part may be open where it was cut off */
   const float* body_path;      /* [frames, body_vertices, 3] */
   const uint32_t* cloth_part;  /* [vertices] bit p: the vertex touches part p; NULL: every vertex touches every part */
-  const float* origin;         /* [frames, 3] a point near the cloth (the hips): floats stay small and precise about it */
+  const float* origin;         /* [frames, 3] a point near the cloth (the hips): floats stay small and precise */
   const float* wind;           /* [frames, 3] velocity of the air, m/s; NULL: still */
   cloth_solver_settings settings;
 } cloth_solver_problem;

@@ -98,7 +98,9 @@ void Layers::Find(const std::vector<Vec>& x) {
   pairs_.clear();
   const int32_t count = static_cast<int32_t>(x.size());
   const float per_cell = 1 / reach_;
-  const auto number = [per_cell](float v) { return static_cast<int32_t>(std::floor(std::clamp(v, -1e3f, 1e3f) * per_cell)); };
+  const auto number = [per_cell](float v) {
+    return static_cast<int32_t>(std::floor(std::clamp(v, -1e3f, 1e3f) * per_cell));
+  };
   cell_first_.assign((size_t{1} << kBits) + 1, 0);
   for (int32_t i = 0; i < count; ++i) {
     cell_[i] = static_cast<int32_t>(Cell(number(x[i].x), number(x[i].y), number(x[i].z)));
@@ -150,8 +152,8 @@ void Layers::Find(const std::vector<Vec>& x) {
       if (Adjacent(i, a) || Adjacent(i, b) || Adjacent(i, c)) continue;
       while (at < before_.size() && before_[at].vertex == i && before_[at].face < f) ++at;
       const bool known_pair = at < before_.size() && before_[at].vertex == i && before_[at].face == f;
-      // Its side is the one it came from, as it may have passed through since the last search. A vertex that has left the
-      // triangle's prism may have gone round the cloth's border: its side is looked at anew.
+      // Its side is the one it came from, as it may have passed through since the last search. A vertex that has left
+      // the triangle's prism may have gone round the cloth's border: its side is looked at anew.
       Above over;
       if (!Over(last_[i], last_[a], last_[b], last_[c], &over)) continue;
       const bool above = std::min({over.wa, over.wb, over.wc}) > -kPrism;
@@ -161,7 +163,8 @@ void Layers::Find(const std::vector<Vec>& x) {
   last_ = x;
 }
 
-void Layers::Hold(std::vector<Vec>* at, std::vector<Vec>* velocity, const std::vector<float>& inverse_mass, float thickness) const {
+void Layers::Hold(std::vector<Vec>* at, std::vector<Vec>* velocity, const std::vector<float>& inverse_mass,
+                  float thickness) const {
   std::vector<Vec>&x = *at, &v = *velocity;
   for (const Pair& pair : pairs_) {
     const auto& [a, b, c] = mesh_.faces[pair.face];

@@ -15,13 +15,13 @@ struct Side {
   float cot_a, cot_b;  // cotangents of the face's angles at a and b
 };
 
-// With an energy of B / (2 A) |sum k x|^2 a hinge of area A, the hinges of an even cylinder add up to B / (2 r^2) an area. But
-// cloth finds shapes in which they hold half of that; with this factor a cantilever hangs as theory says for B, whatever
-// the triangles' size (tests/test_fabric.py).
+// With an energy of B / (2 A) |sum k x|^2 a hinge of area A, the hinges of an even cylinder add up to B / (2 r^2) an
+// area. But cloth finds shapes in which they hold half of that; with this factor a cantilever hangs as theory says for
+// B, whatever the triangles' size (tests/test_fabric.py).
 constexpr float kSoftening = 1.9f;
 
-// Items grouped so that consecutive ones share no vertex (greedy colouring): a Gauss-Seidel pass then favours no direction
-// of the mesh, and the processor overlaps consecutive constraints.
+// Items grouped so that consecutive ones share no vertex (greedy colouring): a Gauss-Seidel pass then favours no
+// direction of the mesh, and the processor overlaps consecutive constraints.
 template <typename T, typename Vertices>
 void Interleave(std::vector<T>* items, int32_t vertices, Vertices vertices_of) {
   std::vector<std::vector<T>> colours;

@@ -14,8 +14,8 @@ struct Edge {
   float stiffness;  // N/m of this spring
 };
 
-// Two triangles that share the edge (v[0], v[1]); v[2] and v[3] lie opposite. Sum of k[i] x[v[i]] is the edge's integrated
-// curvature vector: zero where the cloth is flat, 2 |edge| sin(angle / 2) long where it is folded.
+// Two triangles that share the edge (v[0], v[1]); v[2] and v[3] lie opposite. Sum of k[i] x[v[i]] is the edge's
+// integrated curvature vector: zero where the cloth is flat, 2 |edge| sin(angle / 2) long where it is folded.
 struct Hinge {
   std::array<int32_t, 4> v;
   std::array<float, 4> k;

@@ -23,7 +23,8 @@ def _changes(before, now):
     for word, names in (("new", set(new) - set(old)), ("gone", set(old) - set(new)),
                         ("changed", {n for n in set(old) & set(new) if old[n] != new[n]})):
         if names:
-            out.append(f"{word}: {', '.join(sorted(names)[:3])}" + (f" and {len(names) - 3} more" if len(names) > 3 else ""))
+            out.append(f"{word}: {', '.join(sorted(names)[:3])}"
+                       + (f" and {len(names) - 3} more" if len(names) > 3 else ""))
     return out
 
 

@@ -1,4 +1,5 @@
-"""What skin a model can keep cloth out of: limits of the format (engine/format/limits.h), counted as the converter does."""
+"""What skin a model can keep cloth out of: limits of the format (engine/format/limits.h), counted as the converter
+does."""
 import numpy as np
 from scipy.spatial import cKDTree
 

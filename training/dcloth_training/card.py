@@ -50,13 +50,15 @@ def held_out(data, names):
     paths = [dataset.path_of(data, name) for name in names]
     there = [path for path in paths if os.path.exists(path)]
     if not there:
-        raise ValueError(f"{os.path.join(data, 'dynamic')}: none of the held-out clips {', '.join(names) or '(none named)'}; add "
-                         f"them (simulate.run --clips held_out, import_truth), or train with other --held-out")
+        raise ValueError(f"{os.path.join(data, 'dynamic')}: none of the held-out clips "
+                         f"{', '.join(names) or '(none named)'}; add them (simulate.run --clips held_out, "
+                         "import_truth), or train with other --held-out")
     return there
 
 
 def measure(model, path, folder, data, names, suffix):
-    """errors<suffix>.json, .txt and, with root motion, .png; floor<suffix>.json where DATA has one. path: the bundle."""
+    """errors<suffix>.json, .txt and, with root motion, .png; floor<suffix>.json where DATA has one. path: the
+    bundle."""
     net, rig, faces, _ = model
     referee, results = evaluate.Referee(path), {}
     for clip in held_out(data, names):

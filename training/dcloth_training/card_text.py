@@ -10,7 +10,7 @@ _ROOT_MOTION = {"false": "", "true": " and root motion", "air": " and the air ar
 
 LEVELS = (evaluate.SCALE, evaluate.PLAIN, *evaluate.LEVELS.values())
 COUNTS = ("no", "one", "two", "three", "four", "five", "six")
-WIDTH = 125
+WIDTH = 120
 
 
 def wrapped(text):
@@ -89,8 +89,8 @@ def errors(results, floors):
                  if (values := [row[key] for row in known if row.get(key) is not None])}
         floor["of_all"] = len(known) == len(rows)
         out += [f"{source.capitalize()} clips:", "",
-                f"| clip | alive | floor | floor / alive | {' | '.join(levels)} | relative error | relative motion error | p99 "
-                "| E_n |", "|---" * (len(levels) + 8) + "|",
+                f"| clip | alive | floor | floor / alive | {' | '.join(levels)} | relative error | relative motion "
+                "error | p99 | E_n |", "|---" * (len(levels) + 8) + "|",
                 *(_row(f"`{clip}`", row, levels, floors.get(clip, {})) for clip, row in rows.items()),
                 _row("over the clips", overall, levels, floor), ""]
         if all("bands" in row[levels[-1]] for row in rows.values()):

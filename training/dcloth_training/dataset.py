@@ -226,8 +226,8 @@ def refuse_reported(names):
     """Ends with an error if a clip for the final figures is to be learned from or chosen with."""
     found = sorted(name for name in names if role(name) == "reported")
     if found:
-        raise ValueError(f"clip '{found[0]}' is for the final figures alone: no network is trained on it or chosen by it; "
-                         f"allowed are all clips but {', '.join(REPORTED)}")
+        raise ValueError(f"clip '{found[0]}' is for the final figures alone: no network is trained on it or chosen by "
+                         f"it; allowed are all clips but {', '.join(REPORTED)}")
 
 
 WARM_UP = 12    # ticks in which a state from elsewhere cannot know how the cloth was moving
@@ -267,7 +267,8 @@ class Window:
         return self.clip.sampled(self.ticks(frames), rows)
 
     def x(self, frames, reset=True, velocity=None):
-        """Raw features; after a reset the hips' motion is unknown. velocity [3]: features.carried, root motion "hips"."""
+        """Raw features; after a reset the hips' motion is unknown. velocity [3]: features.carried, root motion
+        "hips"."""
         x = self.raw(frames)
         if velocity is not None and x.shape[1] % 9 == features.ROOT_NUMBERS["hips"]:
             x = torch.from_numpy(features.carried(x.numpy(), velocity, self.clip.rate))

@@ -31,8 +31,8 @@ def load_trained(folder, data):
     fitted = rig.fit(character, root_motion=root_motion_of(options))
     there, here = tuple(saved["state"]["static.initial_weights"].shape), fitted.initial_weights.shape
     if there != here:
-        raise ValueError(f"{path}: a garment of {there[0]} vertices on {there[1]} bones; {data} holds one of {here[0]} on "
-                         f"{here[1]}")
+        raise ValueError(f"{path}: a garment of {there[0]} vertices on {there[1]} bones; {data} holds one of {here[0]} "
+                         f"on {here[1]}")
     standard = {k: v.numpy() for k, v in saved["standard"].items()}
     statistics = (torch.zeros(3), torch.ones(3))    # the state holds the real ones
     net = assemble.build(fitted, character, standard, options, statistics, options.stages)

@@ -52,7 +52,8 @@ class Patches:
 
     def reduce(self, s):
         """The same of a tensor, with gradient."""
-        mean, directions, deviation = (torch.from_numpy(v).to(s.device) for v in (self.mean, self.directions, self.deviation))
+        mean, directions, deviation = (torch.from_numpy(v).to(s.device)
+                                       for v in (self.mean, self.directions, self.deviation))
         return (s - mean) @ directions.t() / deviation
 
 
@@ -70,7 +71,8 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
     weights = static.weights().detach()
     device = weights.device
     recurrence = mesh_bptt.recurrence(mesh, log)
-    patches = Patches(static.template.cpu(), options.mesh_patches, mesh_windows.embed(recurrence, body_points, validation))
+    patches = Patches(static.template.cpu(), options.mesh_patches,
+                      mesh_windows.embed(recurrence, body_points, validation))
     torch.manual_seed(options.seed)
     head = mesh_head.Head(len(patches.directions), mesh.mlp[0].out_features, components, deviations, options).to(device)
 
@@ -103,8 +105,8 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
 
     layers = list(mesh.layers.parameters()) + list(mesh.embed.parameters())
     histories["mesh_layers"] = loop.fit("mesh_layers", learner, options.mesh_epochs, batches, validate, folder,
-                                        seed=options.seed, rate=options.mesh_rate, followers=layers, shards=options.shards,
-                                        log=log)
+                                        seed=options.seed, rate=options.mesh_rate, followers=layers,
+                                        shards=options.shards, log=log)
     shrink, error = mesh_head.best_shrink(weights[::every], validation, predicted(), every)
     log(f"mesh_layers: basis times {shrink:.1f}, {1e3 * error:.3f} mm on validation")
     head.unfold(mesh, patches, shrink)
@@ -121,8 +123,8 @@ def train(mesh, body_points, static, drawn, everything, validation, options, fol
         lambda: (c.wanted(slice(None, None, BASIS_EVERY)).reshape(-1, 3 * count) for c in drawn),
         sum(-(-len(c) // BASIS_EVERY) for c in drawn), len(mesh.basis), options.seed))
     if len(components) < len(mesh.basis):
-        raise ValueError(f"stage 3: {len(components)} frames for a basis of {len(mesh.basis)}; lower --mesh-size or give it "
-                         f"more clips")
+        raise ValueError(f"stage 3: {len(components)} frames for a basis of {len(mesh.basis)}; lower --mesh-size or "
+                         f"give it more clips")
     initial = copy.deepcopy(mesh.state_dict())
     found, lowest = mesh_head.fit("mesh_head", mesh, body_points, static, components, deviations, drawn, validation,
                                   options, folder, log)

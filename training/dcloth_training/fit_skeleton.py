@@ -3,8 +3,8 @@
 The basis is S = C B: B [R, n, 3] holds the principal components of the un-skinned residual and
 C [k_S, R] is trained, so a state within (-1, 1) reaches any coefficient. The loss is the skinned
 vertex distance on a random subset of vertices, which costs as little as regressing coefficients, and the depth to which
-the predicted cloth lies below the body: as long as the swing is not known, the mean of several possible ones runs through
-the thigh, and that is seen at once.
+the predicted cloth lies below the body: as long as the swing is not known, the mean of several possible ones runs
+through the thigh, and that is seen at once.
 
 A window that begins in the middle of a clip starts at zero, at the state in which another window
 ended, or anywhere in (-1, 1), a third each, and does not count until WARM_UP ticks later: whatever

@@ -25,7 +25,8 @@ class Drapes:
                                                                     character.mirror))
                                 for c in clips])
         features.at_rest(self.x)    # each drape is a pose of its own
-        self.x, self.linear, self.posed, self.truth = (v.to(device) for v in (self.x, self.linear, self.posed, self.truth))
+        self.x, self.linear, self.posed, self.truth = (v.to(device)
+                                                       for v in (self.x, self.linear, self.posed, self.truth))
         number = torch.cat([torch.arange(len(c)) for c in clips])
         self.held = number % HELD_EVERY == HELD_EVERY - 1
 

@@ -40,11 +40,12 @@ def closest_on_triangles(p, a, b, c):
 
 
 def nearest_on_surface(points, vertices, faces):
-    """Nearest surface point of each of `points` [n, 3] -> (points [n, 3], face [n], bary [n, 3]); of equals the first face.
+    """Nearest surface point of each of `points` [n, 3] -> (points [n, 3], face [n], bary [n, 3]); of equals the first
+    face.
 
     Exact: a face lies no nearer than its centroid less its radius. The faces with the nearest centroids decide wherever
-    their best distance stays below that bound; elsewhere all that may be nearer are tried, found in a tree for each size
-    of triangle. 8,000 points and 49,000 triangles of very different sizes: 3 s.
+    their best distance stays below that bound; elsewhere all that may be nearer are tried, found in a tree for each
+    size of triangle. 8,000 points and 49,000 triangles of very different sizes: 3 s.
     """
     points, vertices = np.asarray(points, np.float64), np.asarray(vertices, np.float64)
     corners = vertices[faces]

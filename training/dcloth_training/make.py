@@ -25,7 +25,8 @@ from .truth import animation
 from .truth.errors import refuse
 
 SIMULATING, TRAINING = 0.72, 0.2            # of the minutes; the rest: putting on, converting, the page
-STAGE_1, STAGE_2, STAGE_3 = 0.03, 0.1, 0.025          # of the minutes: a step's of stage 1, stage 2's, a step's of stage 3
+# of the minutes: a step's of stage 1, stage 2's, a step's of stage 3
+STAGE_1, STAGE_2, STAGE_3 = 0.03, 0.1, 0.025
 FIRST_LOOK = 60                 # minutes; a shorter way leaves stage 3 out
 FEWEST_CLIPS, FEWEST_DRAPES, MOST_DRAPES = 4, 14, 1200
 ENOUGH_DRAPES, DRAPE_EVERY = 100, 5      # with fewer, every so many frames of clips stand in
@@ -37,19 +38,23 @@ MOST_RANDOM = 1000              # made-up clips: 80 minutes of motion
 VERTEX_SECONDS = 1.3e-5         # a frame, vertex and core, before it has been measured
 SHOWN = "procedural/demo_walk_turn"                  # always held out: what the page shows
 CHOOSING = "procedural/walk_slow_fast"               # chooses the epoch where too few clips are named
-KEPT = ("character", "garment", "fabric", "pin", "refine", "clips", "minutes", "body_meshes", "garment_unit", "garment_up")
+KEPT = ("character", "garment", "fabric", "pin", "refine", "clips", "minutes", "body_meshes", "garment_unit",
+        "garment_up")
 
 
 def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add = parser.add_argument
-    add("--garment", required=True, help="a mesh on the character in its bind pose: dress.obj, dress.glb or file.glb#MESH")
+    add("--garment", required=True, help="a mesh on the character in its bind pose: dress.obj, dress.glb or "
+                                         "file.glb#MESH")
     add("--out", required=True)
-    add("--clips", default="", help="motion, the most important first, comma separated: clips of the character by name or "
-                                    "number, files (walk.fbx, clips.glb#Run). Scripted ones fill the rest of the time")
+    add("--clips", default="", help="motion, the most important first, comma separated: clips of the character by name "
+                                    "or number, files (walk.fbx, clips.glb#Run). Scripted ones fill the rest of the "
+                                    "time")
     add("--minutes", type=float, default=10, help="that the whole way may take, about. 10: a first look; 600: a night")
     add("--workers", type=int, default=os.cpu_count() or 1, help="clips simulated side by side")
-    add("--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers simulate; --workers says how many they are")
+    add("--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers simulate; --workers says how many they "
+                                             "are")
     add("--plan", action="store_true", help="say what it will cost and stop")
     subject.add_arguments(add)
     options = parser.parse_args(argv)
@@ -67,7 +72,7 @@ def say(text):
     print(text, flush=True)
 
 
-# The plan -----------------------------------------------------------------------------------------------------------------
+# The plan -------------------------------------------------------------------------------------------------------------
 
 def _own_pieces(chosen, words):
     """[(name, frames)] of the clips that the user names."""
@@ -75,8 +80,8 @@ def _own_pieces(chosen, words):
 
 
 def split(own):
-    """(what the page shows, what chooses the epoch, the rest) of the user's clips: one of each from four on, where the last
-    is held out and the one before it chooses."""
+    """(what the page shows, what chooses the epoch, the rest) of the user's clips: one of each from four on, where the
+    last is held out and the one before it chooses."""
     names = [name for name, _ in own]
     if len(names) < FEWEST_CLIPS:
         return [SHOWN], [CHOOSING], names
@@ -89,7 +94,8 @@ def choose(own, frames):
     held_out, validation, mine = split(own)
     length = dict(own)
     drapes = max(FEWEST_DRAPES, min(MOST_DRAPES, round(DRAPE_SHARE * frames / DRAPE_FRAMES)))
-    total = drapes * DRAPE_FRAMES + sum(length.get(name, SCRIPTED_FRAMES) + LEAD_FRAMES for name in held_out + validation)
+    total = drapes * DRAPE_FRAMES + sum(length.get(name, SCRIPTED_FRAMES) + LEAD_FRAMES
+                                        for name in held_out + validation)
     scripted = [name for name in clips.PROCEDURAL if name not in (SHOWN, CHOOSING)] + \
         [f"procedural/random_{seed}" for seed in range(MOST_RANDOM)]
     training = []
@@ -111,7 +117,8 @@ def make_plan(options, chosen):
             plan = json.load(file)
         other = [key for key in KEPT if plan["asked"].get(key) != asked[key]]
         if other:
-            refuse(path, f"begun with --{other[0].replace('_', '-')} {plan['asked'].get(other[0])}, now {asked[other[0]]}",
+            refuse(path, f"begun with --{other[0].replace('_', '-')} {plan['asked'].get(other[0])}, now "
+                         f"{asked[other[0]]}",
                    "the same arguments", "name another --out, or give those it was begun with")
         _own_pieces(chosen, plan["words"])      # so that their names are known
         return plan
@@ -144,18 +151,18 @@ def tell(options, chosen, plan):
     vertices = len(chosen.worn.vertices)
     say(f"plan: {len(plan['training'])} clips to learn from, {len(plan['validation'])} to choose the epoch by, "
         f"{len(plan['held_out'])} held out, {plan['drapes']} drapes: {frames:,} frames of {vertices:,} vertices")
-    say(f"plan: about {minutes['simulating']:.0f} min of simulation ({1e3 * plan['seconds_per_frame']:.0f} ms a frame and "
-        f"core, {options.workers} side by side), {minutes['training']:.0f} min of training, 1 min to convert and show; "
-        f"{frames * vertices * 12 * 2 / 1e9:.1f} GB on disk")
+    say(f"plan: about {minutes['simulating']:.0f} min of simulation ({1e3 * plan['seconds_per_frame']:.0f} ms a frame "
+        f"and core, {options.workers} side by side), {minutes['training']:.0f} min of training, 1 min to convert and "
+        f"show; {frames * vertices * 12 * 2 / 1e9:.1f} GB on disk")
     total = minutes["simulating"] + minutes["training"] + 1
     if total > 1.3 * options.minutes:
-        say(f"plan: that is {total:.0f} min and not {options.minutes:g}: fewer than {FEWEST_CLIPS} clips and {FEWEST_DRAPES} "
-            "drapes teach nothing; a coarser mesh is faster")
+        say(f"plan: that is {total:.0f} min and not {options.minutes:g}: fewer than {FEWEST_CLIPS} clips and "
+            f"{FEWEST_DRAPES} drapes teach nothing; a coarser mesh is faster")
     if not plan["words"]:
         say("plan: no --clips: all motion is scripted (walks, runs, turns, kicks); name clips of your game for its own")
 
 
-# The steps ----------------------------------------------------------------------------------------------------------------
+# The steps ------------------------------------------------------------------------------------------------------------
 
 def clip_file(options, name):
     return os.path.join(options.out, "dynamic", clips.file_stem(name) + ".safetensors")
@@ -189,15 +196,16 @@ def simulated(options, chosen, plan):
 
 
 def stand_ins(options, there, drapes):
-    """static/drapes-of-clips.safetensors: where there are few drapes, stage 1 learns a pose's mean shape from clips, too."""
+    """static/drapes-of-clips.safetensors: where there are few drapes, stage 1 learns a pose's mean shape from clips,
+    too."""
     path = os.path.join(options.out, "static", "drapes-of-clips.safetensors")
     if drapes >= ENOUGH_DRAPES or os.path.exists(path):
         return
     read = [sequence.read(clip_file(options, name)) for name in there["training"]]
     sequence.write(path, sequence.Sequence(
         np.concatenate([item.joint_matrices[::DRAPE_EVERY] for item in read]),
-        np.concatenate([item.truth[::DRAPE_EVERY] for item in read]), read[0].joint_names, read[0].fps, "drapes-of-clips",
-        "static"))
+        np.concatenate([item.truth[::DRAPE_EVERY] for item in read]), read[0].joint_names, read[0].fps,
+        "drapes-of-clips", "static"))
     say(f"{drapes} drapes are few: every {DRAPE_EVERY}th frame of the clips to learn from stands in, too")
 
 
@@ -214,7 +222,8 @@ def trained(options, there, drapes):
         "--threads", str(min(2, options.workers)), "--static-epochs", "600" if quick else "200",
         "--skeleton-epochs", "400", "--settle-epochs", "6" if quick else "20",
         *(["--stages", "skeleton"] if quick else ["--mesh-epochs", "40"])])
-    share = {"static": STAGE_1, "static_pruned": STAGE_1, "skeleton": STAGE_2, "mesh_head": STAGE_3, "mesh_layers": STAGE_3}
+    share = {"static": STAGE_1, "static_pruned": STAGE_1, "skeleton": STAGE_2, "mesh_head": STAGE_3,
+             "mesh_layers": STAGE_3}
     with loop.limited({stage: options.minutes * part for stage, part in share.items()}):
         net, fitted, character, provenance = train.run(chosen)
     bundle.write(path, net, fitted, character, provenance, options.name)
@@ -263,15 +272,19 @@ def page(options, model, numbers, there):
     bad = "".join(f"<li>{html.escape(entry['clip'])}: {html.escape(entry['refused'])}</li>" for entry in refused)
     name = html.escape(options.name)
     text = f"""<!doctype html><meta charset="utf-8"><title>{name}</title>
-<style>body{{font:16px system-ui,sans-serif;margin:2rem auto;max-width:75rem;padding:0 1rem;color:#222;background:#fafafa}}
+<style>
+body{{font:16px system-ui,sans-serif;margin:2rem auto;max-width:75rem;padding:0 1rem;color:#222;background:#fafafa}}
 table{{border-collapse:collapse}}td,th{{padding:.3rem .8rem;border-bottom:1px solid #ddd;text-align:right}}
 td:first-child,th:first-child{{text-align:left}}
 iframe{{width:100%;height:46rem;margin-top:1.5rem;border:1px solid #ddd;background:#fff}}</style>
 <h1>{name} on {html.escape(os.path.basename(options.character))}</h1>
-<p>Learned from {len(there['training'])} clips; measured on {html.escape(', '.join(there['held_out']))}, which training never
-read. {hours:.2f} core hours of simulation. <a href="{name}.dcloth">{name}.dcloth</a> is {os.path.getsize(model) / 1e6:.2f} MB.
+<p>Learned from {len(there['training'])} clips; measured on {html.escape(', '.join(there['held_out']))}, which training
+never read. {hours:.2f} core hours of simulation.
+<a href="{name}.dcloth">{name}.dcloth</a> is {os.path.getsize(model) / 1e6:.2f} MB.
 </p>
-<table><tr><th>variant</th><th>error, mm</th><th>error, % of the cloth's own motion</th><th>ms a tick</th></tr>{rows}</table>
+<table>
+<tr><th>variant</th><th>error, mm</th><th>error, % of the cloth's own motion</th><th>ms a tick</th></tr>
+{rows}</table>
 {f"<p>Refused clips:</p><ul>{bad}</ul>" if refused else ""}
 <iframe src="report.html" title="the garment in motion"></iframe>
 """

@@ -1,8 +1,8 @@
 """What a predicted garment is worth: every measure with its one definition.
 
 Lengths in millimetres, over all vertices and over the frames of a clip after its first WARM_UP. "The hips' frame" is
-the rigid frame of the hips' joint, turn and tilt included. A clip's measures are a dict (`clip`). Those of several clips
-(`over_clips`) are means in which every clip weighs the same; quotients are of sums.
+the rigid frame of the hips' joint, turn and tilt included. A clip's measures are a dict (`clip`). Those of several
+clips (`over_clips`) are means in which every clip weighs the same; quotients are of sums.
 
     position_mm      E_d: distance of vertices to the truth (eq. 19 of the paper); normal_deg: E_n
     alive_mm         mean distance of the truth from its own mean shape over the clip, hips' frame: its motion
@@ -66,7 +66,8 @@ def angles_degrees(normals, other):
 
 
 def errors(distance, angle):
-    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std, p99}} of distances [T, n] mm and angles [T, n] degrees.
+    """{position_mm: {mean, std, p99, max}, normal_deg: {mean, std, p99}} of distances [T, n] mm and angles [T, n]
+    degrees.
 
     Angles that are undefined are NaN. std is over the frames' means, p99 over all vertices of all frames.
     """

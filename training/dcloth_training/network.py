@@ -41,7 +41,8 @@ def pose_of(matrices, rig, dtype=torch.float64, device="cpu", wind=None):
 
 
 class DCloth(nn.Module):
-    """All stages of one garment, each an attribute of its name; those after the first may be None, from the last one back."""
+    """All stages of one garment, each an attribute of its name; those after the first may be None, from the last one
+    back."""
 
     def __init__(self, standardise, static, skeleton=None, mesh=None, **later):
         super().__init__()

@@ -75,7 +75,8 @@ def read_character(path):
         weights = tensors["body_weights"].astype(np.float64)
         joint_mirror = None
         if "mirror" in tensors:    # names that say no side, such as Mixamo's, come with the partners themselves
-            joint_mirror = json.loads(metadata["joint_mirror"]) if "joint_mirror" in metadata else mirrored_joints(names)
+            stored = metadata.get("joint_mirror")
+            joint_mirror = mirrored_joints(names) if stored is None else json.loads(stored)
         return Character(
             names, joint_mirror, tensors["joint_bind"].astype(np.float64),
             tensors["body_vertices"], tensors["body_faces"],

@@ -26,7 +26,8 @@ def _parts(path, arrays, metadata):
     blob = safetensors.numpy.save(arrays)
     length, = struct.unpack("<Q", blob[:8])
     header = json.loads(blob[8:8 + length])
-    text = json.dumps({"__metadata__": dict(metadata), **header} if metadata else header, separators=(",", ":")).encode()
+    text = json.dumps({"__metadata__": dict(metadata), **header} if metadata else header,
+                      separators=(",", ":")).encode()
     text += b" " * (-len(text) % 8)
     return struct.pack("<Q", len(text)) + text, memoryview(blob)[8 + length:]
 

@@ -1,8 +1,8 @@
 """Batches in shards: how several workers share a step, with the same bits however many they are.
 
-Every batch is cut into --shards parts. A shard has random numbers of its own and gives a gradient of its own; worker i has
-the shards i, i + workers, ... All workers then sum the gradients of all shards in the shards' order: the order of an
-all-reduce depends on how many workers there are.
+Every batch is cut into --shards parts. A shard has random numbers of its own and gives a gradient of its own; worker i
+has the shards i, i + workers, ... All workers then sum the gradients of all shards in the shards' order: the order of
+an all-reduce depends on how many workers there are.
 """
 import torch
 
@@ -41,8 +41,8 @@ WHOLE = Shard()
 def steps(batches, begin, parameters, count):
     """Yields an epoch's losses, each when its gradient is in `parameters`.
 
-    batches(generator), or with several shards batches(generator, shard), yields a shard's losses; begin() seeds the epoch
-    and returns its generator.
+    batches(generator), or with several shards batches(generator, shard), yields a shard's losses; begin() seeds the
+    epoch and returns its generator.
     """
     return _several(batches, begin, parameters, count) if count > 1 else _one(batches, begin, parameters)
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, evaluate, export, features, loop, network,
-               plots, rig, sequence, shards, stages, train_checks, workers)
+from . import (assemble, augment, begun, bundle, checkpoint, command, dataset, evaluate, export, features, loop,
+               network, plots, rig, sequence, shards, stages, train_checks, workers)
 from .stages.mesh_stage import BodyPoints
 
 
@@ -44,8 +44,8 @@ def arguments(argv=None):
     add("--device", choices=("cpu", "cuda"), default="cpu",
         help="where the stages learn; the same input gives the same bits on the CPU alone")
     add("--shards", type=int, choices=shards.COUNTS, default=1,
-        help="parts of a batch whose gradients are computed apart: torchrun's workers, so many at most, share them. The "
-             "bits depend on the shards, not on the workers")
+        help="parts of a batch whose gradients are computed apart: torchrun's workers, so many at most, share them. "
+             "The bits depend on the shards, not on the workers")
     add("--rate", type=float, default=1e-3)
     add("--stages", choices=stages.NAMES, default=stages.LAST.name, help="last stage to train")
     add("--freeze", choices=sorted(FROZEN), help="ablation: leave this part of stage 1 as it starts")
@@ -111,7 +111,8 @@ def prepare(options, log):
     folders = [options.data] + ([options.more_data] if options.more_data else [])
     held_out = dataset.clip_names(options.held_out)
     if options.more_data and not dataset.find(options.more_data, "dynamic", held_out):
-        raise ValueError(f"{os.path.join(options.more_data, 'dynamic')}: no clips; --more-data names a folder like --data")
+        raise ValueError(f"{os.path.join(options.more_data, 'dynamic')}: no clips; --more-data names a folder like "
+                         "--data")
     dynamic = [c for folder in folders for c in dataset.load(
         dataset.find(folder, "dynamic", held_out), fitted.rig, character)]
     wanted, there = options.validation.split(","), sorted({c.name for c in dynamic})
@@ -155,7 +156,8 @@ def told(rig):
 def learned(provenance):
     """Clips that a network learned from, also before the training that it was started from."""
     return set() if not provenance else \
-        {*provenance.get("training_clips", []), *provenance.get("stage_3_clips", []), *learned(provenance.get("started_from"))}
+        {*provenance.get("training_clips", []), *provenance.get("stage_3_clips", []),
+         *learned(provenance.get("started_from"))}
 
 
 def start_from(options, fitted):
@@ -168,8 +170,8 @@ def start_from(options, fitted):
                          f"{told(fitted.rig)}; give the options it was trained with")
     known = sorted(learned(provenance) & set(dataset.clip_names(options.held_out)))
     if known:
-        raise ValueError(f"--start {options.start}: learned from {', '.join(known[:3])}; --held-out takes clips that no "
-                         f"training read; hold out others, or start anew")
+        raise ValueError(f"--start {options.start}: learned from {', '.join(known[:3])}; --held-out takes clips that "
+                         f"no training read; hold out others, or start anew")
     standard = {k: getattr(net.standardise, k).double().numpy() for k in ("mean", "deviation", "low", "high")}
     return net, standard, provenance
 
@@ -210,7 +212,8 @@ class Run:
 
 
 def measure(net, fitted, character, validation, folder, log):
-    """folder/measures.json and .txt: every measure of each level on the validation clips, no crossings. 50 ms a frame."""
+    """folder/measures.json and .txt: every measure of each level on the validation clips, no crossings. 50 ms a
+    frame."""
     results = {}
     for clip in validation:
         if not clip.mirrored:
@@ -222,9 +225,10 @@ def measure(net, fitted, character, validation, folder, log):
         found = evaluate.overall(rows)
         for level in evaluate.level_names(found):
             told = dict(zip((title for title, _, _ in evaluate.FIGURES), evaluate.figures(found[level])))
-            log(f"validation, {source}, {level}: {told['E_d mm']} mm of {found['truth']['alive_mm']:.2f} alive, relative error "
-                f"{told['relative error']}, coarse / middle / fine {told['coarse mm']} / {told['middle mm']} / "
-                f"{told['fine mm']} mm, energy {told['energy coarse']} / {told['middle']} / {told['fine']}")
+            log(f"validation, {source}, {level}: {told['E_d mm']} mm of {found['truth']['alive_mm']:.2f} alive, "
+                f"relative error {told['relative error']}, coarse / middle / fine {told['coarse mm']} / "
+                f"{told['middle mm']} / {told['fine mm']} mm, energy {told['energy coarse']} / {told['middle']} / "
+                f"{told['fine']}")
 
 
 def run(options):
@@ -268,7 +272,8 @@ def run(options):
         "stage_3_clips": sorted({c.name for c in whole.stage_3_clips}),
         "validation_clips": sorted({c.name for c in validation}),
         "held_out_clips": list(dataset.clip_names(options.held_out)),
-        "frames": {"training": frames(training), "validation": frames(validation), "static": frames(whole.static_clips)},
+        "frames": {"training": frames(training), "validation": frames(validation),
+                   "static": frames(whole.static_clips)},
         "validation_mm": {k: round(loop.kept(v)["validation_mm"], 3)
                           for k, v in histories.items()},
         "licence": "MIT"}

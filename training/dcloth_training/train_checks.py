@@ -27,8 +27,8 @@ def apart(options, refuse):
     """refuse(text) where a clip is to choose the epoch and to be measured on, too."""
     both = set(dataset.clip_names(options.validation)) & set(dataset.clip_names(options.held_out))
     if both:
-        refuse(f"--held-out {', '.join(sorted(both))}: also in --validation, which chooses the epoch to keep; name other "
-               "clips in one of them")
+        refuse(f"--held-out {', '.join(sorted(both))}: also in --validation, which chooses the epoch to keep; name "
+               "other clips in one of them")
 
 
 def lengths(training, options, log):
@@ -44,8 +44,8 @@ def lengths(training, options, log):
     seen = sum(-(-len(c) // fit_mesh.BASIS_EVERY) for c in training)
     if options.stages == "mesh" and not options.head_data and seen < options.mesh_size:
         raise ValueError(f"{options.data}: {sum(map(len, training))} frames, mirror images counted; --mesh-size "
-                         f"{options.mesh_size} wants {fit_mesh.BASIS_EVERY * options.mesh_size}: lower it, train on more, "
-                         f"or stop at --stages skeleton")
+                         f"{options.mesh_size} wants {fit_mesh.BASIS_EVERY * options.mesh_size}: lower it, train on "
+                         f"more, or stop at --stages skeleton")
     short = sorted({f"{c.name} ({len(c)})" for c in training if len(c) < options.window})
     if short and options.stages != "static":
         log(f"training: {len(short)} clips are shorter than --window {options.window} and not seen by stage 2: "

@@ -10,7 +10,8 @@ import os
 import torch
 from torch import distributed
 
-PATIENCE = datetime.timedelta(days=7)    # the others wait while worker 0 validates; where one ends, the rest are told at once
+# the others wait while worker 0 validates; where one ends, the rest are told at once
+PATIENCE = datetime.timedelta(days=7)
 _SET_THREADS = [f"{prefix}openblas_set_num_threads{suffix}" for prefix in ("", "scipy_") for suffix in ("", "64_")]
 
 
@@ -41,8 +42,8 @@ def _started_by_torchrun():
 
 
 def blas_threads(wanted):
-    """OpenBLAS on so many threads: it splits sums by their number, and torchrun's OMP_NUM_THREADS=1 would give other bits
-    than one process. PyTorch's own are torch.set_num_threads'."""
+    """OpenBLAS on so many threads: it splits sums by their number, and torchrun's OMP_NUM_THREADS=1 would give other
+    bits than one process. PyTorch's own are torch.set_num_threads'."""
     try:
         with open("/proc/self/maps", encoding="utf-8") as file:
             paths = {line.split()[-1] for line in file if "blas" in line}
@@ -64,13 +65,13 @@ def joined(options):
         return
     wanted = int(os.environ["WORLD_SIZE"])
     if wanted > options.shards:
-        raise ValueError(f"--shards {options.shards}: found {wanted} workers; each needs a shard: give more shards, 8 at most, "
-                         "or start fewer workers")
+        raise ValueError(f"--shards {options.shards}: found {wanted} workers; each needs a shard: give more shards, 8 "
+                         "at most, or start fewer workers")
     if options.device == "cuda":
         here, gpus = int(os.environ["LOCAL_RANK"]), torch.cuda.device_count()
         if here >= gpus:
-            raise ValueError(f"--device cuda: {os.environ['LOCAL_WORLD_SIZE']} workers and {gpus} GPUs on this machine; start "
-                             f"--nproc_per_node {gpus}")
+            raise ValueError(f"--device cuda: {os.environ['LOCAL_WORLD_SIZE']} workers and {gpus} GPUs on this "
+                             f"machine; start --nproc_per_node {gpus}")
         torch.cuda.set_device(here)
     distributed.init_process_group("nccl" if options.device == "cuda" else "gloo", timeout=PATIENCE)
     try:
@@ -88,7 +89,8 @@ def _meeting():
 
 
 def _device():
-    return torch.device("cuda", torch.cuda.current_device()) if distributed.get_backend() == "nccl" else torch.device("cpu")
+    return torch.device("cuda",
+                        torch.cuda.current_device()) if distributed.get_backend() == "nccl" else torch.device("cpu")
 
 
 def from_first(make):
@@ -103,7 +105,8 @@ def from_first(make):
 
 @torch.no_grad()
 def same(module):
-    """Worker 0's parameters and buffers in every worker's module. They are the same already where all processors are."""
+    """Worker 0's parameters and buffers in every worker's module. They are the same already where all processors
+    are."""
     if count() == 1:
         return
     for tensor in (*module.parameters(), *module.buffers()):

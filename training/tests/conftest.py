@@ -101,9 +101,10 @@ def tiny(tmp_path_factory):
 
 
 SMALL = ["--validation", "a/held", "--static-epochs", "10", "--influences", "3",
-         "--skeleton-epochs", "20", "--skeleton-size", "16", "--skeleton-rank", "8", "--window", "16", "--noise", "0.02",
-         "--mesh-epochs", "2", "--mesh-windows", "16", "--mesh-patches", "12", "--mesh-size", "4", "--mesh-hidden", "16",
-         "--head-rank", "8", "--head-epochs", "10", "--chunk", "8", "--threads", "1", "--static-width", "16"]
+         "--skeleton-epochs", "20", "--skeleton-size", "16", "--skeleton-rank", "8", "--window", "16", "--noise",
+         "0.02",
+         "--mesh-epochs", "2", "--mesh-windows", "16", "--mesh-patches", "12", "--mesh-size", "4", "--mesh-hidden",
+         "16", "--head-rank", "8", "--head-epochs", "10", "--chunk", "8", "--threads", "1", "--static-width", "16"]
 
 
 def train_tiny(data, out, *more):

@@ -68,7 +68,8 @@ def test_windows_see_planes_of_their_own_frames_alone(tiny):
     assert np.array_equal(got[[1, 3]], clip.planes[[3, 4]][:, rows])
     held = clip.planes_at(np.full(3, 4), rows)              # a drape that is held
     assert np.array_equal(held, np.repeat(clip.planes[2:3, rows], 3, 0))
-    clip.planes = np.arange(len(clip) * sampled * 4, dtype=np.float32).reshape(-1, sampled, 4)      # of drapes: one each
+    # of drapes: one each
+    clip.planes = np.arange(len(clip) * sampled * 4, dtype=np.float32).reshape(-1, sampled, 4)
     assert np.array_equal(clip.planes_at(np.full(2, 5), rows), np.repeat(clip.planes[5:6, rows], 2, 0))
 
 

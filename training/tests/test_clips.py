@@ -66,8 +66,8 @@ def write_recording(path, frames, heading=0.01):
         x, y, z = retarget.OFFSETS[j]
         channels = "6 Xposition Yposition Zposition Zrotation Xrotation Yrotation" if j == 0 else \
             "3 Zrotation Xrotation Yrotation"
-        lines.extend([f"{pad}{'ROOT' if j == 0 else 'JOINT'} {retarget.NAMES[j]}", pad + "{", f"{pad}OFFSET {x} {y} {z}",
-                      f"{pad}CHANNELS {channels}"])
+        lines.extend([f"{pad}{'ROOT' if j == 0 else 'JOINT'} {retarget.NAMES[j]}", pad + "{",
+                      f"{pad}OFFSET {x} {y} {z}", f"{pad}CHANNELS {channels}"])
         below = [k for k, parent in enumerate(parents) if parent == j]
         for k in below:
             joint(k, depth + 1)
@@ -184,8 +184,8 @@ def test_gusts_come_and_go_within_seconds():
 
 def test_no_network_learns_from_a_reported_clip_or_is_chosen_by_it(tmp_path):
     (tmp_path / "dynamic").mkdir()
-    for stem in ("child-8_walk", "child-8_walk-from44", "child-8_dab-from45", "evaluation-dance", "evaluation-bassai-from0",
-                 "mocap-jump", "cmu-a_dance-from34"):
+    for stem in ("child-8_walk", "child-8_walk-from44", "child-8_dab-from45", "evaluation-dance",
+                 "evaluation-bassai-from0", "mocap-jump", "cmu-a_dance-from34"):
         (tmp_path / "dynamic" / f"{stem}.safetensors").touch()
     found = [path.split("/")[-1].partition(".")[0] for path in dataset.find(str(tmp_path), "dynamic")]
     assert found == ["child-8_dab-from45", "cmu-a_dance-from34", "mocap-jump"]

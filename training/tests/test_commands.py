@@ -137,11 +137,13 @@ def test_commands_on_a_bundle(tiny, trained, exported, tmp_path, capsys):
     held = str(tiny / "dynamic" / "a-held.safetensors")
     cut = changed(tiny, tmp_path / "cut", "dynamic/a-held.safetensors", lambda t, m: t.update(truth=t["truth"][:, :59]))
     small = changed(tiny, tmp_path / "small", CHARACTER, lambda t, m: (
-        t.update(cloth_template=t["cloth_template"][:50]), t.update(cloth_faces=t["cloth_faces"][:80]), t.pop("mirror")))
+        t.update(cloth_template=t["cloth_template"][:50]), t.update(cloth_faces=t["cloth_faces"][:80]),
+        t.pop("mirror")))
     for main, arguments, words in (
             (evaluate.main, ["nowhere", held], "evaluate: error: nowhere: No such file"),
             (evaluate.main, [str(exported), str(tiny / CHARACTER)], "character.safetensors: metadata"),
-            (evaluate.main, [str(exported), str(cut / "dynamic" / "a-held.safetensors")], "a-held.safetensors: truth of 59"),
+            (evaluate.main, [str(exported), str(cut / "dynamic" / "a-held.safetensors")],
+             "a-held.safetensors: truth of 59"),
             (evaluate.main, [str(exported), held, "-o", "nowhere/e"], "nowhere: no such folder"),
             (reference.main, [str(exported), "nowhere", "-o", str(tmp_path / "p")], "reference: error: nowhere"),
             (export.main, ["sequence", str(exported), "-o", str(tmp_path / "c")], "export: error: "),

@@ -86,7 +86,8 @@ def test_rows_of_the_full_model_are_those_of_evaluate(finished, data, trained):
         ours = found[key]["clips"]["a/unseen"]
         # A longer sequence, with its last pose held, is multiplied in other pieces: the last bits of float32.
         for metric in (*table.METRICS, *(("bands", band) for band in ("coarse", "middle", "fine"))):
-            mine, theirs = (of[metric] if isinstance(metric, str) else of["bands"][metric[1]] for of in (ours, expected[level]))
+            mine, theirs = (of[metric] if isinstance(metric, str) else of["bands"][metric[1]]
+                            for of in (ours, expected[level]))
             assert mine == pytest.approx(theirs, rel=1e-4)
         assert ours["relative_error"] == pytest.approx(expected[level]["relative_error"], rel=1e-5)
 

@@ -65,8 +65,10 @@ class PretendedGpu(TorchFunctionMode):
         if func == torch.Tensor.device.__get__:
             return GPU if _away(own) else torch.device("cpu")
         met = [t for t in _tensors((args, kwargs)) if t.dim()]
-        if name != "item" and func != torch.Tensor.copy_ and func != torch.Tensor.data.__set__ and "shallow_copy" not in name:
-            assert len({_away(t) for t in met}) < 2, f"{name}: tensors of two devices {[(tuple(t.shape), _away(t)) for t in met]}"
+        may_cross = (torch.Tensor.copy_, torch.Tensor.data.__set__)
+        if name != "item" and func not in may_cross and "shallow_copy" not in name:
+            where = [(tuple(t.shape), _away(t)) for t in met]
+            assert len({away for _, away in where}) < 2, f"{name}: tensors of two devices {where}"
         asked = kwargs.get("device")
         if asked is not None and torch.device(asked).type == "cuda":
             kwargs["device"] = "cpu"

@@ -198,6 +198,7 @@ def test_evaluation_lists_every_level(tiny, files, tmp_path, capsys):
     item = sequence.read(tiny / "dynamic" / "a-held.safetensors")
     body = skeleton.skin(*referee.bind, item.joint_matrices[12::5].astype(np.float64))
     faces = safetensors_io.read(files / "half")[0]["body.faces"]
-    pairs = [len(crossings.between(cloth, referee.faces, posed, faces)) for cloth, posed in zip(item.truth[12::5], body)]
+    pairs = [len(crossings.between(cloth, referee.faces, posed, faces))
+             for cloth, posed in zip(item.truth[12::5], body)]
     assert row["truth"]["crossings"]["body"] == sum(pairs) / len(pairs) > 0
     assert (tmp_path / "e.png").exists() and (tmp_path / "e.txt").exists()

@@ -100,7 +100,8 @@ def test_distance_to_training_is_that_of_plain_loops(made, tiny, monkeypatch):
               for a in asked]
     assert np.allclose(away, [w for w, _ in wanted], atol=2e-3) and alike[-1] == wanted[-1][1]
     with pytest.raises(ValueError, match="no clips but held-out"):
-        familiarity.Training(net, rig, [str(tiny)], {"held_out_clips": ["a/held", "a/one"], "validation_clips": ["a/two"]})
+        familiarity.Training(net, rig, [str(tiny)],
+                             {"held_out_clips": ["a/held", "a/one"], "validation_clips": ["a/two"]})
     monkeypatch.setattr(familiarity.dataset, "HELD_OUT", ("a/one",))
     assert set(familiarity.Training(net, rig, [str(tiny)], {}).clips) == {"a/held", "a/two"}    # it says nothing
 

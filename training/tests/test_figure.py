@@ -112,7 +112,8 @@ POSES = {
 
 @pytest.mark.parametrize("pose", POSES)
 def test_no_limb_collapses(pose):
-    """Linear blend skinning loses volume at a sharp joint: 9 % of the whole body in a deep squat, and few triangles fold over."""
+    """Linear blend skinning loses volume at a sharp joint: 9 % of the whole body in a deep squat, and few triangles
+    fold over."""
     body = figure.load()
     points = posed(body, POSES[pose])
     assert abs(volume(points, body.faces) / volume(body.vertices, body.faces) - 1) < 0.10
@@ -120,7 +121,8 @@ def test_no_limb_collapses(pose):
                for p in (points, body.vertices)]
     area = np.linalg.norm(normals[0], axis=1) / np.linalg.norm(normals[1], axis=1)
     # Next to each other: neighbours that face against one another are a fold.
-    edges, face = np.concatenate([body.faces[:, [i, (i + 1) % 3]] for i in range(3)]), np.tile(np.arange(len(body.faces)), 3)
+    edges, face = np.concatenate([body.faces[:, [i, (i + 1) % 3]]
+                                  for i in range(3)]), np.tile(np.arange(len(body.faces)), 3)
     owner = {tuple(edge): f for edge, f in zip(edges.tolist(), face)}
     pairs = np.array([(f, owner[b, a]) for (a, b), f in owner.items() if a < b])
     unit = normals[0] / np.linalg.norm(normals[0], axis=1, keepdims=True)
@@ -136,7 +138,8 @@ def test_regions_are_drawn_with_sharp_edges():
         assert np.array_equal(colours[faces[face]], np.repeat(body.palette[body.face_regions[face]][None], 3, 0))
     used = {body.region_names[r] for r in np.unique(body.face_regions)}
     assert used == set(body.region_names)
-    area = np.linalg.norm(np.cross(*(body.vertices[body.faces[:, i]] - body.vertices[body.faces[:, 0]] for i in (1, 2))),
+    area = np.linalg.norm(np.cross(*(body.vertices[body.faces[:, i]] - body.vertices[body.faces[:, 0]]
+                                     for i in (1, 2))),
                           axis=1) / 2
     eyes = area[np.isin(body.face_regions, [body.region_names.index(r) for r in ("eye", "iris", "pupil")])].sum()
     assert 2e-4 < eyes < 2e-3      # two eyes: a few square centimetres

@@ -76,7 +76,8 @@ def test_triangles_of_very_different_sizes_are_searched_exactly():
     every = np.tile(np.arange(len(faces)), len(points))
     corner = vertices[faces][every].transpose(1, 0, 2)
     weight = geometry.closest_on_triangles(np.repeat(points, len(faces), 0), *corner)
-    away = np.linalg.norm((weight[..., None] * vertices[faces][every]).sum(1) - np.repeat(points, len(faces), 0), axis=1)
+    away = np.linalg.norm((weight[..., None] * vertices[faces][every]).sum(1) - np.repeat(points, len(faces), 0),
+                          axis=1)
     away = away.reshape(len(points), -1)
     assert np.array_equal(face, away.argmin(1)) and (face >= len(faces) - 60).any()
     assert np.array_equal(np.linalg.norm(found - points, axis=1), away.min(1))

@@ -23,7 +23,8 @@ def test_a_simulated_clip_through_every_format(tmp_path):
     cache_files.write_obj(tmp_path / "skirt.obj", template, polygons)
     walk = sequence.read(os.path.join(SKIRT, "sequences", "run_stop.safetensors"))
     walk.joint_matrices, walk.truth = walk.joint_matrices[60:60 + FRAMES], walk.truth[60:60 + FRAMES]
-    sequence.write(tmp_path / "walk.safetensors", sequence.Sequence(walk.joint_matrices, None, names, 30.0, "walk", "dynamic"))
+    sequence.write(tmp_path / "walk.safetensors",
+                   sequence.Sequence(walk.joint_matrices, None, names, 30.0, "walk", "dynamic"))
     assert walk.joint_names == names
 
     cache_files.write_pc2(tmp_path / "a.pc2", walk.truth)
@@ -44,4 +45,5 @@ def test_a_simulated_clip_through_every_format(tmp_path):
     assert len(paths) == len(caches)
     for path in paths:
         found = sequence.read(path)
-        assert np.array_equal(found.truth, walk.truth) and np.array_equal(found.joint_matrices, walk.joint_matrices), path
+        assert np.array_equal(found.truth, walk.truth), path
+        assert np.array_equal(found.joint_matrices, walk.joint_matrices), path

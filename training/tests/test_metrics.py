@@ -49,7 +49,8 @@ def test_large_faces_weigh_more():
 
 def turning_hips(frames):
     """Rigid frames [T, 4, 4] that turn, tilt and travel."""
-    return np.stack([rigid(rotation([0, 1, 0], 0.2 * t) @ rotation([1, 0, 1], 0.5 * np.sin(t)), [0.1 * t, 1, 0.02 * t * t])
+    return np.stack([rigid(rotation([0, 1, 0], 0.2 * t) @ rotation([1, 0, 1], 0.5 * np.sin(t)),
+                           [0.1 * t, 1, 0.02 * t * t])
                      for t in range(frames)])
 
 
@@ -87,7 +88,8 @@ def test_a_garment_bolted_to_the_hips_misses_all_that_moves(swing):
         assert found[key] == pytest.approx(20, abs=1e-4), key
     assert found["position_mm"]["mean"] == pytest.approx(20, abs=1e-4) and found["frames"] == 40
     assert found["relative_error"] == pytest.approx(1) and found["relative_motion_error"] == pytest.approx(1)
-    assert found["offset_mm"] == pytest.approx(0, abs=1e-4) and found["predicted_alive_mm"] == pytest.approx(0, abs=1e-4)
+    assert found["offset_mm"] == pytest.approx(0, abs=1e-4)
+    assert found["predicted_alive_mm"] == pytest.approx(0, abs=1e-4)
     # A whole that moves rigidly is all coarse.
     assert found["bands"]["coarse"]["error_mm"] == pytest.approx(20, abs=1e-3)
     assert found["bands"]["coarse"]["energy_ratio"] == pytest.approx(0, abs=1e-5)
@@ -106,7 +108,8 @@ def test_another_drape_is_offset_and_half_a_swing_is_motion(swing):
     assert found["relative_motion_error"] == pytest.approx(0.5)
     assert found["position_mm"]["mean"] == pytest.approx(np.sqrt(10 ** 2 + 5 ** 2), abs=1e-4)
     assert found["bands"]["coarse"]["error_mm"] == pytest.approx(np.sqrt(10 ** 2 + 5 ** 2), abs=1e-3)
-    assert found["bands"]["coarse"]["energy_ratio"] == pytest.approx(0.5) and found["jitter"]["ratio"] == pytest.approx(0.5)
+    assert found["bands"]["coarse"]["energy_ratio"] == pytest.approx(0.5)
+    assert found["jitter"]["ratio"] == pytest.approx(0.5)
     assert found["predicted_alive_mm"] == pytest.approx(10, abs=1e-4)
 
 
@@ -191,8 +194,10 @@ def test_clips_weigh_the_same_and_quotients_are_of_sums(swing):
     rows[1]["bands"]["coarse"].update(rms_mm=60.0)
     found = metrics.over_clips(rows)
     assert found["clips"] == 2 and found["frames"] == 60
-    assert found["position_mm"]["mean"] == pytest.approx(40, abs=1e-3) and found["alive_mm"] == pytest.approx(40, abs=1e-3)
-    assert found["relative_error"] == pytest.approx(80 / 80) and found["position_mm"]["max"] == pytest.approx(60, abs=1e-3)
+    assert found["position_mm"]["mean"] == pytest.approx(40, abs=1e-3)
+    assert found["alive_mm"] == pytest.approx(40, abs=1e-3)
+    assert found["relative_error"] == pytest.approx(80 / 80)
+    assert found["position_mm"]["max"] == pytest.approx(60, abs=1e-3)
     assert found["bands"]["coarse"]["energy_ratio"] == pytest.approx(np.sqrt(60 ** 2 / (20 ** 2 + 60 ** 2)))
     assert found["penetration"] == {"area_share": 0.25, "p99_mm": 1.0} and found["crossings"] == {"cloth": 2.0}
     assert "calm_mm" not in found and "fine_motion_mm" not in found

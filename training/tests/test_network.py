@@ -152,11 +152,12 @@ def test_layer_matches_loops_over_vertices(inputs):
 
 
 def test_mesh_stage_couples_vertices_in_the_head_only():
-    """What a vertex embeds depends, a tick, on vertices at most three edges away; Q on all; the head is plain algebra."""
+    """What a vertex embeds depends, a tick, on vertices at most three edges away; Q on all; the head is plain
+    algebra."""
     _, faces, _ = tube(1, 9, 6, 1, 0)
     torch.manual_seed(3)
-    mesh = MeshStage(*geometry.padded_neighbours(faces, 54), torch.tensor([0.1, -0.2, 0.3]), torch.tensor([2.0, 1.0, 0.5]),
-                     hidden=5, size=2).double()
+    mesh = MeshStage(*geometry.padded_neighbours(faces, 54), torch.tensor([0.1, -0.2, 0.3]),
+                     torch.tensor([2.0, 1.0, 0.5]), hidden=5, size=2).double()
     assert not mesh.coefficients(torch.randn(2, 54).double()).any()             # starts at stage 2's result
     points = torch.randn(54, 2, 3).double()
     first, states = mesh.embedded(points, mesh.reset(2, mesh.embed.weight))

@@ -16,13 +16,13 @@ from dcloth_training.truth.errors import TruthError
 
 ROLES = {"Hips": "hips", "Spine": "spine", "Spine1": "chest", "Spine2": "upper chest", "Neck": "neck", "Head": "head",
          **{side + name: f"{side.lower()} {role}" for side in ("Left", "Right") for name, role in (
-             ("Shoulder", "shoulder"), ("Arm", "upper arm"), ("ForeArm", "lower arm"), ("Hand", "hand"), ("UpLeg", "upper leg"),
-             ("Leg", "lower leg"), ("Foot", "foot"), ("ToeBase", "toes"))}}
+             ("Shoulder", "shoulder"), ("Arm", "upper arm"), ("ForeArm", "lower arm"), ("Hand", "hand"),
+             ("UpLeg", "upper leg"), ("Leg", "lower leg"), ("Foot", "foot"), ("ToeBase", "toes"))}}
 
 
 def written(turn=None, move=None, roles=ROLES):
-    """What `dcloth hero` writes of our figure under Mixamo's names, with a root above and a finger below; `turn` [J, 3, 3]
-    gives the joints other axes, `move` [4, 4] another place."""
+    """What `dcloth hero` writes of our figure under Mixamo's names, with a root above and a finger below; `turn` [J, 3,
+    3] gives the joints other axes, `move` [4, 4] another place."""
     body = figure.load()
     names = ["Armature", *body.names, "LeftHandIndex1"]
     bind = np.tile(np.eye(4), (len(names), 1, 1))
@@ -42,7 +42,8 @@ def written(turn=None, move=None, roles=ROLES):
                "body_faces": body.faces.astype(np.int32), "body_mesh": np.zeros(len(vertices), np.int32)}
     parents = [-1, *(int(p) + 1 for p in body.parents), names.index("LeftHand")]
     return tensors, {"joint_names": json.dumps([f"mixamorig:{name}" for name in names]), "parents": json.dumps(parents),
-                     "roles": json.dumps([roles.get(name, "none") for name in names]), "meshes": '["Body"]', "clips": "[]"}
+                     "roles": json.dumps([roles.get(name, "none") for name in names]), "meshes": '["Body"]',
+                     "clips": "[]"}
 
 
 def read(*arguments, **more):
@@ -65,7 +66,8 @@ def test_a_character_has_its_parts_and_no_fingers(hero):
                           ["mixamorig:" + name for name in ROLES])
     assert len(hero.vertices) > 0.95 * len(body.vertices) and np.allclose(hero.weights.sum(1), 1)
     own = hero.weights[:, hero.names.index("mixamorig:LeftHand")]
-    assert own[hero.vertices[:, 0] > body.joints[skeleton.INDEX["LeftHand"], 0] + 0.1].min() > 0.9      # the finger's too
+    # the finger's too
+    assert own[hero.vertices[:, 0] > body.joints[skeleton.INDEX["LeftHand"], 0] + 0.1].min() > 0.9
 
 
 def test_the_skin_is_made_coarser_where_it_lies():
@@ -115,7 +117,8 @@ def test_our_own_motion_comes_back_on_our_own_figure(name, hero):
 def test_other_axes_and_facing_change_no_limb(hero):
     """A character whose joints have axes of their own and that faces -Z, as VRM 0's do, walks as the other one does."""
     generator = np.random.default_rng(4)
-    turn = np.stack([conftest.rotation(generator.normal(size=3), generator.uniform(0, 3)) for _ in range(len(hero.names) + 2)])
+    turn = np.stack([conftest.rotation(generator.normal(size=3), generator.uniform(0, 3))
+                     for _ in range(len(hero.names) + 2)])
     about = np.diag([-1.0, 1, -1, 1])
     other = read(turn, about)
     motion = clips.load("procedural/kicks")[:40]
@@ -143,10 +146,11 @@ def test_arms_that_hang_in_bind_pose_are_lifted_by_a_t_pose():
     assert hand[0] - arm[0] > 0.4 and abs(hand[1] - arm[1]) < 0.01
 
 
-# The garment ------------------------------------------------------------------------------------------------------------
+# The garment ----------------------------------------------------------------------------------------------------------
 
 def skirt_mesh(rings=8, columns=24, uv=True):
-    """A cone that hangs from the figure's waist: vertices, quads, texture coordinates [vertices] that are its flat pattern."""
+    """A cone that hangs from the figure's waist: vertices, quads, texture coordinates [vertices] that are its flat
+    pattern."""
     top, low, waist = 1.08, 0.55, 0.125
     angle = 2 * np.pi * np.arange(columns + 1) / columns
     radius = waist + 0.15 * np.linspace(0, 1, rings)
@@ -156,15 +160,18 @@ def skirt_mesh(rings=8, columns=24, uv=True):
         waist * np.hypot(0.15, top - low) / 0.15
     half = 0.15 / np.hypot(0.15, top - low)
     flat = np.array([[s * np.sin(half * a), -s * np.cos(half * a)] for s in slant for a in angle])
-    quads = [(r * columns + c, (r + 1) * columns + c, (r + 1) * columns + (c + 1) % columns, r * columns + (c + 1) % columns)
+    quads = [(r * columns + c, (r + 1) * columns + c, (r + 1) * columns + (c + 1) % columns,
+              r * columns + (c + 1) % columns)
              for r in range(rings - 1) for c in range(columns)]
-    texture = [(r * (columns + 1) + c, (r + 1) * (columns + 1) + c, (r + 1) * (columns + 1) + c + 1, r * (columns + 1) + c + 1)
+    texture = [(r * (columns + 1) + c, (r + 1) * (columns + 1) + c, (r + 1) * (columns + 1) + c + 1,
+                r * (columns + 1) + c + 1)
                for r in range(rings - 1) for c in range(columns)]
     return points, quads, (flat, texture) if uv else None
 
 
 def write_obj(path, points, polygons, texture=None, colours=None):
-    lines = ["v " + " ".join(map(str, (*p, *(colours[i] if colours is not None else ())))) for i, p in enumerate(points)]
+    lines = ["v " + " ".join(map(str, (*p, *(colours[i] if colours is not None else ()))))
+             for i, p in enumerate(points)]
     if texture:
         lines += [f"vt {u} {v}" for u, v in texture[0]]
     for k, polygon in enumerate(polygons):
@@ -175,7 +182,8 @@ def write_obj(path, points, polygons, texture=None, colours=None):
 
 
 def write_glb(path, mesh, scale=1.0):
-    """A mesh with a vertex of its own for every corner, as files with texture seams have, under a node of another scale."""
+    """A mesh with a vertex of its own for every corner, as files with texture seams have, under a node of another
+    scale."""
     points = (mesh.vertices[mesh.faces].reshape(-1, 3) / scale).astype("<f4")
     uv = mesh.uv.reshape(-1, 2).astype("<f4")
     index = np.arange(len(points), dtype="<u4")
@@ -188,12 +196,14 @@ def write_glb(path, mesh, scale=1.0):
                 "accessors": [{"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
                               {"bufferView": 1, "componentType": 5126, "count": len(points), "type": "VEC2"},
                               {"bufferView": 2, "componentType": 5125, "count": len(points), "type": "SCALAR"}],
-                "meshes": [{"name": "Dress", "primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2}]}],
+                "meshes": [{"name": "Dress",
+                            "primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2}]}],
                 "nodes": [{"name": "Empty", "children": [1], "scale": [scale] * 3}, {"mesh": 0}],
                 "scenes": [{"nodes": [0]}]}
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary)) + struct.pack("<II", len(text), 0x4E4F534A)
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(binary))
+                     + struct.pack("<II", len(text), 0x4E4F534A)
                      + text + struct.pack("<II", len(binary), 0x004E4942) + binary)
     return str(path)
 
@@ -259,8 +269,8 @@ def test_pins(hero, tmp_path):
     assert not dress.make(painted, hero, "wool", "none").worn.pinned.any()
     touching = dress.make(painted, hero, "wool", "bone:hips,spine,chest").worn.pinned
     assert 0 < touching.sum() < 48 and (points[touching, 1] > 0.85).all()
-    for pin, words in (("colour:blue", "no blue vertices"), ("bone:tail", "a role .*left upper leg"), ("bone:head", "touch it"),
-                       ("ceiling", "top, none, colour")):
+    for pin, words in (("colour:blue", "no blue vertices"), ("bone:tail", "a role .*left upper leg"),
+                       ("bone:head", "touch it"), ("ceiling", "top, none, colour")):
         with pytest.raises(TruthError, match=words):
             dress.make(painted, hero, "wool", pin)
     with pytest.raises(TruthError, match="without vertex colours"):
@@ -315,7 +325,7 @@ def test_refined_keeps_the_pattern(hero, tmp_path):
     assert area(more) == pytest.approx(area(once), rel=0.02)
 
 
-# The way ------------------------------------------------------------------------------------------------------------------
+# The way --------------------------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("frames, own", [(1000, []), (100000, []), (30000, [(f"clip{k}", 200) for k in range(6)])])
 def test_the_plan_spends_what_it_is_given(frames, own):
@@ -452,7 +462,8 @@ def test_the_page_holds_the_figures_and_what_was_refused(tmp_path):
     options = make.arguments(["--character", "a/h&b.glb", "--garment", "d.obj", "--out", str(tmp_path)])
     options.name = "d"
     (tmp_path / "d.dcloth").write_bytes(b"0" * 2500000)
-    (tmp_path / "manifest.jsonl").write_text('{"clip": "walk", "seconds": 1800}\n{"clip": "run", "refused": "<torn>"}\n')
+    (tmp_path
+     / "manifest.jsonl").write_text('{"clip": "walk", "seconds": 1800}\n{"clip": "run", "refused": "<torn>"}\n')
     numbers = tmp_path / "evaluate.json"
     numbers.write_text(json.dumps({"variants": [
         {"name": "int8", "tick_ms": {"p50": 0.25}, "truth": {"position_mm": {"mean": 7.25}, "relative_error": 0.31}},
@@ -516,7 +527,8 @@ def test_few_drapes_get_company_from_the_clips_to_learn_from(tmp_path):
     for k, name in enumerate(("a", "b", "held")):
         matrices = np.tile(np.eye(4), (12, 2, 1, 1))
         truth = np.full((12, 5, 3), 10.0 * k) + np.arange(12)[:, None, None]
-        sequence.write(make.clip_file(options, name), sequence.Sequence(matrices, truth, ["x", "y"], 30.0, name, "dynamic"))
+        sequence.write(make.clip_file(options, name),
+                       sequence.Sequence(matrices, truth, ["x", "y"], 30.0, name, "dynamic"))
     there = {"training": ["a", "b"], "held_out": ["held"], "validation": []}
     make.stand_ins(options, there, make.ENOUGH_DRAPES)
     path = tmp_path / "static" / "drapes-of-clips.safetensors"
@@ -532,15 +544,17 @@ def test_a_recording_of_15_joints_comes_by_way_of_our_figure(hero, tmp_path):
     parents = {"Hips": None, "Chest": "Hips", "Neck": "Chest", "RightArm": "Chest", "LeftArm": "Chest",
                "RightUpLeg": "Hips", "LeftUpLeg": "Hips"}
     for side in ("Left", "Right"):
-        parents.update({side + low: side + high for low, high in (("ForeArm", "Arm"), ("Hand", "ForeArm"), ("Leg", "UpLeg"),
-                                                                  ("Foot", "Leg"))})
+        parents.update({side + low: side + high
+                        for low, high in (("ForeArm", "Arm"), ("Hand", "ForeArm"), ("Leg", "UpLeg"),
+                                          ("Foot", "Leg"))})
     for name, offset in zip(names, retarget.OFFSETS):
         while depth and depth[-1] != parents[name]:
             depth.pop()
             lines.append("}")
         channels = "6 Xposition Yposition Zposition Zrotation Yrotation Xrotation" if not depth else \
             "3 Zrotation Yrotation Xrotation"
-        lines += [f"{'JOINT' if depth else 'ROOT'} {name}", "{", "OFFSET " + " ".join(map(str, offset)), f"CHANNELS {channels}"]
+        lines += [f"{'JOINT' if depth else 'ROOT'} {name}", "{", "OFFSET " + " ".join(map(str, offset)),
+                  f"CHANNELS {channels}"]
         depth.append(name)
     lines += ["}"] * len(depth) + ["MOTION", "Frames: 90", "Frame Time: 0.0333333"]
     for frame in range(90):

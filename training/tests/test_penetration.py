@@ -91,7 +91,8 @@ def test_a_sheet_of_cloth_is_measured_as_its_points_are():
     inside, inside_faces, _ = tube(0.02, 4, 8, 0.03, -0.03)
     away = inside + [1, 0, 0]
     for cloth, own, crosses in ((sheet, sheet_faces, True), (inside, inside_faces, False), (away, inside_faces, False),
-                                (np.concatenate([inside, away]), np.concatenate([inside_faces, inside_faces + 32]), False)):
+                                (np.concatenate([inside, away]), np.concatenate([inside_faces, inside_faces + 32]),
+                                 False)):
         depth, pairs = penetration.Body(faces, own, len(cloth)).contact(cloth, vertices)
         assert np.allclose(depth, depth_of(faces, cloth, vertices), atol=1e-12)
         assert (len(pairs) > 0) == crosses
@@ -102,7 +103,8 @@ def test_crossing_pairs_are_of_faces_that_may_touch_and_leave_out_the_fans():
     limb, faces, _ = tube(0.05, 10, 24, 1.0, 0.5)
     two = np.concatenate([limb, limb + [0.3, 0, 0]])
     both = np.concatenate([faces, faces + len(limb)])
-    sheet = np.array([[-0.1, 0.7, 0], [0.5, 0.7, 0], [-0.1, 0.72, 0.2], [0, 1.1, 0.01], [0.02, 0.9, 0.01], [0, 1.1, 0.0]])
+    sheet = np.array([[-0.1, 0.7, 0], [0.5, 0.7, 0], [-0.1, 0.72, 0.2], [0, 1.1, 0.01], [0.02, 0.9, 0.01],
+                      [0, 1.1, 0.0]])
     own = np.array([[0, 1, 2], [3, 4, 5]])          # one through both limbs, one down through the open end of the first
     part = np.repeat([0, 1], len(faces))
     body = penetration.Body(both, own, 6, part=part)

@@ -18,7 +18,8 @@ def data(tiny, tmp_path):
     shutil.copytree(tiny, folder)
     tensors, metadata = safetensors_io.read(str(folder / "character.safetensors"))
     tensors["body_vertices"][:, [0, 2]] *= 0.3        # clear of the made-up cloth, which takes no notice of it
-    tensors["body_vertices"][:, 1] = np.maximum(tensors["body_vertices"][:, 1], 0.7 + 0.1 * tensors["body_vertices"][:, 1])
+    tensors["body_vertices"][:, 1] = np.maximum(tensors["body_vertices"][:, 1],
+                                                0.7 + 0.1 * tensors["body_vertices"][:, 1])
     safetensors_io.write(str(folder / "character.safetensors"), tensors, metadata)
     names = {"a-one": "mocap/run", "a-two": "mocap/walk", "a-held": "mocap/jump~2"}
     lines = []
@@ -50,10 +51,10 @@ def by_name(found):
 def test_numbers_are_those_of_the_files(data, tmp_path):
     status, found = run(data, tmp_path / "report", "--pictures", "0")
     rows = by_name(found)
-    assert status == 0 and [row["clip"] for row in found["clips"]] == ["mocap/run", "mocap/walk", "mocap/jump~2",
-                                                                       "drapes-00"]
-    assert [row["group"] for row in found["clips"]] == ["development_recorded", "validation_recorded", "training_recorded",
-                                                        "drapes"]
+    assert status == 0
+    assert [row["clip"] for row in found["clips"]] == ["mocap/run", "mocap/walk", "mocap/jump~2", "drapes-00"]
+    assert [row["group"] for row in found["clips"]] == ["development_recorded", "validation_recorded",
+                                                        "training_recorded", "drapes"]
     character, _ = safetensors_io.read(str(data / "character.safetensors"))
     clip = sequence.read(str(data / "dynamic" / "mocap-run.safetensors"))
     rest, largest, fastest = character["cloth_template"], 0.0, 0.0
@@ -185,8 +186,8 @@ def test_fewer_frames_and_more_workers(data, tmp_path):
 
 
 def test_what_stands_out_comes_first():
-    plain = {"torn_share": 0.0, "through_share": 0.0, "crossed_share": 0.0, "body_crossings_max": 0, "cloth_crossings_max": 0,
-             "stretch_max": 1.1, "stretch_p99": 1.0, "folded_max": 0.0, "speed_max": 1.0,
+    plain = {"torn_share": 0.0, "through_share": 0.0, "crossed_share": 0.0, "body_crossings_max": 0,
+             "cloth_crossings_max": 0, "stretch_max": 1.1, "stretch_p99": 1.0, "folded_max": 0.0, "speed_max": 1.0,
              "penetration_max_mm": 0.0, "fault": None}
     rows = [plain, {**plain, "stretch_max": 1.2}, {**plain, "folded_max": 0.1}, {**plain, "fault": "torn"},
             {**plain, "speed_max": None, "penetration_max_mm": None}]

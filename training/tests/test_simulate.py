@@ -95,7 +95,8 @@ def test_parts_overlap_and_leave_the_other_limbs_out(body):
 def test_pins_follow_the_skin_beside_them(body, skirt):
     weights = cloth_job.pin_weights(skirt, body)
     assert weights.shape == (skirt.pinned.sum(), len(body.names)) and np.allclose(weights.sum(1), 1)
-    assert {body.names[k] for k in np.flatnonzero(weights.max(0) > 0.05)} <= {"Hips", "Spine", "LeftUpLeg", "RightUpLeg"}
+    holding = {body.names[k] for k in np.flatnonzero(weights.max(0) > 0.05)}
+    assert holding <= {"Hips", "Spine", "LeftUpLeg", "RightUpLeg"}
 
 
 def test_rest_lengths_are_those_of_the_pattern(skirt):
@@ -161,7 +162,8 @@ def test_checks_refuse_stretched_sunken_and_broken_cloth(body, hanging):
 
 
 def test_numbers_say_what_is_not_cloth(body, hanging):
-    """One frame of four with a dent in the front that goes into a thigh, another with the front pulled out at the back."""
+    """One frame of four with a dent in the front that goes into a thigh, another with the front pulled out at the
+    back."""
     good = still(hanging, 4)
     cloth, at = good.cloth.astype(np.float64), hanging.vertices
     front = at[:, 2] > 0.15
@@ -174,8 +176,8 @@ def test_numbers_say_what_is_not_cloth(body, hanging):
     assert numbers["cloth_crossings_max"] > 100 and numbers["body_crossings_max"] > 20
     assert 10 < numbers["penetration_max_mm"] < 100 and 0 < numbers["penetration_area_share"] < 0.2
     clean = checks.measure(good, body, hanging)
-    for key in ("crossed_share", "tangled_share", "torn_share", "through_share", "penetration_max_mm", "cloth_crossings",
-                "body_crossings", "penetration_area_share"):
+    for key in ("crossed_share", "tangled_share", "torn_share", "through_share", "penetration_max_mm",
+                "cloth_crossings", "body_crossings", "penetration_area_share"):
         assert clean[key] == 0, key
     assert clean["strain_p99"] == pytest.approx(0, abs=1e-3)
 

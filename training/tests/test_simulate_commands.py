@@ -34,7 +34,8 @@ def test_run_begins_with_no_clip_where_one_cannot_be(tmp_path, capsys, words, mo
 
 
 def test_a_clip_named_twice_is_simulated_once(tmp_path):
-    options = run.arguments(["--out", str(tmp_path), "--clips", "procedural/jumps,development,procedural/jumps,procedural/jumps",
+    options = run.arguments(["--out", str(tmp_path), "--clips",
+                             "procedural/jumps,development,procedural/jumps,procedural/jumps",
                              "--motion", "unused"])
     options.clips = options.clips.replace("development,", "")
     assert [name for name, *_ in run.tasks(options, run.Ours(options))] == ["procedural/jumps"]

@@ -161,11 +161,13 @@ def test_layers_do_not_pass_through_each_other():
     low, cloth = sheet(0.3, 0.015)
     small, other = sheet(0.12, 0.015)
     points = np.concatenate([low, small + [0, 0.05, 0]])
-    both = solver.Fabric(np.concatenate([cloth.faces, other.faces + len(low)]), np.concatenate([cloth.pattern, other.pattern]))
+    both = solver.Fabric(np.concatenate([cloth.faces, other.faces + len(low)]),
+                         np.concatenate([cloth.pattern, other.pattern]))
     pins = np.flatnonzero(np.abs(low[:, [0, 2]]).max(1) > 0.15 - 1e-6)
     held, through = (run(points, both, pins, 40, layer_thickness=thickness)[-1] for thickness in (0.005, 0.0))
     upper = slice(len(low), None)
-    assert held[upper, 1].min() > held[:len(low), 1].min() and len(crossings.count(held, both.faces, None, None)[0]) == 0
+    assert held[upper, 1].min() > held[:len(low),
+                                       1].min() and len(crossings.count(held, both.faces, None, None)[0]) == 0
     assert through[upper, 1].max() < through[:len(low), 1].min()
 
 
@@ -175,7 +177,8 @@ def test_between_two_parts_cloth_ends_in_the_middle():
     points, cloth = sheet(0.1, 0.0125)
     frames = 40
     apart = np.linspace(0.1, 0.0825, frames)[:, None, None] * np.array([0, 1, 0])
-    body = solver.Body(np.concatenate([ball_faces, ball_faces + len(ball)]), np.repeat([0, 1], len(ball_faces)).astype(np.int32),
+    body = solver.Body(np.concatenate([ball_faces, ball_faces + len(ball)]),
+                       np.repeat([0, 1], len(ball_faces)).astype(np.int32),
                        np.concatenate([ball - apart, ball + apart], axis=1))
     out = solver.run(points, cloth, np.zeros(0, np.int32), np.zeros((frames, 0, 3)), body, np.zeros((frames, 3)),
                      {**WOOL, "gravity": 0.0})
@@ -218,7 +221,8 @@ def test_same_input_same_bits_and_anywhere_in_the_world():
     assert np.array_equal(first, second)
     place = np.array([512.0, 0, 256.0])
     away = run(points + place, cloth, pins, 10, origin=np.tile(place, (10, 1)))
-    assert np.abs(away - place - first[:10]).max() < 5e-3   # floats 500 m away: 3e-5 m apart, and cloth folds as it likes
+    # floats 500 m away: 3e-5 m apart, and cloth folds as it likes
+    assert np.abs(away - place - first[:10]).max() < 5e-3
 
 
 def test_a_crease_folds_and_keeps_its_side():

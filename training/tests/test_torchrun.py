@@ -16,7 +16,8 @@ TRAINING = os.path.join(os.path.dirname(__file__), "..")
 OPTIONS = [*SMALL, "--shards", "4", "--settle-epochs", "2", "--mesh-windows", "32"]
 TRAIN = ["-m", "dcloth_training.train"]
 # 9:1, about a worker that is not there: Python 3.11 finds no member for the default, 0, in PyTorch 1.13's enumeration.
-TORCHRUN = ["-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2", "--redirects", "9:1", "--tee", "9:1"]
+TORCHRUN = ["-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2", "--redirects", "9:1", "--tee",
+            "9:1"]
 STOPPED = """
 import sys
 from dcloth_training import checkpoint, loop, train
@@ -33,8 +34,8 @@ sys.exit(train.main())
 def _python(*words, **more):
     environment = {k: v for k, v in os.environ.items() if k not in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
     environment.update(more, PYTHONPATH=TRAINING)
-    return subprocess.run([sys.executable, *map(str, words)], env=environment, capture_output=True, text=True, check=False,
-                          timeout=600)
+    return subprocess.run([sys.executable, *map(str, words)], env=environment, capture_output=True, text=True,
+                          check=False, timeout=600)
 
 
 def _train(tiny, out, *how):
@@ -64,7 +65,8 @@ def test_two_workers_give_the_bits_of_one_and_go_on_where_one_or_two_stopped(tin
 
     (tmp_path / "stopped.py").write_text(STOPPED)
     ended = _python(*TORCHRUN, tmp_path / "stopped.py", "--data", tiny, "--out", tmp_path / "two", *OPTIONS)
-    assert ended.returncode and "train: error: stopped by the test" in ended.stderr       # and the other worker ended, too
+    # and the other worker ended, too
+    assert ended.returncode and "train: error: stopped by the test" in ended.stderr
     assert checkpoint.load(str(tmp_path / "two" / "skeleton.safetensors"))["epoch"] == 10
     shutil.copytree(tmp_path / "two", tmp_path / "then one")
 
@@ -93,7 +95,8 @@ def test_shards_part_each_batch_among_themselves():
     assert len({float(own) for _, own in parts}) == 4       # random numbers of their own
     assert [len(list(shards.Shard(i, 4).batches([1, 2], 8, torch.Generator()))) for i in range(4)] == [1, 1, 0, 0]
     generator = torch.Generator().manual_seed(5)
-    assert [rows.tolist() for rows in shards.WHOLE.batches(order, 16, generator)] == [list(range(16)), list(range(16, 21))]
+    assert [rows.tolist() for rows in shards.WHOLE.batches(order, 16, generator)] == [list(range(16)),
+                                                                                      list(range(16, 21))]
     assert torch.equal(generator.get_state(), torch.Generator().manual_seed(5).get_state())
 
 
@@ -111,7 +114,8 @@ def test_shards_sum_to_the_gradient_of_the_batch(count):
     def begin():
         return torch.Generator().manual_seed(7)
 
-    found = [(float(loss), *(p.grad.clone() for p in parameters)) for loss in shards.steps(batches, begin, parameters, count)]
+    found = [(float(loss), *(p.grad.clone() for p in parameters))
+             for loss in shards.steps(batches, begin, parameters, count)]
     order = torch.randperm(21, generator=begin())
     assert len(found) == 2
     for rows, (loss, *gradient) in zip(order.split(16), found):

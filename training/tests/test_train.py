@@ -21,7 +21,8 @@ def test_every_stage_lowers_the_error_on_unseen_motion(tiny, trained):
     assert error["static"] < 0.7 * error["plain"], error
     assert error["skeleton"] < 0.5 * error["static"], error
     assert error["mesh"] < 0.995 * error["skeleton"], error
-    assert error["mesh"] == pytest.approx(provenance["validation_mm"]["mesh_layers"], rel=0.05)  # that has its mirror image, too
+    # that has its mirror image, too
+    assert error["mesh"] == pytest.approx(provenance["validation_mm"]["mesh_layers"], rel=0.05)
     histories = json.loads((out / "log.json").read_text())["histories"]
     assert histories["skeleton"][-1]["training_mm"] < histories["skeleton"][1]["training_mm"]
 
@@ -37,8 +38,8 @@ def test_the_log_names_the_clips(trained):
 def test_every_measure_is_written_for_the_validation_clips(trained):
     (net, fitted, character, _), out = trained
     found = json.loads((out / "measures.json").read_text())
-    assert list(found) == ["a/held"] and list(found["a/held"]) == ["truth", evaluate.SCALE, evaluate.PLAIN,
-                                                                 *evaluate.LEVELS.values()]
+    assert list(found) == ["a/held"]
+    assert list(found["a/held"]) == ["truth", evaluate.SCALE, evaluate.PLAIN, *evaluate.LEVELS.values()]
     last = found["a/held"]["stages 1-3"]
     assert last["relative_error"] == pytest.approx(last["position_mm"]["mean"] / last["alive_mm"]) and last["bands"]
     assert "relative error" in (out / "measures.txt").read_text() and "energy" in (out / "train.log").read_text()
@@ -166,7 +167,8 @@ def test_takes_are_left_out_by_their_names_too(tiny, tmp_path):
     found = dataset.find(str(tmp_path), "dynamic", ("a/one~2", "a/one~3"))
     assert [p.split("/")[-1] for p in found] == ["a-two.safetensors"]
     found = [dataset.path_of(str(tmp_path), name) for name in ("a/one~2", "a/one~3", "a/one~4")]
-    assert [p.split("/")[-1] for p in found] == ["a-one-take2.safetensors", "a-one~3.safetensors", "a-one~4.safetensors"]
+    assert [p.split("/")[-1] for p in found] == ["a-one-take2.safetensors", "a-one~3.safetensors",
+                                                 "a-one~4.safetensors"]
 
 
 def test_windows_begin_with_a_reset(tiny):
@@ -260,8 +262,8 @@ def test_stage_3_may_not_learn_on_what_stage_2_saw(tiny, tmp_path):
 
 def test_goes_on_from_a_finished_training(tiny, trained, tmp_path):
     before = trained[0][0]
-    net, _, _, provenance = run(tiny, tmp_path, "--start", str(trained[1]), "--skeleton-epochs", "0", "--settle-epochs", "0",
-                                "--stages", "skeleton")
+    net, _, _, provenance = run(tiny, tmp_path, "--start", str(trained[1]), "--skeleton-epochs", "0", "--settle-epochs",
+                                "0", "--stages", "skeleton")
     for name in ("static.mlp.0.weight", "standardise.mean", "skeleton.gru.weight_hh_l0"):
         assert torch.equal(net.state_dict()[name], before.state_dict()[name]), name
     assert torch.allclose(net.skeleton.basis, before.skeleton.basis, atol=1e-6)
@@ -284,4 +286,5 @@ def test_more_data_adds_clips_but_neither_held_out_ones_nor_drapes(tiny, tmp_pat
         for more in ([], ["--more-data", str(tiny)]))
     for before, after, times in zip(alone[2:], both[2:], (1, 2, 2)):
         assert len(after) == times * len(before) > 0
-        assert {c.name for c in after} == {c.name for c in before} and not {c.name for c in after} & set(dataset.HELD_OUT)
+        names = {c.name for c in after}
+        assert names == {c.name for c in before} and not names & set(dataset.HELD_OUT)

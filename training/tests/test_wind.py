@@ -72,9 +72,11 @@ def test_windows_of_air_begin_with_the_wind_of_their_first_tick(windy, blown):
     clips = dataset.load(paths, fitted.rig, character)
     item = sequence.read(paths[0])
     plain, mirrored = clips[0], clips[1]
-    assert mirrored.mirrored and torch.allclose(mirrored.pose.wind, plain.pose.wind * torch.tensor([-1, 1, 1]), atol=1e-5)
+    assert mirrored.mirrored and torch.allclose(mirrored.pose.wind, plain.pose.wind * torch.tensor([-1, 1, 1]),
+                                                atol=1e-5)
     window = dataset.Window(plain, 9, dataset.WARM_UP)
-    later = network.pose_of(item.joint_matrices[9:29].astype(np.float64), fitted.rig, torch.float32, wind=item.wind[9:29])
+    later = network.pose_of(item.joint_matrices[9:29].astype(np.float64), fitted.rig, torch.float32,
+                            wind=item.wind[9:29])
     assert torch.allclose(window.x(20), later.x, atol=1e-3)
     assert torch.equal(window.x(20, reset=False), plain.pose.x[9:29])
     still = dataset.Still(plain, 9, dataset.WARM_UP).x(5)

@@ -38,8 +38,10 @@ def arguments(argv):
     for name in ("library", "dcloth", "build", "work"):
         parser.add_argument(f"--{name}", required=True)
     parser.add_argument("--preset", default="paper")
-    parser.add_argument("--frames", type=int, default=24, help="of the preset's sequence; all compared, timed round and round")
-    parser.add_argument("--trained", nargs=2, metavar=("BUNDLE", "SEQUENCE"), help="a trained garment, in a section of its own")
+    parser.add_argument("--frames", type=int, default=24,
+                        help="of the preset's sequence; all compared, timed round and round")
+    parser.add_argument("--trained", nargs=2, metavar=("BUNDLE", "SEQUENCE"),
+                        help="a trained garment, in a section of its own")
     parser.add_argument("--core", type=int)
     parser.add_argument("--ticks", type=int, default=200, help="timed ticks a contestant, warm and cold each")
     parser.add_argument("--seconds", type=float, default=75, help="at most, warm and cold each")
@@ -99,7 +101,8 @@ def run(options):
     folder = empty_folder(options.work, options.preset)
     made = synthetic.write(folder, synthetic.PRESETS[options.preset], options.frames)
     case, results = garment(options, library, *made, contestants.SEEDED, folder)
-    limits = machine.higher(before, machine.limits(library))    # a shared machine's memory is not equally fast all the time
+    # a shared machine's memory is not equally fast all the time
+    limits = machine.higher(before, machine.limits(library))
     peak = max(limits["fma_gmacs"].values(), default=float("inf"))
     results["floor_ms"] = {p: measure.floor_ms(case.weights, bits, limits["read_gbps"], peak)
                            for p, bits in (("fp32", 32), ("fp16", 16), ("int8", 8))}
@@ -107,7 +110,8 @@ def run(options):
     results["limits"] = limits
     if options.trained:
         say(f"a trained garment: {options.trained[0]}")
-        _, trained = garment(options, library, *options.trained, contestants.TRAINED, empty_folder(options.work, "trained"))
+        _, trained = garment(options, library, *options.trained, contestants.TRAINED,
+                             empty_folder(options.work, "trained"))
         results["trained"] = trained | {"bundle": options.trained[0], "sequence": options.trained[1]}
     return results | {"date": time.strftime("%Y-%m-%d", time.gmtime(started)), "seconds": time.time() - started,
                       "machine": machine.describe(library, core, options.build),

@@ -91,8 +91,8 @@ def fold(net):
 
 class Case:
     """A bundle with a sequence. Inputs are float32: x [T, d], points [T, n, 3] standardised, linear [T, m, 3, 3] R_j,
-    posed [T, m, 3] p_j. `truth` [T, n, 3]: where float64 PyTorch puts the vertices, world metres; `simulated` [T, n, 3]: where
-    the simulation had them, None where the sequence does not say."""
+    posed [T, m, 3] p_j. `truth` [T, n, 3]: where float64 PyTorch puts the vertices, world metres; `simulated` [T, n,
+    3]: where the simulation had them, None where the sequence does not say."""
 
     def __init__(self, bundle_path, sequence_path):
         net, rig, _, _ = bundle.read(str(bundle_path))
@@ -100,7 +100,8 @@ class Case:
         pose = reference.pose_for(item, rig, torch.float64, sequence_path)
         with torch.no_grad():
             self.truth = net.run(pose).numpy()
-            points = (net.mesh.body_points(pose.body_frame).transpose(0, 1) - net.mesh.input_mean) / net.mesh.input_deviation
+            points = (net.mesh.body_points(pose.body_frame).transpose(0, 1)
+                      - net.mesh.input_mean) / net.mesh.input_deviation
             self.x = net.standardise(pose.x).float().numpy()
             self._skin_weights = net.static.weights()
             self.weights = fold(net)

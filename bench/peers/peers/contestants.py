@@ -17,9 +17,9 @@ PEERS = {"ONNX Runtime fp32": ("onnxruntime_peer", "OnnxRuntimePeer", {}),
 BASELINE = "ONNX Runtime fp32"
 BASELINE_INT8 = "ONNX Runtime int8"
 PRECISIONS = ("fp32", "fp16", "int8")
-# What the converter is asked for, row by row. Of the seeded garment as many rows of the basis as the peers' has, or as few as
-# its numerical rank, which is exact but for rounding; of the trained one what it does unasked, which is that too, then with all
-# rows, and without the stage that this garment does without.
+# What the converter is asked for, row by row. Of the seeded garment as many rows of the basis as the peers' has, or as
+# few as its numerical rank, which is exact but for rounding; of the trained one what it does unasked, which is that
+# too, then with all rows, and without the stage that this garment does without.
 SEEDED = [(f"dcloth {precision}{suffix}", precision, ("--rank", rank))
           for suffix, rank in (("", "full"), (", exact rank", "exact")) for precision in PRECISIONS]
 TRAINED = [(f"dcloth {precision}", precision, ()) for precision in PRECISIONS]

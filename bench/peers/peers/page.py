@@ -3,7 +3,7 @@ import json
 import sys
 
 from pages import machine
-from pages.markdown import bullets, ms, table
+from pages.markdown import bullets, ms, table, wrapped
 
 from .contestants import BASELINE
 from .measure import FLOAT32_LIMIT_MM, INT8_LIMIT_SHARE
@@ -67,8 +67,8 @@ both at the rates above. {vectors}
 
 Whole frames of dcloth against the peer's network. **At the limit**: the ratio if dcloth's network took no longer than
 the core's limit above and its skinning and normals nothing: more cannot be had in float32 arithmetic without fewer
-weights. The weights are seeded, not trained: what a bound in millimetres allows beyond exact rewrites shows on a trained
-garment.
+weights. The weights are seeded, not trained: what a bound in millimetres allows beyond exact rewrites shows on a
+trained garment.
 
 {trained}
 ## Losses
@@ -94,17 +94,18 @@ TRAINED = """\
 ## A trained garment
 
 `{bundle}` on `{sequence}`, {frames} frames that it was not trained on ({sizes};
-{megabytes:.1f} MB of float32 weights in a tick). Compared, then timed as above, {warm_ticks} ticks a row warm, {cold_ticks} cold.
+{megabytes:.1f} MB of float32 weights in a tick). Compared, then timed as above, {warm_ticks} ticks a row warm,
+{cold_ticks} cold.
 
 {network}
 
 {goals}
 
-**E_d**: distance of vertices to the simulation, mean. Times of dcloth here are whole frames, with features, skinning and
-normals; those of peers are their network alone. dcloth's models are what `dcloth convert` writes unasked: the basis in as many
-rows as it has numerical rank. "Whole basis" keeps all of its rows (`--rank full`), as the peers do, which could be given fewer;
-"two stages" is without the mesh stage (`--stages skeleton`), which this garment does without: all that an error of 0.1 mm on
-average allows.
+**E_d**: distance of vertices to the simulation, mean. Times of dcloth here are whole frames, with features, skinning
+and normals; those of peers are their network alone. dcloth's models are what `dcloth convert` writes unasked: the basis
+in as many rows as it has numerical rank. "Whole basis" keeps all of its rows (`--rank full`), as the peers do, which
+could be given fewer; "two stages" is without the mesh stage (`--stages skeleton`), which this garment does without: all
+that an error of 0.1 mm on average allows.
 
 """
 
@@ -189,9 +190,10 @@ def _trained(results):
     rows = []
     for name, row in trained["rows"].items():
         error, part = row["error_mm"], "frame" if row["engine"] else "network"
-        rows.append([name, row["basis_rows"], f"{row['weight_bytes'] / 1e6:.1f}", f"{error['mean']:.4f}", f"{error['max']:.4f}",
-                     f"{error['simulation_mean']:.2f}" if "simulation_mean" in error else "–",
-                     *(_three(row[t], part) for t in TEMPERATURES), *(_ratio(trained, row, t, part) for t in TEMPERATURES)])
+        rows.append([name, row["basis_rows"], f"{row['weight_bytes'] / 1e6:.1f}", f"{error['mean']:.4f}",
+                     f"{error['max']:.4f}", f"{error['simulation_mean']:.2f}" if "simulation_mean" in error else "–",
+                     *(_three(row[t], part) for t in TEMPERATURES),
+                     *(_ratio(trained, row, t, part) for t in TEMPERATURES)])
     header = ["", "rows", "MB", "to float64: mm mean", "mm max", "E_d, mm",
               *(f"{t} p50 / p95 / p99, ms" for t in TEMPERATURES), "ratio warm", "ratio cold"]
     ticks = _ticks(trained["rows"])
@@ -227,7 +229,7 @@ def markdown(results):
     ticks = _ticks(rows)
     versions = [f"{name}: {row['version']}" + (f"; {row['note']}" if row["note"] else "")
                 for name, row in rows.items() if not row["engine"]]
-    return PAGE.format(
+    page = PAGE.format(
         machine=_machine(results), network=table(NETWORK_HEADER, network_rows(results)), frame=_frames(results),
         stages=_stages(results), where=_where(results), vectors=_vectors(results), best=best_peers(results),
         losses=losses(results),
@@ -236,6 +238,7 @@ def markdown(results):
         evicted=results["machine"]["evicted_bytes"] / 1e6, core=results["machine"]["core"], frames=results["frames"],
         warm_ticks=ticks["warm"], cold_ticks=ticks["cold"], limit=FLOAT32_LIMIT_MM, share=INT8_LIMIT_SHARE,
         displacement=results["displacement_mm"], baseline=BASELINE)
+    return wrapped(page)
 
 
 def terminal(results):

@@ -5,8 +5,8 @@ from .peer import NETWORK
 # dcloth's row, the peer's row, how many times faster the whole frame is to be.
 GOALS = (("dcloth fp32", BASELINE, 2.8), ("dcloth fp16", BASELINE, 4.0), ("dcloth int8", BASELINE, 6.0),
          ("dcloth int8", BASELINE_INT8, 2.5), ("dcloth int8, exact rank", BASELINE, 9.0))
-# Of a trained garment, whose basis dcloth stores in as few rows as it needs unasked; the last with every rewrite that 0.1 mm
-# allow on average.
+# Of a trained garment, whose basis dcloth stores in as few rows as it needs unasked; the last with every rewrite that
+# 0.1 mm allow on average.
 TRAINED_GOALS = (*GOALS[:4], ("dcloth int8, two stages", BASELINE, 9.0))
 
 

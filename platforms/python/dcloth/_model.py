@@ -22,8 +22,8 @@ class Model:
 
     source  the path of a file, or its bytes (bytes, bytearray, memoryview or a uint8 array). They are copied.
 
-    Raises Error: FORMAT, VERSION or SEMANTICS for bytes that are no whole and sound model; OSError for a file that cannot
-    be read.
+    Raises Error: FORMAT, VERSION or SEMANTICS for bytes that are no whole and sound model; OSError for a file that
+    cannot be read.
     """
 
     def __init__(self, source: str | os.PathLike[str] | bytes | bytearray | memoryview | NDArray[np.uint8]) -> None:

@@ -69,8 +69,8 @@ def evaluate(
     precision  of "fp32", "fp16" and "int8"; all three without it
     html       a page to write, with the table, plots and the garment in 3D
 
-    Returns the object of `dcloth evaluate --json`: `variants`, each with `name`, `model_bytes`, `tick_ms`, `truth` (errors
-    in millimetres and degrees) and others.
+    Returns the object of `dcloth evaluate --json`: `variants`, each with `name`, `model_bytes`, `tick_ms`, `truth`
+    (errors in millimetres and degrees) and others.
 
     Raises Error: INPUT for files or options that are refused.
     """

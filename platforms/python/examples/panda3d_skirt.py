@@ -169,7 +169,8 @@ class Stage:
         floor.set_light_off()
         floor.set_color(0.7, 0.72, 0.75, 1)
 
-    def add_light(self, light: core.Light, strength: float, direction: tuple[float, float, float] | None = None) -> None:
+    def add_light(self, light: core.Light, strength: float,
+                  direction: tuple[float, float, float] | None = None) -> None:
         light.set_color((strength, strength, strength, 1))
         if direction:
             light.set_direction(core.LVector3(*direction))

@@ -1,4 +1,5 @@
-"""What the tests share: the installed wheel, the bundled skirt converted by it, and the C++ host's vertices (`dcloth run`).
+"""What the tests share: the installed wheel, the bundled skirt converted by it, and the C++ host's vertices (`dcloth
+run`).
 
 scripts/test_python.sh runs them in an empty folder with the wheel in an environment of its own.
 """
@@ -34,7 +35,8 @@ def skirt(tmp_path_factory):
     folder = tmp_path_factory.mktemp("skirt")
     model, bundle = folder / "skirt.dcloth", SKIRT / "skirt.safetensors"
     report = dcloth.convert(bundle, model, precision="int8")
-    return SimpleNamespace(bundle=bundle, model=model, report=report, sequence=SKIRT / "sequences/walk_turn.safetensors")
+    return SimpleNamespace(bundle=bundle, model=model, report=report,
+                           sequence=SKIRT / "sequences/walk_turn.safetensors")
 
 
 @pytest.fixture(scope="session")
@@ -62,7 +64,8 @@ def native(skirt, tmp_path_factory):
 
     def run(*options):
         out = folder / f"run{''.join(map(str, options))}.safetensors"
-        subprocess.run([tool, "run", skirt.model, skirt.sequence, "-o", out, *map(str, options)], check=True, timeout=600)
+        subprocess.run([tool, "run", skirt.model, skirt.sequence, "-o", out, *map(str, options)], check=True,
+                       timeout=600)
         with safe_open(out, "np") as file:
             return file.get_tensor("positions")
     return run

@@ -18,8 +18,8 @@ ALLOWED_MM = 0.01
 @pytest.fixture(scope="module")
 def pictures(skirt, tmp_path_factory):
     folder = Path(os.environ.get("DCLOTH_PYTHON_PICTURES") or tmp_path_factory.mktemp("pictures"))
-    subprocess.run([sys.executable, EXAMPLE, skirt.model, skirt.bundle, skirt.sequence, "-o", folder, "--every", str(EVERY),
-                    "--vertices", folder / "vertices.npy"], check=True, timeout=900)
+    subprocess.run([sys.executable, EXAMPLE, skirt.model, skirt.bundle, skirt.sequence, "-o", folder, "--every",
+                    str(EVERY), "--vertices", folder / "vertices.npy"], check=True, timeout=900)
     return folder
 
 

@@ -211,7 +211,8 @@ def test_fit_to_the_figure_of_training(skirt, walk):
         dcloth.Cloth(model).fit([f"bone{i}" for i in range(len(names))], model.joint_binds)
     assert raised.value.status == "JOINTS"
     strange = [f"bone{i}" for i in range(len(names))]
-    roles = {"Hips": "hips", "LeftUpLeg": "left upper leg", "RightUpLeg": "right upper leg", "LeftLeg": "left lower leg",
+    roles = {"Hips": "hips", "LeftUpLeg": "left upper leg", "RightUpLeg": "right upper leg",
+             "LeftLeg": "left lower leg",
              "RightLeg": "right lower leg", "LeftFoot": "left foot", "RightFoot": "right foot", "Spine": "spine",
              "LeftArm": "left upper arm", "RightArm": "right upper arm"}
     by_role = dcloth.Cloth(model).fit(strange, model.joint_binds, joint_roles={

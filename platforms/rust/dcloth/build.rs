@@ -51,8 +51,8 @@ fn link(folder: &Path, from: &str) {
         "dylib"
     } else {
         panic!(
-            "dcloth: found no library in {} ({from}); allowed: a folder with libdcloth.a, libdcloth.so, libdcloth.dylib \
-             or dcloth.lib",
+            "dcloth: found no library in {} ({from}); allowed: a folder with libdcloth.a, libdcloth.so, \
+             libdcloth.dylib or dcloth.lib",
             folder.display()
         );
     };

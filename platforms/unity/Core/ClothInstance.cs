@@ -117,8 +117,8 @@ namespace DCloth
             return fit;
         }
 
-        /// <summary>In host units a second along the host's axes, at most 100 m/s; for ticks from now on. Models without
-        /// ReadsWind ignore it. Errors: Argument; the wind before stays.</summary>
+        /// <summary>In host units a second along the host's axes, at most 100 m/s; for ticks from now on. Models
+        /// without ReadsWind ignore it. Errors: Argument; the wind before stays.</summary>
         public ClothStatus SetWind(float x, float y, float z)
         {
             float* wind = stackalloc float[3];

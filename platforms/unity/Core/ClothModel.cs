@@ -43,8 +43,8 @@ namespace DCloth
         /// <summary>In the order of poses of cloths without BindJoints.</summary>
         public string[] JointNames { get; private set; }
 
-        /// <summary>Index of the nearest joint above each one, -1 at the top. Null where the file does not tell: before format
-        /// 1.5, or its bundle did not.</summary>
+        /// <summary>Index of the nearest joint above each one, -1 at the top. Null where the file does not tell: before
+        /// format 1.5, or its bundle did not.</summary>
         public int[] JointParents { get; private set; }
 
         public int VertexCount { get; private set; }
@@ -107,8 +107,8 @@ namespace DCloth
             return indices;
         }
 
-        /// <summary>[JointNames.Length, 16] joint to world in the bind pose of training: columns contiguous, metres, in the
-        /// model's own space.</summary>
+        /// <summary>[JointNames.Length, 16] joint to world in the bind pose of training: columns contiguous, metres, in
+        /// the model's own space.</summary>
         public float[] BindMatrices()
         {
             var matrices = new float[16 * JointNames.Length];

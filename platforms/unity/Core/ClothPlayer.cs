@@ -155,8 +155,8 @@ namespace DCloth
             ownVertices = null;
         }
 
-        /// <summary>For a rig whose bones have axes or scale of their own: JointMatrices hold its bind pose, the body as
-        /// and where that of training stood. Errors: Pose, with the bone that has no inverse.</summary>
+        /// <summary>For a rig whose bones have axes or scale of their own: JointMatrices hold its bind pose, the body
+        /// as and where that of training stood. Errors: Pose, with the bone that has no inverse.</summary>
         public void TakeBindPose()
         {
             dcloth_pose pose = Pose();

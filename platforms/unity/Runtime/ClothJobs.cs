@@ -5,7 +5,8 @@ using UnityEngine;
 
 namespace DCloth
 {
-    /// <summary>Updates one garment on a worker thread. `Player` is a ClothPlayer: jobs may not hold references.</summary>
+    /// <summary>Updates one garment on a worker thread. `Player` is a ClothPlayer: jobs may not hold
+    /// references.</summary>
     internal struct ClothJob : IJob
     {
         public GCHandle Player;

@@ -36,14 +36,14 @@ namespace DCloth
         [SerializeField] private ClothStages stages = ClothStages.Mesh;
         [SerializeField, Tooltip("Spread each tick over frames, so that no frame pays for all of it.")]
         private bool pipelined = true;
-        [SerializeField, Tooltip("Update on a worker thread, beside the garments of other characters. Off: on the main " +
-                                 "thread, at once.")]
+        [SerializeField, Tooltip("Update on a worker thread, beside the garments of other characters. Off: on the " +
+                                 "main thread, at once.")]
         private bool onWorker = true;
         [SerializeField, Tooltip("Keep the garment outside of the body, where the model holds one.")]
         private bool outsideBody;
 
-        [SerializeField, Tooltip("Metres a second in the world or, with a carrier, past it along its axes. For garments " +
-                                 "that were trained with wind.")]
+        [SerializeField, Tooltip("Metres a second in the world or, with a carrier, past it along its axes. For " +
+                                 "garments that were trained with wind.")]
         private Vector3 wind;
 
         private ClothPlayer player;
@@ -60,7 +60,8 @@ namespace DCloth
 
         public bool Pipelined { get => pipelined; set => pipelined = value; }
 
-        /// <summary>Update on a worker thread, beside the garments of other characters; or on the main thread.</summary>
+        /// <summary>Update on a worker thread, beside the garments of other characters; or on the main
+        /// thread.</summary>
         public bool OnWorker { get => onWorker; set => onWorker = value; }
 
         public bool OutsideBody { get => outsideBody; set => outsideBody = value; }
@@ -302,7 +303,8 @@ namespace DCloth
             bones = null;
         }
 
-        // In `parent`'s frame or, with null, the world's. Matrix4x4 lies in memory column by column, as the player wants it.
+        // In `parent`'s frame or, with null, the world's. Matrix4x4 lies in memory column by column, as the player
+        // wants it.
         private void ReadBones(Transform parent)
         {
             var matrices = (Matrix4x4*)player.JointMatrices;

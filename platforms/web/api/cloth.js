@@ -158,7 +158,8 @@ export class Cloth {
     wind[0] = x;
     wind[1] = y;
     wind[2] = z;
-    throwUnlessOk(this.#engine.exports.dcloth_cloth_set_wind(this.address, wind.byteOffset, 0), "dcloth_cloth_set_wind");
+    throwUnlessOk(this.#engine.exports.dcloth_cloth_set_wind(this.address, wind.byteOffset, 0),
+        "dcloth_cloth_set_wind");
   }
 
   /** [vertexCount, 3] of the last frame drawn, in the engine's memory: for a GPU upload without a copy. The array is

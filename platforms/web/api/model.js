@@ -26,7 +26,7 @@ export class Model {
   tickSeconds = 0;
   /** [triangleCount, 3], a copy */
   triangles = new Uint16Array();
-  /** The coarse mesh, for Draw.COARSE: which vertices of the garment it has, rising; empty before format 1.6. A copy. */
+  /** The coarse mesh, for Draw.COARSE: its vertices of the garment, rising; empty before format 1.6. A copy. */
   coarseVertices = new Uint16Array();
   /** [t, 3], indices into coarseVertices, a copy. */
   coarseTriangles = new Uint16Array();

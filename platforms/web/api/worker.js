@@ -28,7 +28,8 @@ export async function startWorker({ worker, ...options } = {}) {
     throw new Error("dcloth: there are no Web Workers here; mend: in Node give { worker: new Worker(path of " +
       "dcloth/worker_node.js) } of node:worker_threads");
   }
-  const started = new ClothWorker(worker ?? new Worker(new URL("./worker_web.js", import.meta.url), { type: "module" }));
+  const own = () => new Worker(new URL("./worker_web.js", import.meta.url), { type: "module" });
+  const started = new ClothWorker(worker ?? own());
   /** @param {any} source */
   const told = (source) => (source instanceof URL || typeof source === "string" ? absolute(source) : source);
   try {
@@ -198,8 +199,8 @@ export class WorkerModel {
 
 /**
  * One garment on one character, in the worker. Write joint matrices into `pose` and call update; when its promise is
- * fulfilled, `positions`, `normals`, `tangents` and `bounds` are those of that frame. They are plain memory of this thread,
- * and stay valid until the next frame arrives: take them anew from the cloth with each frame.
+ * fulfilled, `positions`, `normals`, `tangents` and `bounds` are those of that frame. They are plain memory of this
+ * thread, and stay valid until the next frame arrives: take them anew from the cloth with each frame.
  */
 export class WorkerCloth {
   #counts;

@@ -28,7 +28,8 @@ export function createServer(send) {
     models.set(id, model);
     const { name, precision, format, jointNames, jointParents, bindMatrices, jointCount, vertexCount, triangleCount,
       triangles, stages, tickSeconds, hasBody, readsWind, clothBytes } = model;
-    return { id, name, precision, format, jointNames, jointParents, bindMatrices, jointCount, vertexCount, triangleCount,
+    return { id, name, precision, format, jointNames, jointParents, bindMatrices, jointCount, vertexCount,
+      triangleCount,
       triangles, stages, tickSeconds, hasBody, readsWind, clothBytes };
   };
 
@@ -57,7 +58,8 @@ export function createServer(send) {
       if (opened === undefined) throw new Error("dcloth: this model was disposed of");
       const cloth = opened.createCloth(options), id = next++;
       cloths.set(id, cloth);
-      const counts = [cloth.pose, cloth.positions, cloth.normals, cloth.tangents, cloth.bounds].map((view) => view.length);
+      const views = [cloth.pose, cloth.positions, cloth.normals, cloth.tangents, cloth.bounds];
+      const counts = views.map((view) => view.length);
       return { id, fit: cloth.fit, counts };
     },
     update({ cloth: id, memory, seconds, stages, flags, outsideBody, visible, jumped }) {

@@ -23,7 +23,8 @@ export class Character {
     this.moving.position.y = HEIGHT;
     const painted = figure.geometry.hasAttribute("color");
     this.skin = figure.createSkin(new THREE.MeshPhysicalMaterial({
-      color: painted ? 0xffffff : 0xd9cfc3, vertexColors: painted, roughness: 0.62, clearcoat: 0.15, clearcoatRoughness: 0.6 }));
+      color: painted ? 0xffffff : 0xd9cfc3, vertexColors: painted, roughness: 0.62, clearcoat: 0.15,
+      clearcoatRoughness: 0.6 }));
     this.geometry = new THREE.BufferGeometry()
       .setAttribute("position", new THREE.BufferAttribute(this.cloth.positions, 3).setUsage(THREE.DynamicDrawUsage))
       .setAttribute("normal", new THREE.BufferAttribute(this.cloth.normals, 3).setUsage(THREE.DynamicDrawUsage))

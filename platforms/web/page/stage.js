@@ -54,7 +54,8 @@ export class Stage {
     const across = Math.tan((camera.fov * Math.PI) / 360) * camera.aspect;
     const tall = Math.tan((camera.fov * Math.PI) / 360);
     // Turned sideways the rows show their ends, and the front one is near.
-    const distance = Math.max((0.96 * width + 0.4 * depth + 1.9) / 2 / across, (1.15 + 0.1 * depth) / tall) + 0.6 * depth;
+    const distance = Math.max((0.96 * width + 0.4 * depth + 1.9) / 2 / across, (1.15 + 0.1 * depth) / tall)
+        + 0.6 * depth;
     const direction = new THREE.Vector3(0.3, 0.2 + 0.035 * Math.min(depth, 6), 1).normalize();
     controls.target.set(0, 0.7, 0);
     camera.position.copy(controls.target).addScaledVector(direction, distance);

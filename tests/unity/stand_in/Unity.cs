@@ -1,5 +1,5 @@
-// The names and signatures of Unity's runtime that the package uses, so that it compiles without Unity. Nothing here runs:
-// what Unity does with them can only be seen in Unity.
+// The names and signatures of Unity's runtime that the package uses, so that it compiles without Unity. Nothing here
+// runs: what Unity does with them can only be seen in Unity.
 using System;
 using Unity.Collections;
 using UnityEngine.Rendering;
@@ -232,8 +232,10 @@ namespace UnityEngine
             where T : struct => throw null;
         public void SetIndexBufferParams(int indexCount, IndexFormat format) => throw null;
         public void SetIndexBufferData<T>(T[] data, int dataStart, int meshBufferStart, int count,
-                                          MeshUpdateFlags flags = MeshUpdateFlags.Default) where T : struct => throw null;
-        public void SetSubMesh(int index, SubMeshDescriptor desc, MeshUpdateFlags flags = MeshUpdateFlags.Default) => throw null;
+                                          MeshUpdateFlags flags = MeshUpdateFlags.Default) where T : struct
+            => throw null;
+        public void SetSubMesh(int index, SubMeshDescriptor desc, MeshUpdateFlags flags = MeshUpdateFlags.Default) =>
+            throw null;
     }
 }
 
@@ -266,7 +268,8 @@ namespace UnityEngine.Rendering
 
     public struct SubMeshDescriptor
     {
-        public SubMeshDescriptor(int indexStart, int indexCount, MeshTopology topology = MeshTopology.Triangles) => throw null;
+        public SubMeshDescriptor(int indexStart, int indexCount, MeshTopology topology = MeshTopology.Triangles) =>
+            throw null;
     }
 }
 
@@ -308,7 +311,8 @@ namespace Unity.Collections
 
     public struct NativeArray<T> : IDisposable where T : struct
     {
-        public NativeArray(int length, Allocator allocator, NativeArrayOptions options = NativeArrayOptions.ClearMemory) => throw null;
+        public NativeArray(int length, Allocator allocator,
+            NativeArrayOptions options = NativeArrayOptions.ClearMemory) => throw null;
         public int Length => throw null;
         public bool IsCreated => throw null;
         public void Dispose() => throw null;

@@ -5,7 +5,10 @@ using Object = UnityEngine.Object;
 namespace UnityEditor
 {
     [AttributeUsage(AttributeTargets.Method)]
-    public sealed class MenuItem : Attribute { public MenuItem(string itemName, bool isValidateFunction, int priority) { } }
+    public sealed class MenuItem : Attribute
+    {
+        public MenuItem(string itemName, bool isValidateFunction, int priority) { }
+    }
 
     public static class AssetDatabase
     {
@@ -29,7 +32,10 @@ namespace UnityEditor
 namespace UnityEditor.AssetImporters
 {
     [AttributeUsage(AttributeTargets.Class)]
-    public sealed class ScriptedImporterAttribute : Attribute { public ScriptedImporterAttribute(int version, string ext) { } }
+    public sealed class ScriptedImporterAttribute : Attribute
+    {
+        public ScriptedImporterAttribute(int version, string ext) { }
+    }
 
     public abstract class ScriptedImporter : Object
     {

@@ -1,4 +1,5 @@
-// The names of Unreal's build tool that the plugin's .Build.cs files use, and a program that runs them on a packed plugin.
+// The names of Unreal's build tool that the plugin's .Build.cs files use, and a program that runs them on a packed
+// plugin.
 using System;
 using System.Collections.Generic;
 using System.IO;

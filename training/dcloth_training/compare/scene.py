@@ -51,8 +51,8 @@ class Scene:
     """Reads clips when a row needs them; one set of residuals is kept at a time."""
 
     def __init__(self, arguments, log):
-        self.data, self.more_data, self.folder, self.log = (arguments.data, arguments.more_data, arguments.out,
-                                                            log)
+        self.data, self.more_data = arguments.data, arguments.more_data
+        self.folder, self.log = arguments.out, log
         self.minutes, self.full = arguments.minutes_per_model, arguments.full
         loaded = load_full(arguments.full, arguments.data)
         self.net, self.rig, self.faces, self.provenance, self.histories = loaded

@@ -9,8 +9,8 @@ from .keep import write_json
 
 METRICS = ("position_mm", "normal_deg")
 # Of evaluate.FIGURES, the columns that the table has.
-COLUMNS = ("E_d mm", "relative error", "motion error mm", "E_n deg", "coarse mm", "middle mm", "fine mm", "energy coarse",
-           "middle", "fine")
+COLUMNS = ("E_d mm", "relative error", "motion error mm", "E_n deg", "coarse mm", "middle mm", "fine mm",
+           "energy coarse", "middle", "fine")
 COLOURS = {"scale": "#9a9a9a", "ours": "#1f6fb4", "ablation": "#8fbbe0", "control": "#5f9e6e",
            "family": "#d98b3a"}
 
@@ -125,16 +125,18 @@ def markdown(table):
     mains = []
     for source in table["rows"][0]["average"]:
         alive = table["rows"][0]["average"][source]["alive_mm"]
-        mains += [f"## {source.capitalize()} clips (the truth is alive by {alive:.1f} mm)", "", _main_grid(table, source), ""]
+        mains += [f"## {source.capitalize()} clips (the truth is alive by {alive:.1f} mm)", "",
+                  _main_grid(table, source), ""]
     return "\n".join([
         "# Ablation and comparison", "",
-        f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames that count. E_d: mean vertex "
-        "distance. Alive: mean distance of the truth from its own mean shape; relative error: E_d / alive. E_n: mean angle "
-        "between vertex normals. Coarse, middle, fine: error within waves longer than about 6 edges, between, and shorter "
-        "than about 3; energy: how much the prediction moves there, as a share of the truth. Every clip counts the same; "
-        "recorded and scripted clips are never averaged together. Learned numbers: what training moved and a run stores, "
-        "weight matrices folded. Training minutes: in the loops of optimisation, validation included, all stages of the row "
-        "together." + (" Floor: what two simulations of a clip disagree on." if table["floor_mm"] else ""), "",
+        f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames that count. E_d: mean "
+        "vertex distance. Alive: mean distance of the truth from its own mean shape; relative error: E_d / alive. E_n: "
+        "mean angle between vertex normals. Coarse, middle, fine: error within waves longer than about 6 edges, "
+        "between, and shorter than about 3; energy: how much the prediction moves there, as a share of the truth. "
+        "Every clip counts the same; recorded and scripted clips are never averaged together. Learned numbers: what "
+        "training moved and a run stores, weight matrices folded. Training minutes: in the loops of optimisation, "
+        "validation included, all stages of the row together."
+        + (" Floor: what two simulations of a clip disagree on." if table["floor_mm"] else ""), "",
         *mains, "## E_d per clip, mm (frames in brackets; lowest in bold)", "",
         _clip_grid(table, "position_mm"), "", "## E_n per clip, degrees", "",
         _clip_grid(table, "normal_deg"), "", "## Rows better than the deepest of ours", "",

@@ -89,8 +89,8 @@ def drawn_lines(fields, faces, middle):
 
 
 def _half(source, seen, base, skin, weights):
-    """The left half -> matrix [k, n] that makes its vertices of the cage's, triangles, which vertices are in the middle,
-    the region of each vertex and of each triangle."""
+    """The left half -> matrix [k, n] that makes its vertices of the cage's, triangles, which vertices are in the
+    middle, the region of each vertex and of each triangle."""
     finer, quads = shape.subdivision(source.faces, source.count)
     fields = {name: finer @ field for name, field in seen.fields(base, skin).items()}
     eye, _ = seen.eye(base, skin)

@@ -16,8 +16,8 @@ SHOULDER_RAISE = 8.0           # degrees that a level arm takes of the shoulder 
 
 @dataclass(frozen=True)
 class Shape:
-    """Parameters of a body. height_m; weight and muscle from -1 (least) over 0 (average) to 1 (most); proportions 0 to 1
-    (ideal); abduction: degrees that the legs stand apart in the T-pose, more where the thighs are wide."""
+    """Parameters of a body. height_m; weight and muscle from -1 (least) over 0 (average) to 1 (most); proportions 0 to
+    1 (ideal); abduction: degrees that the legs stand apart in the T-pose, more where the thighs are wide."""
     height_m: float = 1.68
     weight: float = 0.0
     muscle: float = 0.0
@@ -32,7 +32,8 @@ SHAPES = {"average": Shape(), "slim": Shape(weight=-0.6, muscle=-0.2),
 def _blend(shape):
     """{(muscle word, weight word): share} of the corners that a shape lies between."""
     def share(value, low, high):
-        return {f"average{low}": 1 - abs(value), (f"max{low}" if value > 0 else f"min{low}"): abs(value)} if high else {}
+        return {f"average{low}": 1 - abs(value),
+                (f"max{low}" if value > 0 else f"min{low}"): abs(value)} if high else {}
     muscles, weights = share(shape.muscle, "muscle", True), share(shape.weight, "weight", True)
     return {(m, w): a * b for m, a in muscles.items() for w, b in weights.items() if a * b > 0}
 
@@ -131,7 +132,8 @@ def filled(points, inner, graph, smooth=False):
         laplace = (laplace @ laplace).tocsr()
     rows = laplace[np.flatnonzero(inner)]
     out = points.copy()
-    out[inner] = linalg.spsolve(rows[:, np.flatnonzero(inner)].tocsc(), -rows[:, np.flatnonzero(~inner)] @ points[~inner])
+    out[inner] = linalg.spsolve(rows[:, np.flatnonzero(inner)].tocsc(),
+                                -rows[:, np.flatnonzero(~inner)] @ points[~inner])
     return out
 
 

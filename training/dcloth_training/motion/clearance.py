@@ -28,8 +28,8 @@ _HAND_LENGTH = 0.15
 # The same of a leg, below where the thighs touch anyhow.
 _LEG = (("UpLeg", "Leg", (0.33, 0.45, 0.6, 0.75, 0.9)), ("Leg", "Foot", (0.05, 0.2, 0.4, 0.6, 0.8, 1.0)))
 LEG_GAP, LEG_LARGEST = 0.006, 0.35
-# A knee bends no further than an adult's (Roaas and Andersson, 1982: 141 degrees on average). Drawn characters fold theirs up to
-# 178, calf inside thigh; cloth behind such a knee is caught in the skin and torn.
+# A knee bends no further than an adult's (Roaas and Andersson, 1982: 141 degrees on average). Drawn characters fold
+# theirs up to 178, calf inside thigh; cloth behind such a knee is caught in the skin and torn.
 KNEE = np.radians(140.0)
 
 
@@ -137,11 +137,11 @@ def _smoothed(turned, largest):
 
 
 def clear(motion):
-    """`motion` with arms outside of trunk and thighs, legs outside of each other, and knees that bend by KNEE at most ->
-    Motion; the same where they were.
+    """`motion` with arms outside of trunk and thighs, legs outside of each other, and knees that bend by KNEE at most
+    -> Motion; the same where they were.
 
-    Forearms and hands keep their bend, and so do knees below that. A quick crossing may leave a centimetre inside. Cost:
-    0.05 ms a frame, 0.5 ms a frame in which a limb is turned.
+    Forearms and hands keep their bend, and so do knees below that. A quick crossing may leave a centimetre inside.
+    Cost: 0.05 ms a frame, 0.5 ms a frame in which a limb is turned.
     """
     return _clear_arms(_clear_legs(_unfold_knees(motion)))
 

@@ -105,8 +105,8 @@ SCRIPTS = {
         (2.7, {"lean": 0.0, "crouch": 0.0, "turn": 0.0}), (3.3, {"forward": 0.4, "lean": -0.1}),
         (3.9, {"lean": 0.0, "forward": 0.0})]),
     "deep_squats": (21, 0.0, (), [
-        (0.0, {}), (0.4, {}), (1.3, {"crouch": 0.42, "lean": 0.12, "width": 0.05, "arms": 0.3}), (1.7, {"crouch": 0.42}),
-        (2.5, {"crouch": 0.0, "lean": 0.0}), (2.7, {"crouch": 0.0}),
+        (0.0, {}), (0.4, {}), (1.3, {"crouch": 0.42, "lean": 0.12, "width": 0.05, "arms": 0.3}),
+        (1.7, {"crouch": 0.42}), (2.5, {"crouch": 0.0, "lean": 0.0}), (2.7, {"crouch": 0.0}),
         (3.4, {"crouch": 0.50, "lean": 0.18, "width": 0.05, "arms": 0.3}), (3.7, {"crouch": 0.50, "lean": 0.18}),
         (4.4, {"crouch": 0.0, "lean": 0.0, "width": 0.0, "arms": 0.0})]),
     "front_kick": (22, 0.0, (("kick_right", 1.2, 0.85), ("kick_left", 2.9, 0.95)), [

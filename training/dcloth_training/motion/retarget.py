@@ -53,7 +53,8 @@ def shoulder(arm, sign):
 
 
 def toes(foot):
-    """Local rotation [T, 3, 3] of the toes below a foot whose world rotation is `foot`: flat on the ground where they can."""
+    """Local rotation [T, 3, 3] of the toes below a foot whose world rotation is `foot`: flat on the ground where they
+    can."""
     down = np.arcsin(np.clip(-foot[:, 1, 2], -1, 1))        # how far the foot's front points down
     return rotations.about_axis("X", -np.clip(TOES * down, 0, TOES_MOST))
 

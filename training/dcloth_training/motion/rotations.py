@@ -8,8 +8,8 @@ _AXES = {"X": 0, "Y": 1, "Z": 2}
 
 
 def arctan2(y, x):
-    """numpy's, to the same bits every time. On processors with AVX-512 numpy 1.24 computes a strided view's last bit by one of
-    two routines, depending on where its result happens to lie in memory."""
+    """numpy's, to the same bits every time. On processors with AVX-512 numpy 1.24 computes a strided view's last bit by
+    one of two routines, depending on where its result happens to lie in memory."""
     return np.arctan2(np.array(y, order="C"), np.array(x, order="C"))
 
 

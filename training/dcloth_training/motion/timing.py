@@ -98,7 +98,8 @@ def approach(motion, reach, hold):
 
 
 def between_t_poses(motion):
-    """(first, last) frame of what is between the T-pose that a take begins in and the one that it ends in, last exclusive.
+    """(first, last) frame of what is between the T-pose that a take begins in and the one that it ends in, last
+    exclusive.
 
     In a T-pose both upper arms and both forearms point to the sides, seen from the hips, within T_POSE_DEGREES.
     """

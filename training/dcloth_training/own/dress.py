@@ -19,7 +19,8 @@ TOUCHING = 0.015          # m from the skin to what is pinned by a bone
 ON_SLEEVE, SLEEVE_REACH = 0.6, 0.15     # of the distance to the rest of the body; m to the arm
 ON_SHOULDER = 0.08        # m to the arm, where a vertex touches arm and trunk
 COARSE = 0.025            # m between vertices
-THICK, THICKEST = 0.3, 0.008    # to the body: of the distance between vertices, so that triangles clear it too; m at most
+# to the body: of the distance between vertices, so that triangles clear it too; m at most
+THICK, THICKEST = 0.3, 0.008
 MOST = 20000              # vertices; a frame of 8,000 takes 0.1 s
 COLOURS = {"red": (1, 0, 0), "green": (0, 1, 0), "blue": (0, 0, 1), "black": (0, 0, 0), "white": (1, 1, 1)}
 COLOUR_REACH = 0.35       # of each channel
@@ -27,15 +28,15 @@ COLOUR_REACH = 0.35       # of each channel
 
 @dataclass
 class Made:
-    """worn: the garment; number [k]: the vertex that each of the file's vertices became; told: what was found, a line each;
-    warnings: a line each."""
+    """worn: the garment; number [k]: the vertex that each of the file's vertices became; told: what was found, a line
+    each; warnings: a line each."""
     worn: garment.Garment
     number: np.ndarray
     told: list
     warnings: list
 
 
-# Pattern ----------------------------------------------------------------------------------------------------------------
+# Pattern --------------------------------------------------------------------------------------------------------------
 
 def _charts(faces, uv):
     """Number [c] of the flat panel that each face lies in: faces that share an edge, there and in the texture."""
@@ -108,8 +109,8 @@ def pattern(vertices, faces, uv):
     good = (np.abs(stretch - 1) < ISOMETRIC).all(1)
     share = float(area[good].sum() / area.sum())
     if share >= ISOMETRIC_SHARE and np.isfinite(stretch).all():
-        how = (f"texture coordinates are the pattern ({len(whole)} panels; {100 * share:.0f} % of the cloth as long as its panel "
-               f"within {100 * ISOMETRIC:.0f} %)")
+        how = (f"texture coordinates are the pattern ({len(whole)} panels; {100 * share:.0f} % of the cloth as long as "
+               f"its panel within {100 * ISOMETRIC:.0f} %)")
         return panels, how
     # Where v grows, in the cloth.
     e1, e2 = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
@@ -118,12 +119,12 @@ def pattern(vertices, faces, uv):
     warp = np.where(np.abs(turned)[:, None] > 1e-14, (-du2[:, :1] * e1 + du1[:, :1] * e2) / determinant, down)
     length = np.linalg.norm(warp, axis=1, keepdims=True)
     warp = np.where(length > 1e-12, warp / np.maximum(length, 1e-12), down)
-    how = (f"texture coordinates do not keep lengths ({100 * share:.0f} % of the cloth within {100 * ISOMETRIC:.0f} %): the mesh "
-           "as it stands is the rest shape, the warp runs along +v")
+    how = (f"texture coordinates do not keep lengths ({100 * share:.0f} % of the cloth within {100 * ISOMETRIC:.0f} "
+           "%): the mesh as it stands is the rest shape, the warp runs along +v")
     return _flat(corner, warp), how
 
 
-# Surface ----------------------------------------------------------------------------------------------------------------
+# Surface --------------------------------------------------------------------------------------------------------------
 
 def _edge_uses(faces):
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -135,7 +136,8 @@ def oriented(path, faces):
     edges, uses = _edge_uses(faces)
     if (uses > 2).any():
         a, b = edges[np.argmax(uses > 2)] + 1
-        refuse(path, f"{(uses > 2).sum()} edges at which three faces or more meet, the first between vertices {a} and {b}",
+        refuse(path, f"{(uses > 2).sum()} edges at which three faces or more meet, the first between vertices {a} and "
+                     f"{b}",
                "one sheet of cloth", "delete doubled and inner faces (in Blender: Select Non Manifold)")
     of_edge = {}
     for f, face in enumerate(faces.tolist()):
@@ -167,8 +169,8 @@ def oriented(path, faces):
     open_pieces = set(piece[[of[0][0] for of in of_edge.values() if len(of) == 1]].tolist())
     closed = sorted(set(range(count)) - open_pieces)
     if closed:
-        refuse(path, f"{len(closed)} of {count} pieces without a border: a closed surface, or cloth with an inside and an "
-               "outside of its own", "one sheet without thickness, open at neck, hem and sleeves",
+        refuse(path, f"{len(closed)} of {count} pieces without a border: a closed surface, or cloth with an inside and "
+                     "an outside of its own", "one sheet without thickness, open at neck, hem and sleeves",
                "apply no thickness (Blender's Solidify), or delete the inner side")
     return faces, piece
 
@@ -242,8 +244,8 @@ def pins(path, wanted, mesh, hero, nearest, weights):
         loops = [loop for loop in _loops(mesh.faces, count) if np.median(gap[loop]) < TOP]
         if not loops:
             refuse(path, "no border that lies on the skin", f"a waistband or neckline within {1e3 * TOP:.0f} mm of it",
-                   "paint what is to be pinned red (vertex colours), or name a bone: --pin bone:hips; --pin none where the "
-                   "garment hangs by itself")
+                   "paint what is to be pinned red (vertex colours), or name a bone: --pin bone:hips; --pin none where "
+                   "the garment hangs by itself")
         highest = max(loops, key=lambda loop: mesh.vertices[loop, 1].mean())
         pinned = np.zeros(count, bool)
         pinned[highest] = True
@@ -306,7 +308,8 @@ def make(path, hero, fabric, pin=None, unit="m", up="y", refine=0):
     if away > checks.LOST:
         low, high = hero.vertices[:, 1].min(), hero.vertices[:, 1].max()
         refuse(path, f"a garment {away:.3g} m from the skin (median), between {mesh.vertices[:, 1].min():.3g} and "
-               f"{mesh.vertices[:, 1].max():.3g} m high", f"{checks.LOST} m from the skin, which stands from {low:.3g} to "
+               f"{mesh.vertices[:, 1].max():.3g} m high",
+               f"{checks.LOST} m from the skin, which stands from {low:.3g} to "
                f"{high:.3g} m", "it must hang on the character in its bind pose; say --garment-unit or --garment-up")
     mesh.faces = _outward(mesh.vertices, mesh.faces, piece, nearest)
     turned = mesh.faces[:, 1] != before[:, 1]
@@ -322,20 +325,22 @@ def make(path, hero, fabric, pin=None, unit="m", up="y", refine=0):
     told.append(f"it touches {', '.join(names)}")
     loose = [k for k in range(piece.max() + 1) if not pinned[np.unique(mesh.faces[piece == k])].any()]
     if loose and piece.max() > 0:
-        warnings.append(f"{len(loose)} of {piece.max() + 1} pieces have no pinned vertex and fall unless the body holds them; "
-                        "join them to the garment, or pin them")
-    edges = np.concatenate([mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, (k + 1) % 3]] for k in range(3)])
+        warnings.append(f"{len(loose)} of {piece.max() + 1} pieces have no pinned vertex and fall unless the body "
+                        "holds them; join them to the garment, or pin them")
+    edges = np.concatenate([mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, (k + 1) % 3]]
+                            for k in range(3)])
     spacing = float(np.median(np.linalg.norm(edges, axis=1)))
     thickness = round(float(np.clip(THICK * spacing, settings.SOLVER["thickness"], THICKEST)), 4)
-    told.append(f"{len(mesh.vertices):,} vertices, {1e3 * spacing:.0f} mm apart, kept {1e3 * thickness:.1f} mm from the skin")
+    told.append(f"{len(mesh.vertices):,} vertices, {1e3 * spacing:.0f} mm apart, kept {1e3 * thickness:.1f} mm from "
+                "the skin")
     if spacing > COARSE:
-        warnings.append(f"vertices are {1e3 * spacing:.0f} mm apart: folds need 10 to {1e3 * COARSE:.0f}; --refine 1 cuts every "
-                        "triangle in four")
+        warnings.append(f"vertices are {1e3 * spacing:.0f} mm apart: folds need 10 to {1e3 * COARSE:.0f}; --refine 1 "
+                        "cuts every triangle in four")
     uv = np.zeros((len(mesh.vertices), 2), np.float32)
     if mesh.uv is not None:
         uv[mesh.faces.reshape(-1)] = mesh.uv.reshape(-1, 2)
-    worn = garment.Garment(_name(path), fabric, mesh.vertices, Fabric(mesh.faces.astype(np.int32), corners), None, pinned,
-                           masks, uv, felt(hero, masks, mesh.vertices), {"thickness": thickness})
+    worn = garment.Garment(_name(path), fabric, mesh.vertices, Fabric(mesh.faces.astype(np.int32), corners), None,
+                           pinned, masks, uv, felt(hero, masks, mesh.vertices), {"thickness": thickness})
     return Made(worn, number if refine == 0 else None, told, warnings)
 
 

@@ -39,9 +39,9 @@ _ENDS = ("head", "left hand", "right hand", "left toes", "right toes")     # wha
 
 @dataclass(frozen=True)
 class Hero:
-    """Metres, +Y up. vertices [b, 3], faces [f, 3] outward, weights [b, J] (rows sum to 1), names [J], parents [J] (-1: the
-    hips, which are first), bind [J, 4, 4] with axes of length 1, roles {name of a role: joint}, owner [J]: the number of
-    body.PARTS that each joint moves, path: its file."""
+    """Metres, +Y up. vertices [b, 3], faces [f, 3] outward, weights [b, J] (rows sum to 1), names [J], parents [J] (-1:
+    the hips, which are first), bind [J, 4, 4] with axes of length 1, roles {name of a role: joint}, owner [J]: the
+    number of body.PARTS that each joint moves, path: its file."""
     path: str
     vertices: np.ndarray
     faces: np.ndarray
@@ -103,7 +103,8 @@ def run_command(command, *arguments):
 
 
 def _skeleton(path, names, parents, roles):
-    """(columns kept, hips first; column of the file that each joint of the file is merged into; {role: joint of the file})."""
+    """(columns kept, hips first; column of the file that each joint of the file is merged into; {role: joint of the
+    file})."""
     depth = np.zeros(len(names), int)
     for j, above in enumerate(parents):
         depth[j] = depth[above] + 1 if above >= 0 else 0
@@ -120,8 +121,8 @@ def _skeleton(path, names, parents, roles):
     missing = [role for role in NEEDED if role not in found]
     if missing:
         refuse(path, f"no joint of the name of {', '.join(missing)}", "a skeleton with hips and two legs",
-               f"name them in a file, {{\"{missing[0]}\": \"node of the file\", ...}}, and give it with --map; the file's "
-               f"joints are {', '.join(names[:80])}")
+               f"name them in a file, {{\"{missing[0]}\": \"node of the file\", ...}}, and give it with --map; the "
+               f"file's joints are {', '.join(names[:80])}")
     legs = [set(ancestors(found[f"{side} upper leg"])) for side in ("left", "right")]
     of_hips = [j for j in legs[0] & legs[1] if roles[j] == "hips"]
     if not of_hips:
@@ -151,8 +152,9 @@ def _pieces(count, faces):
 
 
 def surface(vertices, faces, weights, most=MOST_VERTICES):
-    """One surface out of a character's meshes: seams welded, pieces turned outward, faces that lie inside of the body left
-    out, at most about `most` vertices. -> vertices, faces, weights, what was done in words. libigl finds what is inside."""
+    """One surface out of a character's meshes: seams welded, pieces turned outward, faces that lie inside of the body
+    left out, at most about `most` vertices. -> vertices, faces, weights, what was done in words. libigl finds what is
+    inside."""
     import igl
 
     _, first, number = np.unique(np.round(vertices / WELD).astype(np.int64), axis=0, return_index=True,
@@ -241,17 +243,19 @@ def of_tensors(path, tensors, metadata, meshes=(), most=MOST_VERTICES):
 
 
 def unit_options(options):
-    return [word for key in ("map", "unit", "up") if getattr(options, key, None) for word in (f"--{key}", getattr(options, key))]
+    return [word for key in ("map", "unit", "up") if getattr(options, key, None)
+            for word in (f"--{key}", getattr(options, key))]
 
 
 def read(options, folder):
-    """The Hero of options.character, read again where the file is newer: `folder`/hero.safetensors is what `dcloth hero`
-    wrote of it."""
+    """The Hero of options.character, read again where the file is newer: `folder`/hero.safetensors is what `dcloth
+    hero` wrote of it."""
     if not os.path.isfile(options.character):
         refuse(options.character, "no such file", "a character: .glb, .gltf, .vrm or .fbx")
     path = os.path.join(folder, "hero.safetensors")
     if not os.path.exists(path) or os.path.getmtime(path) < os.path.getmtime(options.character):
-        run_command(animation.find_command(options.dcloth), "hero", options.character, "-o", path, *unit_options(options))
+        run_command(animation.find_command(options.dcloth), "hero", options.character, "-o", path,
+                    *unit_options(options))
     return of_tensors(options.character, *safetensors_io.read(path), tuple(options.body_meshes or ()))
 
 

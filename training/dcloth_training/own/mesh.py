@@ -17,7 +17,8 @@ _COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 @dataclass
 class Mesh:
-    """vertices [n, 3] m, +Y up; faces [c, 3]; uv [c, 3, 2] of the faces' corners, or None; colours [n, 3] 0 to 1, or None."""
+    """vertices [n, 3] m, +Y up; faces [c, 3]; uv [c, 3, 2] of the faces' corners, or None; colours [n, 3] 0 to 1, or
+    None."""
     vertices: np.ndarray
     faces: np.ndarray
     uv: np.ndarray = None
@@ -60,7 +61,8 @@ def read_obj(path, metres, axes):
                "export the garment with its faces")
     triangles = np.array(_fans(corners), np.int64)
     if triangles[..., 0].max() >= len(points) or triangles[..., 1].max() >= len(textures):
-        refuse(path, f"a face with vertex {triangles[..., 0].max() + 1} and texture vertex {triangles[..., 1].max() + 1}",
+        refuse(path, f"a face with vertex {triangles[..., 0].max() + 1} and texture vertex "
+                     f"{triangles[..., 1].max() + 1}",
                f"1 to {len(points)} and 1 to {len(textures)}", "export the mesh again")
     uv = np.array(textures, float)[triangles[..., 1]] if len(textures) and (triangles[..., 1] >= 0).all() else None
     return Mesh(checks.canonical(np.array(points), metres, axes), triangles[..., 0], uv,
@@ -92,7 +94,8 @@ class _Gltf:
         used = set(self.document.get("extensionsRequired", ()))
         packed = used & {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization"}
         if packed:
-            refuse(path, f"a mesh packed with {', '.join(sorted(packed))}", "plain glTF", "export it without compression")
+            refuse(path, f"a mesh packed with {', '.join(sorted(packed))}", "plain glTF",
+                   "export it without compression")
         self.buffers = [self._buffer(entry, binary) for entry in self.document.get("buffers", ())]
 
     def _buffer(self, entry, binary):
@@ -125,8 +128,8 @@ class _Gltf:
         return out.astype(np.float64 if kind.kind == "f" else np.int64)
 
     def placed(self):
-        """(name of the mesh, mesh, node to world [4, 4]) of every mesh in the scene; a skin's mesh stands where its bind
-        pose puts it, as glTF says."""
+        """(name of the mesh, mesh, node to world [4, 4]) of every mesh in the scene; a skin's mesh stands where its
+        bind pose puts it, as glTF says."""
         nodes = self.document.get("nodes", [])
         out = []
 
@@ -246,7 +249,8 @@ def refined(mesh, times):
         if mesh.uv is not None:
             ua, ub, uc = (mesh.uv[:, k] for k in range(3))
             mab, mbc, mca = 0.5 * (ua + ub), 0.5 * (ub + uc), 0.5 * (uc + ua)
-            uv = np.concatenate([np.stack(f, 1) for f in ((ua, mab, mca), (mab, ub, mbc), (mca, mbc, uc), (mab, mbc, mca))])
+            uv = np.concatenate([np.stack(f, 1)
+                                 for f in ((ua, mab, mca), (mab, ub, mbc), (mca, mbc, uc), (mab, mbc, mca))])
         colours = None if mesh.colours is None else np.concatenate([mesh.colours, mesh.colours[edges].mean(1)])
         mesh = Mesh(np.concatenate([mesh.vertices, mesh.vertices[edges].mean(1)]), faces, uv, colours)
     return mesh

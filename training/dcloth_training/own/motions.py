@@ -1,7 +1,9 @@
-"""Clips for a character of the user's own: files that `dcloth` brings onto it, and what is scripted in motion/procedural.py.
+"""Clips for a character of the user's own: files that `dcloth` brings onto it, and what is scripted in
+motion/procedural.py.
 
-On the command line `procedural/NAME` is scripted; all else is a clip of the character's own file, by name or number, or a
-file such as walk.fbx or clips.glb#Run. Its name is then `walk` or `clips-Run`; `<clip>@<frame>` is the piece from that frame.
+On the command line `procedural/NAME` is scripted; all else is a clip of the character's own file, by name or number, or
+a file such as walk.fbx or clips.glb#Run. Its name is then `walk` or `clips-Run`; `<clip>@<frame>` is the piece from
+that frame.
 """
 import json
 import os
@@ -26,8 +28,8 @@ _LIMBS = {}
 for _side in ("left", "right"):
     for _role, _name, _next in (("shoulder", "Shoulder", None), ("upper arm", "Arm", "lower arm"),
                                 ("lower arm", "ForeArm", "hand"), ("hand", "Hand", None),
-                                ("upper leg", "UpLeg", "lower leg"), ("lower leg", "Leg", "foot"), ("foot", "Foot", None),
-                                ("toes", "ToeBase", None)):
+                                ("upper leg", "UpLeg", "lower leg"), ("lower leg", "Leg", "foot"),
+                                ("foot", "Foot", None), ("toes", "ToeBase", None)):
         _LIKE[f"{_side} {_role}"] = _side.capitalize() + _name
         if _next:
             _LIMBS[f"{_side} {_role}"] = f"{_side} {_next}"
@@ -44,8 +46,8 @@ def _between(a, b):
 
 
 def onto_hero(motion, hero):
-    """A Motion of our figure as one of the character's joints: bones point where the figure's do, the trunk's turn is shared
-    by the joints of its spine, the hips' way is scaled by the length of the legs."""
+    """A Motion of our figure as one of the character's joints: bones point where the figure's do, the trunk's turn is
+    shared by the joints of its spine, the hips' way is scaled by the length of the legs."""
     world = skeleton.joint_matrices(motion)[:, :, :3, :3]
     back = hero.facing.T
     turned = {0: world[:, 0]}
@@ -80,7 +82,8 @@ def onto_hero(motion, hero):
     for joint, above in enumerate(hero.parents):
         mine = turned.get(joint)
         absolute[:, joint] = mine @ back if mine is not None else absolute[:, above] if above >= 0 else np.eye(3)
-        local[:, joint] = np.swapaxes(absolute[:, above], 1, 2) @ absolute[:, joint] if above >= 0 else absolute[:, joint]
+        own = absolute[:, joint]
+        local[:, joint] = np.swapaxes(absolute[:, above], 1, 2) @ own if above >= 0 else own
     legs = [np.linalg.norm(hero.joints[by_role[f"{side} lower leg"]] - hero.joints[by_role[f"{side} upper leg"]])
             for side in ("left", "right")]
     scale = np.mean(legs) / skeleton.THIGH_LENGTH
@@ -106,8 +109,8 @@ class Clips:
         self.kept = np.array([names.index(name) for name in hero.names])
 
     def _sampled(self, name):
-        """Motion of a file's clip, by way of `dcloth hero --animation`, kept in folder/poses. Recorded clips of 15 joints
-        (motion/retarget.py) come by way of our figure."""
+        """Motion of a file's clip, by way of `dcloth hero --animation`, kept in folder/poses. Recorded clips of 15
+        joints (motion/retarget.py) come by way of our figure."""
         if self.words[name].lower().endswith(".bvh") and os.path.isfile(self.words[name]):
             try:
                 return onto_hero(clearance.clear(bvh.read_motion(self.words[name])), self.hero)
@@ -117,12 +120,14 @@ class Clips:
         if not os.path.exists(path):
             os.makedirs(os.path.dirname(path), exist_ok=True)
             heroes.run_command(animation.find_command(self.options.dcloth), "hero", self.options.character, "-o", path,
-                               "--animation", self.words[name], "--fps", f"{skeleton.FPS:g}", *heroes.unit_options(self.options))
+                               "--animation", self.words[name], "--fps", f"{skeleton.FPS:g}",
+                               *heroes.unit_options(self.options))
         matrices = safetensors_io.read(path)[0]["joint_matrices"].astype(np.float64)
         return self.hero.motion(matrices[:, self.kept])
 
     def pieces(self, word):
-        """Names of the clips that a word of --clips stands for; long clips are cut into pieces, which may be named, too."""
+        """Names of the clips that a word of --clips stands for; long clips are cut into pieces, which may be named,
+        too."""
         if word not in self.cut:
             self.cut[word] = self._pieces(word)
         return self.cut[word]

@@ -17,12 +17,13 @@ PUT_ON = cloth_job.PUT_ON_FRAMES + cloth_job.HANG_FRAMES    # frames that a garm
 
 def add_arguments(add):
     """The options of a character of one's own."""
-    add("--character", help="a character of your own (.glb, .gltf, .vrm, .fbx); --garment is then a mesh on it in its bind pose "
-                            "(dress.obj, dress.glb or file.glb#MESH) and --clips names clips of it, files such as walk.fbx or "
-                            "clips.glb#Run, and procedural/NAME")
+    add("--character", help="a character of your own (.glb, .gltf, .vrm, .fbx); --garment is then a mesh on it in its "
+                            "bind pose (dress.obj, dress.glb or file.glb#MESH) and --clips names clips of it, files "
+                            "such as walk.fbx or clips.glb#Run, and procedural/NAME")
     add("--fabric", choices=sorted(settings.FABRICS), default="wool", help="of your own garment")
-    add("--pin", help="what follows the skin: top (the highest border on the skin), colour:red (vertex colours; also green, "
-                      "blue, black, white), bone:hips,spine (what touches these), none. Default: red vertices, or the top")
+    add("--pin", help="what follows the skin: top (the highest border on the skin), colour:red (vertex colours; also "
+                      "green, blue, black, white), bone:hips,spine (what touches these), none. Default: red vertices, "
+                      "or the top")
     add("--refine", type=int, choices=(0, 1, 2), default=0, help="times that every triangle is cut in four")
     add("--body-meshes", nargs="+", metavar="MESH", help="skinned meshes that make the body; all when not given")
     add("--garment-unit", default="m", help="of an .obj: m, cm, mm, in, ft or metres in a unit")
@@ -75,8 +76,8 @@ class Own:
         modelled = self.worn.vertices
         worn, moving, _ = cloth_job.hung(self.worn, self.body)
         sunk = np.linalg.norm(worn.vertices - modelled, axis=1)
-        print(f"{worn.name}: hanging, it moves {1e3 * moving:.3f} mm a frame; vertices hang {1e3 * sunk.mean():.0f} mm from "
-              f"where they were modelled (mean), at most {1e3 * sunk.max():.0f}", flush=True)
+        print(f"{worn.name}: hanging, it moves {1e3 * moving:.3f} mm a frame; vertices hang {1e3 * sunk.mean():.0f} mm "
+              f"from where they were modelled (mean), at most {1e3 * sunk.max():.0f}", flush=True)
         self._check(worn)
         _, _, _, masks = cloth_job.collider(self.body, worn)
         safetensors_io.write(path, {
@@ -100,11 +101,14 @@ class Own:
         referee = checks.referee(self.body, worn)
         depth, own, _ = referee.frame(worn.vertices, self.body.vertices)
         at = int(depth.argmax())
-        print(f"{worn.name}: in bind pose at most {1e3 * depth.max():.1f} mm under the skin, {len(own)} crossings of its own",
+        print(f"{worn.name}: in bind pose at most {1e3 * depth.max():.1f} mm under the skin, {len(own)} crossings of "
+              "its own",
               flush=True)
         if 1e3 * depth.max() > DEEPEST_MM:
-            refuse(self.options.garment, f"cloth {1e3 * depth.max():.0f} mm under the skin at {np.round(worn.vertices[at], 3)} m "
-                   "after hanging", f"{DEEPEST_MM:.0f} mm", "model it outside of the body, or leave that mesh out of the body "
+            refuse(self.options.garment, f"cloth {1e3 * depth.max():.0f} mm under the skin at "
+                                         f"{np.round(worn.vertices[at], 3)} m "
+                   "after hanging", f"{DEEPEST_MM:.0f} mm",
+                   "model it outside of the body, or leave that mesh out of the body "
                    "(--body-meshes)")
 
     def group(self, word):
@@ -119,7 +123,8 @@ class Own:
         names = [name for word in self.options.clips.split(",") if word != "static" for name in self.group(word)
                  if name not in apart and name.partition("@")[0] not in apart]
         if not names:
-            refuse("--clips", self.options.clips, "clips beside 'static' that are not held out", "name some, e.g. procedural")
+            refuse("--clips", self.options.clips, "clips beside 'static' that are not held out",
+                   "name some, e.g. procedural")
         poses = statics.select([self.motion(name) for name in names], self.options.poses, self.felt)
         return statics.order(poses, self.felt)
 

@@ -1,8 +1,8 @@
 """The figure as cloth touches it: trunk and limbs as surfaces of their own.
 
-Skin is one sheet; crossing legs or an arm at the side would make "inside" ambiguous. So each part is cut out of the skin
-with a margin, and a cloth vertex is kept outside of each part by itself. Where a part is cut off, the part it was cut
-from takes over.
+Skin is one sheet; crossing legs or an arm at the side would make "inside" ambiguous. So each part is cut out of the
+skin with a margin, and a cloth vertex is kept outside of each part by itself. Where a part is cut off, the part it was
+cut from takes over.
 """
 import numpy as np
 
@@ -75,7 +75,8 @@ def cut_parts(figure):
 def section(figure, height, half_width=0.25):
     """The trunk's outline at a height: radius in m by angle about the y axis, as a function of angles (0 = front +z,
     growing towards +x). The arms are left out by `half_width`."""
-    edges = np.unique(np.sort(np.concatenate([figure.faces[:, [0, 1]], figure.faces[:, [1, 2]], figure.faces[:, [2, 0]]]),
+    edges = np.unique(np.sort(np.concatenate([figure.faces[:, [0, 1]], figure.faces[:, [1, 2]],
+                                              figure.faces[:, [2, 0]]]),
                               axis=1), axis=0)
     a, b = figure.vertices[edges[:, 0]], figure.vertices[edges[:, 1]]
     cut = (a[:, 1] - height) * (b[:, 1] - height) < 0

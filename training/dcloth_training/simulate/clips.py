@@ -23,9 +23,11 @@ EASE_FRAMES = 12
 DEVELOPMENT = list(dataset.HELD_OUT)
 # Who is recorded where, and what the recordings are for. Nobody is trained on of whom a clip validates or is reported.
 PERSONS = (("mocap/", "actors of DeepMimic's clips", "training"), ("game/", "a stylised character", "training"),
-           ("cmu/a_", "adult a", "training"), ("cmu/b_", "adult b", "training"), ("child/5_", "child of five", "training"),
+           ("cmu/a_", "adult a", "training"), ("cmu/b_", "adult b", "training"),
+           ("child/5_", "child of five", "training"),
            ("child/8_", "child of eight", "validation, reported"), ("evaluation/", "others", "measured, reported"))
-# First and last frame (exclusive) between the T-poses that takes begin and end in, as timing.between_t_poses finds them.
+# First and last frame (exclusive) between the T-poses that takes begin and end in, as timing.between_t_poses finds
+# them.
 PEOPLE = {
     "child/5_catch": (43, 269), "child/5_dab": (20, 257), "child/5_glinda": (0, 205), "child/5_glinda001": (19, 281),
     "child/5_jumping": (50, 159), "child/5_mouse002": (32, 421), "child/5_mouse_2": (30, 596),
@@ -124,8 +126,8 @@ CYCLES = {"mocap/walk", "mocap/run", "mocap/zombie_walk", "game/game_walking_a",
 NOT_VARIED = set(dataset.VALIDATION)
 RANDOM = [f"procedural/random_{seed}" for seed in range(64)]
 # Take k of a clip is of kind (k - 1) % 4: near, another take by the same person; wide, by another person, three
-# times as far from the recording; mixed, each leg and the arms from somewhere else: what hips and limbs do is no longer tied;
-# leaning, the pelvis tilted above legs that go on as they did.
+# times as far from the recording; mixed, each leg and the arms from somewhere else: what hips and limbs do is no longer
+# tied; leaning, the pelvis tilted above legs that go on as they did.
 STRENGTHS = (1.0, 3.0, 2.0, 1.5)
 MIXED_KIND, LEANING_KIND = 2, 3
 VARIED = [clip for clip in RECORDED + STANCES + PROCEDURAL[::3] if clip not in NOT_VARIED]

@@ -52,7 +52,8 @@ def pin_weights(garment, figure):
 
 
 def collider(figure, garment):
-    """What `garment` touches of `figure` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks [b]."""
+    """What `garment` touches of `figure` in bind pose: vertices [b, 3], faces [f, 3], weights [b, J], part masks
+    [b]."""
     faces, part = parts.cut_parts(figure)
     masks = np.zeros(len(figure.vertices), np.uint32)
     for number in range(len(parts.PARTS)):
@@ -62,8 +63,8 @@ def collider(figure, garment):
 
 
 def _rounded(figure):
-    """The figure's vertices with feet and hands a little larger: cloth is held at its own vertices, and toes and fingers
-    are thin enough to come through between them."""
+    """The figure's vertices with feet and hands a little larger: cloth is held at its own vertices, and toes and
+    fingers are thin enough to come through between them."""
     thin = figure.weights[:, parts.thin_joints(figure)].sum(1)
     normals = raster.vertex_normals(figure.vertices, figure.faces)
     return figure.vertices + ROUNDED * thin[:, None] * normals
@@ -105,11 +106,13 @@ def hung(garment, figure):
     carefully = dict(PUT_ON)
     if not len(crossings.within(garment.vertices, garment.faces)):    # layers that start apart stay apart
         carefully["layer_thickness"] = chosen["layer_thickness"]
-    slowly, _ = _run(parts.rest(figure, PUT_ON_FRAMES), figure, garment, {**chosen, **carefully}, garment.vertices, None)
+    slowly, _ = _run(parts.rest(figure, PUT_ON_FRAMES), figure, garment, {**chosen, **carefully}, garment.vertices,
+                     None)
     worn = slowly[-1].astype(np.float64)
     cloth, _ = _run(parts.rest(figure, HANG_FRAMES), figure, garment, chosen, worn, None)
     drape = cloth[-1].astype(np.float64)
     reflected = drape if garment.mirror is None else drape[garment.mirror] * [-1, 1, 1]
     vertices = np.where(garment.pinned[:, None], garment.vertices, 0.5 * (drape + reflected))
-    return (dataclasses.replace(garment, vertices=vertices), float(np.linalg.norm(cloth[-1] - cloth[-2], axis=1).mean()),
+    return (dataclasses.replace(garment, vertices=vertices),
+            float(np.linalg.norm(cloth[-1] - cloth[-2], axis=1).mean()),
             float(np.linalg.norm(drape - reflected, axis=1).mean()))

@@ -149,7 +149,8 @@ def self_weight_strain(worn):
 # What laboratories measure of such cloth (least, most); a garment's settings must lie within.
 RANGES = {
     "wool": {"peirce_overhang_cm": (4, 6), "cusick_percent": (45, 70), "cusick_folds": (5, 8),
-             "weight_g_m2": (180, 280), "self_weight_strain": (0, 0.03), "droop_deg": (45, np.inf), "drag_ratio": (5, np.inf)},
+             "weight_g_m2": (180, 280), "self_weight_strain": (0, 0.03), "droop_deg": (45, np.inf),
+             "drag_ratio": (5, np.inf)},
     "cotton": {"peirce_overhang_cm": (3.5, 5), "cusick_percent": (50, 75), "cusick_folds": (5, 7),
                "weight_g_m2": (100, 150), "self_weight_strain": (0, 0.03), "droop_deg": (60, np.inf),
                "drag_ratio": (5, np.inf)},

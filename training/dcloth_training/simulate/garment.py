@@ -185,9 +185,9 @@ def _smooth(a, b, t):
 
 
 def _robe_start(x, y, low, half, top, armpit, arm):
-    """Where points of the left front panel stand before the first step, about the T-pose: the body an elliptic tube that
-    closes on the shoulders, the sleeve a round one about the arm, whose axis is `arm` high. [n, 3] with z counted forward
-    from the middle."""
+    """Where points of the left front panel stand before the first step, about the T-pose: the body an elliptic tube
+    that closes on the shoulders, the sleeve a round one about the arm, whose axis is `arm` high. [n, 3] with z counted
+    forward from the middle."""
     closing = 0.14
     up = np.clip((y - top + closing) / closing, 0, 1)
     dome = np.sqrt(1 - up ** 2)
@@ -205,8 +205,8 @@ def _robe_start(x, y, low, half, top, armpit, arm):
 
 
 def robe(figure, **changes):
-    """A belted robe: front and back cut in one with their sleeves on the fold, sewn along shoulder, sleeve and side; the
-    front is open from the hem to above the knee."""
+    """A belted robe: front and back cut in one with their sleeves on the fold, sewn along shoulder, sleeve and side;
+    the front is open from the hem to above the knee."""
     cut = {**ROBE, **changes}
     joint = dict(zip(figure.names, figure.joints))
     spacing = cut["spacing"]

@@ -13,8 +13,8 @@ RELAXATIONS = 80
 
 @dataclass
 class Sewn:
-    """vertices are what panels' points became: faces [c, 3] vertex numbers, pattern [c, 3, 2] m their corners in the flat
-    panel, panel [c] which panel each face was cut from, vertex [panels][points] the vertex of each panel point."""
+    """vertices are what panels' points became: faces [c, 3] vertex numbers, pattern [c, 3, 2] m their corners in the
+    flat panel, panel [c] which panel each face was cut from, vertex [panels][points] the vertex of each panel point."""
     count: int
     faces: np.ndarray
     pattern: np.ndarray

@@ -21,14 +21,15 @@ GROUPS = (*((f"{role}_{source}", f"{title} ({source})") for role, title in ROLES
 # Of the frames of clips that nobody trains on.
 MOST_CROSSED, MOST_TANGLED = 0.01, 0.10
 MEANING = (
-    "A frame crosses the body where any triangle of the cloth intersects one of the body that it may touch; it is tangled "
-    "where 10 pairs of cloth triangles or more intersect (pairs that share a vertex do not count). Both are exact. Area "
-    "under the body is the share of the cloth's area more than 1 mm deep. Strain is edge length over rest length - 1, p99 "
-    "over all edges and frames; stretch p99 and max are edge length over rest length in the worst frame. A frame is torn "
-    "where an edge is four times its length: a limb went through the cloth. Folded edges are the share at which the cloth "
-    "is bent by more than 120 degrees. Alive is the mean distance of the cloth from its mean shape in the hips' frame, "
-    "fine motion that of its waves shorter than about six edges. The floor is the mean distance between two simulations "
-    "of the clip that differ by 0.05 % of the garment's size: no network can be expected to do better.")
+    "A frame crosses the body where any triangle of the cloth intersects one of the body that it may touch; it is "
+    "tangled where 10 pairs of cloth triangles or more intersect (pairs that share a vertex do not count). Both are "
+    "exact. Area under the body is the share of the cloth's area more than 1 mm deep. Strain is edge length over rest "
+    "length - 1, p99 over all edges and frames; stretch p99 and max are edge length over rest length in the worst "
+    "frame. A frame is torn where an edge is four times its length: a limb went through the cloth. Folded edges are "
+    "the share at which the cloth is bent by more than 120 degrees. Alive is the mean distance of the cloth from its "
+    "mean shape in the hips' frame, fine motion that of its waves shorter than about six edges. The floor is the mean "
+    "distance between two simulations of the clip that differ by 0.05 % of the garment's size: no network can be "
+    "expected to do better.")
 
 
 def _cell(row, key):
@@ -73,9 +74,10 @@ def verdict_line(rows):
 
 def summary(rows):
     """One row a group: how much there is, what is not cloth, the worst of everything and the floor."""
-    lines = ["| group | files | frames | frames crossing the body | tangled frames | pairs of cloth a frame | area under "
-             "the body | deepest mm | strain p99, mean | stretch max | torn frames | folded edges | speed max m/s "
-             "| alive mm, mean | fine motion mm, mean | floor mm, mean (clips) | floor / alive |", "|---" * 17 + "|"]
+    lines = ["| group | files | frames | frames crossing the body | tangled frames | pairs of cloth a frame | area "
+             "under the body | deepest mm | strain p99, mean | stretch max | torn frames | folded edges | speed max "
+             "m/s | alive mm, mean | fine motion mm, mean | floor mm, mean (clips) | floor / alive |",
+             "|---" * 17 + "|"]
     for group, title in GROUPS:
         own = [row for row in rows if row["group"] == group]
         if not own:

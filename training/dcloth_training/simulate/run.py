@@ -125,7 +125,8 @@ class Ours:
     def drapes(self):
         """Poses of the quasi-static drapes; always the same ones, of training clips alone."""
         names = [name for name in clips.training() if name.startswith("procedural/") or self.options.motion]
-        return statics.order(statics.select([self.motion(name) for name in names], self.options.poses, self.felt), self.felt)
+        return statics.order(statics.select([self.motion(name) for name in names], self.options.poses, self.felt),
+                             self.felt)
 
 
 def prepare(name, options, chosen=None):
@@ -152,7 +153,8 @@ def static_tours(chosen):
 
 
 def tasks(options, chosen):
-    """(name, kind, motion, frames to record, wind, path) of each file that is not there yet, once, in order of importance.
+    """(name, kind, motion, frames to record, wind, path) of each file that is not there yet, once, in order of
+    importance.
 
     chosen: Ours or subject.Own."""
     met = set()
@@ -182,9 +184,9 @@ def tasks(options, chosen):
 
 @contextlib.contextmanager
 def pool_of(options, context):
-    """Where clips are simulated: (submit(function, *arguments, context), the context to give it). Processes here (threads
-    would wait for each other in Python for nearly half of the time), or the workers of a Dask cluster, which see --out at
-    the same path and have this package and the solver."""
+    """Where clips are simulated: (submit(function, *arguments, context), the context to give it). Processes here
+    (threads would wait for each other in Python for nearly half of the time), or the workers of a Dask cluster, which
+    see --out at the same path and have this package and the solver."""
     if not options.cluster:
         with concurrent.futures.ProcessPoolExecutor(options.workers) as pool:
             yield pool.submit, context
@@ -192,12 +194,14 @@ def pool_of(options, context):
     try:
         import distributed
     except ImportError:
-        raise ValueError("--cluster: found no Python package 'distributed'; install it (Debian: python3-distributed)") from None
+        raise ValueError("--cluster: found no Python package 'distributed'; install it (Debian: "
+                         "python3-distributed)") from None
     try:
         client = distributed.Client(options.cluster, timeout=CLUSTER_SECONDS)
     except OSError as error:
-        raise ValueError(f"--cluster {options.cluster}: no Dask scheduler answers there within {CLUSTER_SECONDS} s ({error}); "
-                         "start one: dask scheduler, and on each machine: dask worker ADDRESS --nthreads 1") from None
+        raise ValueError(f"--cluster {options.cluster}: no Dask scheduler answers there within {CLUSTER_SECONDS} s "
+                         f"({error}); start one: dask scheduler, and on each machine: dask worker ADDRESS "
+                         f"--nthreads 1") from None
     with client, client.get_executor(pure=False) as pool:
         yield pool.submit, client.scatter(context, broadcast=True, hash=False)
 
@@ -206,10 +210,12 @@ def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", required=True)
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
-    parser.add_argument("--clips", default="static,validation,development,training,random,variations,wide,mixed,leaning",
+    parser.add_argument("--clips",
+                        default="static,validation,development,training,random,variations,wide,mixed,leaning",
                         help="groups or single clips, in order of importance; 'reported' last, for the final figures")
     parser.add_argument("--workers", type=int, default=2, help="clips simulated side by side here")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler (tcp://host:8786): its workers simulate, and "
+    parser.add_argument("--cluster", metavar="ADDRESS",
+                        help="of a Dask scheduler (tcp://host:8786): its workers simulate, and "
                         "see --out at the same path. The bits are those of one machine")
     parser.add_argument("--garment", default="skirt", help=f"{', '.join(garment.GARMENTS)}; with --character a mesh")
     parser.add_argument("--root", choices=("free", "fixed"), default="free")
@@ -217,8 +223,8 @@ def arguments(argv=None):
     subject.add_arguments(parser.add_argument)
     options = parser.parse_args(argv)
     if options.character is None and options.garment not in garment.GARMENTS:
-        parser.error(f"--garment {options.garment}: allowed without --character are {', '.join(garment.GARMENTS)}; name the "
-                     "character that wears it")
+        parser.error(f"--garment {options.garment}: allowed without --character are {', '.join(garment.GARMENTS)}; "
+                     "name the character that wears it")
     return options
 
 

@@ -75,10 +75,10 @@ def nothing(frames):
 def run(start, fabric, pins, pin_path, body, origin, settings, wind=None, cloth_part=None):
     """Simulate every frame of body.path.
 
-    start [n, 3] m world positions in frame 0, pins [p] vertex numbers, pin_path [T, p, 3] m, origin [T, 3] m a point near
-    the cloth, settings: a dict with every field of Settings, wind [T, 3] m/s or None: still air, cloth_part [n] bit
-    masks of the body parts each cloth vertex touches, None: all. Returns cloth [k, n, 3] float32: k = T, or fewer when
-    the simulation came apart at frame k. ValueError: shapes that do not fit.
+    start [n, 3] m world positions in frame 0, pins [p] vertex numbers, pin_path [T, p, 3] m, origin [T, 3] m a point
+    near the cloth, settings: a dict with every field of Settings, wind [T, 3] m/s or None: still air, cloth_part [n]
+    bit masks of the body parts each cloth vertex touches, None: all. Returns cloth [k, n, 3] float32: k = T, or fewer
+    when the simulation came apart at frame k. ValueError: shapes that do not fit.
     """
     frames, count, keep = len(body.path), len(start), []
 
@@ -101,7 +101,8 @@ def run(start, fabric, pins, pin_path, body, origin, settings, wind=None, cloth_
         floats(start, count, 3), pointer(fabric.faces, _INT, (faces, 3), np.int32), floats(fabric.pattern, faces, 3, 2),
         floats(fabric.mass_scale, count), floats(fabric.bend_scale, count), floats(fabric.crease, count),
         pointer(pins, _INT, (len(pins),), np.int32), floats(pin_path, frames, len(pins), 3),
-        pointer(body.faces, _INT, (len(body.faces), 3), np.int32), pointer(body.part, _INT, (len(body.faces),), np.int32),
+        pointer(body.faces, _INT, (len(body.faces), 3), np.int32),
+        pointer(body.part, _INT, (len(body.faces),), np.int32),
         floats(body.path, frames, body.path.shape[1], 3), pointer(cloth_part, _MASK, (count,), np.uint32),
         floats(origin, frames, 3), floats(wind, frames, 3), Settings(**settings))
     return out[:library().cloth_solver_run(ctypes.byref(problem), out.ctypes.data_as(_FLOAT))]

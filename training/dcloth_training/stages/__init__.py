@@ -1,15 +1,15 @@
 """The stages of the network, in the order in which they run and are trained.
 
-Assembly, bundles, playing, evaluation, cards, comparison and training read STAGES. A new stage is a module here whose class
-has what is listed below, a module `fit_<name>` that trains it (OPTIONS and train_stage(run), see train.Run), and one row.
+Assembly, bundles, playing, evaluation, cards, comparison and training read STAGES. A new stage is a module here whose
+class has what is listed below, a module `fit_<name>` that trains it (OPTIONS and train_stage(run), see train.Run), and
+one row.
 
     fresh(parts, options) -> module             untrained, of the options' sizes
     of_bundle(tensors, parts) -> module or None  from a bundle.Tensors; None where the bundle has no such stage
     trained() -> {name: array}                  what training moved, named below "<stage>." in a bundle
     given(fitted) -> {whole name: array}        what else a bundle must hold for it
-    play(x, pose) -> iterator of [k]            a tick's coefficients, from standardised features x [T, d] and network.Pose
-    displacement([..., k]) -> [..., n, 3]
-    NOTE                                        what `reference --intermediates` calls the coefficients
+    play(x, pose) -> iterator of [k] a tick's coefficients, from standardised features x [T, d] and network.Pose
+    displacement([..., k]) -> [..., n, 3] NOTE what `reference --intermediates` calls the coefficients
 
 The first stage skins instead of displacing: it has neither play, displacement nor NOTE.
 """
@@ -26,7 +26,8 @@ from .static_stage import StaticStage
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage's row. title and note: what tables call the network up to it; steps: its training's, as histories name them."""
+    """A stage's row. title and note: what tables call the network up to it; steps: its training's, as histories name
+    them."""
     name: str
     kind: type
     title: str

@@ -115,7 +115,8 @@ class MeshStage(nn.Module):
 
     @classmethod
     def fresh(cls, parts, options):
-        return cls(*geometry.padded_neighbours(parts.faces, len(parts.template)), *parts.body_statistics, options.mesh_width,
+        return cls(*geometry.padded_neighbours(parts.faces, len(parts.template)), *parts.body_statistics,
+                   options.mesh_width,
                    options.mesh_layers, options.mesh_hidden, options.mesh_size, BodyPoints(*parts.nearest))
 
     @classmethod

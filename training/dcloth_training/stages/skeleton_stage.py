@@ -21,7 +21,8 @@ def factors(basis):
 
 
 def multiplied(tensors):
-    """skeleton.basis [k_S, n, 3] of a bundle's tensors, from its factors where they are stored, as the converter does."""
+    """skeleton.basis [k_S, n, 3] of a bundle's tensors, from its factors where they are stored, as the converter
+    does."""
     readout, components, basis = (tensors.find(f"skeleton.{k}") for k in ("readout", "components", "basis"))
     if readout is None and components is None:
         return basis

@@ -1,6 +1,7 @@
 //! Writes the figure of a training bundle as a glTF file that walks: skin, skeleton, and a sequence as its animation.
 //!
-//! cargo run --example figure_glb -- models/skirt/skirt.safetensors models/skirt/sequences/walk_turn.safetensors figure.glb
+//! cargo run --example figure_glb -- \
+//!   models/skirt/skirt.safetensors models/skirt/sequences/walk_turn.safetensors figure.glb
 use std::path::Path;
 
 use bevy::math::{DMat4, DQuat, DVec3, Vec3};
@@ -149,7 +150,8 @@ fn skin(bundle: &SafeTensors, joint_count: usize, buffer: &mut Buffer) -> Value 
     json!({
         "attributes": {
             "POSITION": buffer.floats("VEC3", &positions), "NORMAL": buffer.floats("VEC3", &normals),
-            "COLOR_0": buffer.floats("VEC3", &colours), "JOINTS_0": joints, "WEIGHTS_0": buffer.floats("VEC4", &weights),
+            "COLOR_0": buffer.floats("VEC3", &colours), "JOINTS_0": joints,
+            "WEIGHTS_0": buffer.floats("VEC4", &weights),
         },
         "indices": indices, "material": 0,
     })

@@ -1,10 +1,11 @@
-//! Dresses an animated character and draws it, without a window: a glTF file in, PNG pictures out. A software Vulkan, such
-//! as Mesa's lavapipe, is enough.
+//! Dresses an animated character and draws it, without a window: a glTF file in, PNG pictures out. A software Vulkan,
+//! such as Mesa's lavapipe, is enough.
 //!
 //! cargo run --example pictures -- skirt.dcloth figure.glb pictures [--fit body|bones|names] [--clip NAME] \
 //!     [--frames 150] [--every 30]
 //!
-//! `--record` also writes poses.safetensors, which `dcloth run` plays, and vertices.safetensors, what was drawn of them.
+//! `--record` also writes poses.safetensors, which `dcloth run` plays, and vertices.safetensors, what was drawn of
+//! them.
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;

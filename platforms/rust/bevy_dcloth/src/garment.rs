@@ -10,7 +10,8 @@ use crate::loader::ClothModel;
 
 /// A garment on a character. Give its entity a material; the plugin gives it a mesh, and its vertices in each frame.
 ///
-/// Vertices are in world space: the entity stays at the origin, outside of the character. Despawn it with the character.
+/// Vertices are in world space: the entity stays at the origin, outside of the character. Despawn it with the
+/// character.
 #[derive(Component, Clone, Debug)]
 #[require(GarmentState, Transform)]
 pub struct Garment {
@@ -38,8 +39,8 @@ pub struct Garment {
 /// How the joints of a garment are found in a skeleton.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GarmentFit {
-    /// Lays the garment onto bones and skin of any humanoid character. Parts of the body are found by the joints' names.
-    /// The skin takes 0.1 to 0.5 s, once, in the frame in which the garment is dressed.
+    /// Lays the garment onto bones and skin of any humanoid character. Parts of the body are found by the joints'
+    /// names. The skin takes 0.1 to 0.5 s, once, in the frame in which the garment is dressed.
     #[default]
     Body,
     /// As `Body`, by bones alone, in 50 us. Use it if the skin has other clothes in it.

@@ -1,5 +1,5 @@
-//! What the example `pictures` drew. `scripts/test_rust.sh` runs it, and puts its files and what `dcloth run` draws of the
-//! same poses into DCLOTH_RUST_DATA/pictures.
+//! What the example `pictures` drew. `scripts/test_rust.sh` runs it, and puts its files and what `dcloth run` draws of
+//! the same poses into DCLOTH_RUST_DATA/pictures.
 use std::path::PathBuf;
 
 use bevy::asset::RenderAssetUsages;

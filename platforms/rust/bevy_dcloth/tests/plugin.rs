@@ -176,7 +176,8 @@ fn vertices_are_those_of_the_c_host() {
 #[test]
 fn fits_to_the_skin() {
     let mut stage = Stage::new();
-    // A node above the skeleton that turns and scales, as files of Blender have, and a wearer of its own size and place.
+    // A node above the skeleton that turns and scales, as files of Blender have, and a wearer of its own size and
+    // place.
     let turn =
         Transform::from_rotation(Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2)).with_scale(Vec3::splat(0.01));
     let above = turn.to_matrix().inverse();

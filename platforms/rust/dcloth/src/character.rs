@@ -62,8 +62,8 @@ roles! {
 }
 
 impl Role {
-    /// The role of a joint with this name. The names of Mixamo, Unity Humanoid, the Unreal mannequin, MakeHuman, Rigify,
-    /// VRM, CMU, 3ds Max Biped and Character Creator are known, with any prefix, case and separators.
+    /// The role of a joint with this name. The names of Mixamo, Unity Humanoid, the Unreal mannequin, MakeHuman,
+    /// Rigify, VRM, CMU, 3ds Max Biped and Character Creator are known, with any prefix, case and separators.
     ///
     /// ```
     /// use dcloth::Role;
@@ -88,8 +88,8 @@ impl Role {
     }
 }
 
-/// A character in its bind pose: the standing T or A pose in which its skin was bound to its joints. Matrices and points
-/// are in the host's space and in one world.
+/// A character in its bind pose: the standing T or A pose in which its skin was bound to its joints. Matrices and
+/// points are in the host's space and in one world.
 #[derive(Clone, Copy, Debug)]
 pub struct Character<'a> {
     /// Names of the whole skeleton's joints, 1 to 4096. Poses have one matrix for each, in this order.

@@ -12,8 +12,8 @@ use crate::pose::{Pose, Space, count};
 
 /// One garment on one character, with its motion. A call that returns an error leaves the cloth as it was.
 ///
-/// Every call that reaches the engine borrows the cloth mutably, because calls on one cloth may not run at the same time.
-/// Different cloths may be updated on different threads.
+/// Every call that reaches the engine borrows the cloth mutably, because calls on one cloth may not run at the same
+/// time. Different cloths may be updated on different threads.
 ///
 /// ```
 /// # std::env::set_current_dir(std::env::var("DCLOTH_RUST_DATA")?)?;
@@ -109,8 +109,8 @@ impl Cloth {
         call(|error| unsafe { dcloth_cloth_set_space(self.cloth.as_ptr(), &space, error) })
     }
 
-    /// Takes the bind pose of a rig whose joints have axes or a scale of their own. The character stands in the stance, and
-    /// at the place, of the figure of training. For other characters use [`Cloth::fit`].
+    /// Takes the bind pose of a rig whose joints have axes or a scale of their own. The character stands in the stance,
+    /// and at the place, of the figure of training. For other characters use [`Cloth::fit`].
     ///
     /// Errors: [`Status::Pose`], [`Status::Argument`].
     pub fn set_bind_pose(&mut self, bind: &Pose) -> Result<(), Error> {
@@ -119,8 +119,8 @@ impl Cloth {
         call(|error| unsafe { dcloth_cloth_set_bind_pose(self.cloth.as_ptr(), &bind, error) })
     }
 
-    /// Sets the velocity of the air relative to the ground, in the host's units a second along its axes, at most 100 m/s.
-    /// Models that do not read the air ignore it ([`Model::reads_wind`]).
+    /// Sets the velocity of the air relative to the ground, in the host's units a second along its axes, at most 100
+    /// m/s. Models that do not read the air ignore it ([`Model::reads_wind`]).
     ///
     /// Errors: [`Status::Argument`].
     pub fn set_wind(&mut self, wind: [f32; 3]) -> Result<(), Error> {
@@ -150,8 +150,8 @@ impl Cloth {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
-    /// Errors: [`Status::Joints`] if the skeleton lacks parts that the garment needs, [`Status::Pose`] for a bind pose that
-    /// is no standing T or A pose, [`Status::Argument`], [`Status::Memory`].
+    /// Errors: [`Status::Joints`] if the skeleton lacks parts that the garment needs, [`Status::Pose`] for a bind pose
+    /// that is no standing T or A pose, [`Status::Argument`], [`Status::Memory`].
     pub fn fit(&mut self, character: &Character) -> Result<Fit, Error> {
         character.with_raw(|raw| {
             // SAFETY: both are whole structs; only counts are read.
@@ -206,8 +206,8 @@ impl Cloth {
 
     /// Runs the ticks that are due and draws. Call it once per frame, at any frame rate.
     ///
-    /// Errors: [`Status::Pose`] for NaN, infinity or a wrong number of joints, [`Status::Argument`] for a time or slices
-    /// that do not fit. State and slices are then untouched.
+    /// Errors: [`Status::Pose`] for NaN, infinity or a wrong number of joints, [`Status::Argument`] for a time or
+    /// slices that do not fit. State and slices are then untouched.
     pub fn update(&mut self, pose: &Pose, frame: &Frame, output: Output) -> Result<(), Error> {
         let mut output = output;
         let raw = output.raw(self.model.vertex_count())?;

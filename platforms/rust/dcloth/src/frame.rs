@@ -17,7 +17,8 @@ pub struct Frame {
 impl Frame {
     /// A frame that comes `seconds` after the last one: 0 (a pause) or more. It runs all stages.
     ///
-    /// The first update after a reset ticks at once, whatever `seconds` says. After a long time only the latest ticks run.
+    /// The first update after a reset ticks at once, whatever `seconds` says. After a long time only the latest ticks
+    /// run.
     pub fn new(seconds: f32) -> Self {
         Self { seconds, stages: Stages::Mesh, flags: 0 }
     }
@@ -28,8 +29,8 @@ impl Frame {
         self
     }
 
-    /// Spreads each tick over the frames until the next one is due, so that no frame pays for a whole tick. The ticks are
-    /// the same, but later by less than one tick.
+    /// Spreads each tick over the frames until the next one is due, so that no frame pays for a whole tick. The ticks
+    /// are the same, but later by less than one tick.
     pub fn pipelined(self, on: bool) -> Self {
         self.flag(DCLOTH_FRAME_PIPELINED, on)
     }

@@ -41,8 +41,8 @@ pub enum Parent {
     Unknown,
 }
 
-/// A trained garment. A clone shares the bytes, and each [`Cloth`](crate::Cloth) keeps one, so a model lives as long as it
-/// is needed.
+/// A trained garment. A clone shares the bytes, and each [`Cloth`](crate::Cloth) keeps one, so a model lives as long as
+/// it is needed.
 ///
 /// ```
 /// # std::env::set_current_dir(std::env::var("DCLOTH_RUST_DATA")?)?;
@@ -193,7 +193,8 @@ impl Model {
         Ok(matrix)
     }
 
-    /// Vertices of the skin that [`Output::outside_body`](crate::Output::outside_body) keeps the cloth out of; 0 without.
+    /// Vertices of the skin that [`Output::outside_body`](crate::Output::outside_body) keeps the cloth out of; 0
+    /// without.
     pub fn body_vertex_count(&self) -> usize {
         // SAFETY: the model is open.
         unsafe { dcloth_model_body_vertex_count(self.raw()) as usize }

@@ -28,8 +28,8 @@ impl Axis {
 
 /// The host's axes and unit, as the character stands in its bind pose.
 ///
-/// "World" may be any frame that stays upright: the scene, a vehicle, the character's own root. The cloth does not notice
-/// how that frame itself moves.
+/// "World" may be any frame that stays upright: the scene, a vehicle, the character's own root. The cloth does not
+/// notice how that frame itself moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Space {
     /// Where the character's left points. All three axes differ.
