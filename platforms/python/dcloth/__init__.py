@@ -8,10 +8,10 @@ from ._engine import isa_name, version
 from ._error import Error
 from ._fit import Body, Fit, FitWarning, role_names
 from ._model import Model, Stages
-from ._tool import command_path, convert, evaluate
+from ._tool import command_path, convert, evaluate, garments
 
 __all__ = [
     "Body", "Cloth", "Error", "Fit", "FitWarning", "FrameFlags", "Model", "Stages", "__version__", "command_path",
-    "convert", "evaluate", "isa_name", "role_names",
+    "convert", "evaluate", "garments", "isa_name", "role_names",
 ]
 __version__ = version()

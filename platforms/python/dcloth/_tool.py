@@ -19,6 +19,12 @@ def command_path() -> Path:
     return Path(__file__).parent / "bin" / ("dcloth.exe" if os.name == "nt" else "dcloth")
 
 
+def garments() -> dict[str, Path]:
+    """The models that came with this package, by name, for `Model`. A release's wheel has the skirt and the robe in
+    int8; one that was built from a clone has none."""
+    return {file.stem: file for file in sorted((Path(__file__).parent / "garments").glob("*.dcloth"))}
+
+
 def convert(
     bundle: _Path,
     out: _Path,

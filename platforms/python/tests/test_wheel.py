@@ -32,6 +32,7 @@ def test_the_package_is_the_wheel():
     assert Path(dcloth.__file__).is_relative_to(sys.prefix)
     assert (Path(dcloth.__file__).parent / "py.typed").exists()
     assert os.access(dcloth.command_path(), os.X_OK)
+    assert dcloth.garments() == {}  # a release's has some (scripts/test_packages.sh)
 
 
 def test_model_says_what_it_holds(skirt):
