@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Installs the Debian packages a build needs. `install_dependencies.sh [build] [test] [train] [cross_aarch64]
-# [cross_i386] [cross_windows] [unity] [web] [npm] [import] [bench] [python] [rust] [lint]`; "build" when nothing is said. "test" and
-# "train" also install training/requirements.txt from PyPI into .venv, a virtual environment that sees Debian's Python packages
-# too; "lint" ruff.
+# [cross_android] [cross_i386] [cross_windows] [unity] [web] [npm] [import] [bench] [python] [rust] [lint]`; "build"
+# when nothing is said. "test" and "train" also install training/requirements.txt from PyPI into .venv, a virtual
+# environment that sees Debian's Python packages too; "lint" ruff.
 set -euo pipefail
 
 gcc_version=$(g++ -dumpversion 2>/dev/null || echo 12)
@@ -12,6 +12,7 @@ declare -A groups=(
   [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
           chromium binutils clang libclang-rt-dev pkg-config python3-distributed"
   [cross_aarch64]="g++-aarch64-linux-gnu qemu-user googletest"
+  [cross_android]="clang g++-aarch64-linux-gnu"  # without the NDK: the library alone
   [cross_i386]="libc6-dev-i386 lib32gcc-${gcc_version}-dev lib32stdc++-${gcc_version}-dev googletest"
   [cross_windows]="g++-mingw-w64-x86-64-posix libz-mingw-w64-dev wine wine64 googletest"
   [unity]="mono-mcs mono-runtime libmono-system-core4.0-cil libmono-2.0-dev libmonosgen-2.0-dev"
@@ -28,7 +29,8 @@ declare -A groups=(
 )
 packages=()
 for group in "${@:-build}"; do
-  [ -n "${groups[$group]:-}" ] || { echo "install_dependencies: unknown group '$group'; allowed: ${!groups[*]}" >&2; exit 2; }
+  [ -n "${groups[$group]:-}" ] ||
+    { echo "install_dependencies: unknown group '$group'; allowed: ${!groups[*]}" >&2; exit 2; }
   read -r -d '' -a names <<<"${groups[$group]}" || true
   packages+=("${names[@]}")
 done
@@ -39,15 +41,18 @@ for name in "${packages[@]}"; do
   [ "$status" = "install ok installed" ] || missing+=("$name")
 done
 if [ ${#missing[@]} -gt 0 ]; then
-  command -v apt-get >/dev/null || { echo "install_dependencies: apt-get not found; install by hand: ${missing[*]}" >&2; exit 1; }
+  command -v apt-get >/dev/null ||
+    { echo "install_dependencies: apt-get not found; install by hand: ${missing[*]}" >&2; exit 1; }
   as_root=()
   if [ "$(id -u)" -ne 0 ]; then
-    command -v sudo >/dev/null || { echo "install_dependencies: root or sudo is needed to install: ${missing[*]}" >&2; exit 1; }
+    command -v sudo >/dev/null ||
+      { echo "install_dependencies: root or sudo is needed to install: ${missing[*]}" >&2; exit 1; }
     as_root=(sudo)
   fi
   echo "installing: ${missing[*]}" >&2
   "${as_root[@]}" apt-get update -qq
-  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
 
 # No dependencies: pip would replace Debian's numpy by one that Debian's torch cannot use.

@@ -33,7 +33,7 @@ for name in "${steps[@]}"; do
     python) step python scripts/test_python.sh || true ;;
     rust) step rust scripts/test_rust.sh || true ;;
     godot) step godot scripts/test_godot.sh || true ;;
-    packages) step packages scripts/package.sh --test || true ;;
+    packages) step packages scripts/package.sh --install --only . --test || true ;;
     *)
       echo "test_long: unknown step '$name'; allowed: rollouts, pictures, sanitized, threads, fuzz, aarch64, web," \
         "python, rust, godot, packages" >&2

@@ -33,17 +33,6 @@ for platform in "${platforms[@]}"; do
   esac
 done
 
-# The folder that cmake searches for headers and libraries, and nothing of this machine beside it.
-prepare() {
-  local platform=$1 root=$2 mingw=/usr/x86_64-w64-mingw32
-  scripts/cross_headers.sh "$root"
-  if [ "$platform" = windows ]; then
-    cp "$mingw"/include/{zlib,zconf}.h "$root/usr/include/"
-    mkdir -p "$root/usr/lib"
-    cp "$mingw"/lib/libz.a "$root/usr/lib/"
-  fi
-}
-
 # Sums of GoogleTest's closing lines, "[  PASSED  ] 7 tests.", and ctest's own count.
 report() {
   local platform=$1 log=$2 status=$3
@@ -155,9 +144,10 @@ for platform in "${platforms[@]}"; do
   targets=()
   scripts/install_dependencies.sh build "cross_$platform"
   folder=build-$platform
-  prepare "$platform" "$folder/root"
-  preset=aarch64-linux
-  if [ "$platform" = windows ]; then preset=x86_64-windows; fi
+  # The command line, which links zlib, is built for Windows alone.
+  preset=aarch64-linux linked=()
+  if [ "$platform" = windows ]; then preset=x86_64-windows linked=(windows); fi
+  scripts/cross_headers.sh "$folder/root" "${linked[@]}"
   if [ -z "$only" ]; then
     scripts/build.sh "$folder" --preset "$preset"
   else
