@@ -181,7 +181,7 @@ constexpr size_t kBaselines = 2;  // rigid hips and plain skinning, before the m
 using StepCallback = std::function<void()>;
 constexpr size_t kColdRounds = 4;
 
-// Variants take turns, so that a machine that slows down slows all of them.
+// Variants alternate, so that a machine that slows down slows all of them.
 void MeasureCold(std::vector<Measured>* variants, size_t sequence_count, size_t cold_ticks, const StepCallback& step) {
   CacheEvictor evictor;
   const size_t per_sequence = std::max<size_t>(10, (cold_ticks + sequence_count - 1) / sequence_count);

@@ -15,7 +15,7 @@ constexpr uint64_t kAllOfIt = UINT64_MAX;
 // A pipelined frame does this times its length in ticks of a tick's cost. Work then follows the frame time,
 // however frames and ticks fall, and what is left when the next tick is due fits into that frame's own part.
 // The little above 1 keeps a host whose frame time wobbles from finishing a frame late. Rejected: equal parts
-// over the frames until the next tick, which a wobble of the frame time turns into a whole tick in one frame.
+// over the frames until the next tick, where a wobble of the frame time puts a whole tick into one frame.
 constexpr double kPipelinePace = 1.05;
 
 void StartTick(Cloth* cloth, const Affine* pose, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {

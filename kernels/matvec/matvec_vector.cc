@@ -127,7 +127,7 @@ HWY_INLINE VI AddPairs(DI di, VW w, VW x, VI sum, VI& spare) {
 #endif
 }
 
-// Sums that take turns: VNNI's latency is that of four of its products.
+// Sums that alternate: VNNI's latency is that of four of its products.
 constexpr size_t kSums = HWY_TARGET == HWY_AVX3 ? 2 : 1;
 
 }  // namespace
@@ -145,8 +145,8 @@ void MatvecI8(const MatvecI8Job& job) {
     const int8_t* weights = job.weights + panel * job.panel_rows * kPanelColumns;
     VI sum[kSums][kVectors], spare[kVectors];
     for (size_t i = 0; i < kVectors; ++i) spare[i] = hn::Zero(di);
-    for (auto& turn : sum) {
-      for (VI& v : turn) v = hn::Zero(di);
+    for (auto& set : sum) {
+      for (VI& v : set) v = hn::Zero(di);
     }
     const auto add_pair = [&](size_t j, size_t r) {
       const int8_t* row = weights + j * kPanelColumns;

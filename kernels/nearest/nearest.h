@@ -46,7 +46,7 @@ struct NearestJob {
   uint16_t* suspect;          // [points_count]; the suspect of least distance^2 - slack^2, or kNoSite; of a point that
                               // is no number, and of others of its patch, kNoSite or any site
   float clearance = 0;        // 0 or more
-  const uint16_t* group_places = nullptr;  // [groups], which group of `sites` each is; null: in turn
+  const uint16_t* group_places = nullptr;  // [groups], which group of `sites` each is; null: in order
   uint32_t* looks = nullptr;  // grows by what the call took: a point, or a ball that stands for four, against a group's
                               // sixteen sites is one, some 8 ns. How many differs between instruction sets; may be null
 };

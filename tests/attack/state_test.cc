@@ -146,7 +146,7 @@ std::vector<Forgery> Forgeries() {
       {"stages 0", kSemantics, "stages: found 0", [](H* h) { h->stages = 0; }},
       {"stages 5", kSemantics, "stages: found 5", [](H* h) { h->stages = 5; }},
       {"stages 15", kSemantics, "stages: found 15", [](H* h) { h->stages = 15; }},
-      {"part 11", kSemantics, "part: found 11", [](H* h) { h->part = 11; }},
+      {"part 99", kSemantics, "part: found 99", [](H* h) { h->part = 99; }},
       {"part wild", kSemantics, "part: found 4294967295", [](H* h) { h->part = UINT32_MAX; }},
       {"items", kSemantics, "items_done: found 4000000000", [](H* h) { h->items_done = 4000000000u; }},
       {"jumped", kSemantics, "jumped: found 2", [](H* h) { h->jumped = 2; }},

@@ -165,7 +165,8 @@ constexpr Part kMeshLayers = {
       const ModelView& model = *cloth.model;
       const MeshMemory& mesh = cloth.mesh;
       const size_t n = model.vertex_count;
-      if (at.part == TickPart::kMeshHidden) spans->AddRow("embedded", mesh.embedded, n);
+      if (at.part > TickPart::kMeshLayers && at.part <= TickPart::kMeshHidden)
+        spans->AddRow("embedded", mesh.embedded, n);
       if (at.part != TickPart::kMeshLayers) return;
       const size_t width = model.mesh_stage.feature_width, layer = at.items_done / MeshBlocks(model);
       const size_t begun = at.items_done % MeshBlocks(model) * kernels::kGsgruBlock, done = begun < n ? begun : n;
@@ -217,7 +218,7 @@ constexpr Part kHead = {
     },
     nullptr,
     [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
-      if (at.part != TickPart::kBasis || !RunsSkeleton(plan)) return;
+      if (at.part <= TickPart::kHead || !RunsSkeleton(plan)) return;
       // Without a head the basis multiplies Q itself; with one, what the head has mixed.
       const LinearView& head = cloth.model->displacement.head;
       if (head.rows != 0) {

@@ -70,8 +70,8 @@ bool FindLowering(SceneCharacter* character) {
   return false;
 }
 
-// What the detail of a character leaves to take turns; false where it leaves nothing.
-bool TakesTurns(const SceneCharacter& character, Detail* detail) {
+// What the detail of a character leaves to alternate; false where it leaves nothing.
+bool Alternates(const SceneCharacter& character, Detail* detail) {
   FindDetail(character, character.detail, detail);
   // Normals cannot be kept from a mesh that was not drawn.
   if (character.detail == kHalfNormals && character.drawn == DCLOTH_DRAW_COARSE) detail->least = DCLOTH_DRAW_COARSE;
@@ -119,12 +119,12 @@ DrawingCosts ChooseDetails(Scene* scene, double room) {
   for (uint32_t i = 0; i < scene->count; ++i) {
     if (all[i].cloth == nullptr) continue;
     Detail detail;
-    const bool turns = TakesTurns(all[i], &detail);
+    const bool alternates = Alternates(all[i], &detail);
     mean += MeanCost(all[i], detail);
-    if (turns) dearest = std::max(dearest, CostOf(all[i], detail.full) - CostOf(all[i], detail.least));
+    if (alternates) dearest = std::max(dearest, CostOf(all[i], detail.full) - CostOf(all[i], detail.least));
   }
-  scene->mean_turns = 0;  // summed by GrantDrawing
-  scene->dearest_turn = dearest;
+  scene->mean_alternates = 0;  // summed by GrantDrawing
+  scene->dearest_alternate = dearest;
   return {mean, mean + dearest};
 }
 
@@ -136,18 +136,18 @@ double GrantDrawing(Scene* scene) {
     SceneCharacter& character = all[i];
     if (character.cloth == nullptr) continue;
     Detail detail;
-    const bool turns = TakesTurns(character, &detail);
+    const bool alternates = Alternates(character, &detail);
     character.draw = detail.least;
     const double least = CostOf(character, detail.least);
     spent += least;
-    if (!turns) {
+    if (!alternates) {
       character.waited_frames = 0;
       if (character.draw != DCLOTH_DRAW_NONE) character.drawn = character.draw;
       continue;
     }
     ++character.waited_frames;
     character.worth = static_cast<double>(character.waited_frames) / detail.period;
-    scene->mean_turns += (CostOf(character, detail.full) - least) / detail.period;
+    scene->mean_alternates += (CostOf(character, detail.full) - least) / detail.period;
     scene->order[count++] = i;
   }
   const auto before = [all](uint32_t a, uint32_t b) {
@@ -155,18 +155,18 @@ double GrantDrawing(Scene* scene) {
     return all[a].importance != all[b].importance ? all[a].importance > all[b].importance : a < b;
   };
   std::sort(scene->order, scene->order + count, before);
-  // What a frame leaves over goes to the next one, up to one character's turn.
-  scene->turns_left = std::min(scene->turns_left, scene->dearest_turn) + scene->mean_turns;
+  // What a frame leaves over goes to the next one, up to one character's drawing.
+  scene->alternates_left = std::min(scene->alternates_left, scene->dearest_alternate) + scene->mean_alternates;
   bool enough = true;
   for (uint32_t i = 0; i < count; ++i) {
     SceneCharacter& character = all[scene->order[i]];
     Detail detail;
-    TakesTurns(character, &detail);
+    Alternates(character, &detail);
     const double cost = CostOf(character, detail.full) - CostOf(character, detail.least);
     // Whoever does not fit is the first of the next frame: nobody overtakes.
-    enough = enough && cost <= scene->turns_left * kRounding;
+    enough = enough && cost <= scene->alternates_left * kRounding;
     if (enough) {
-      scene->turns_left -= cost;
+      scene->alternates_left -= cost;
       spent += cost;
       character.draw = detail.full;
       character.waited_frames = 0;

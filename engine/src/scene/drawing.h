@@ -2,7 +2,7 @@
 //
 // Drawing may take half of the budget, or what ticks at the wanted levels leave of it if that is more. What is saved
 // per harm done decides who is drawn with less, so that far characters lose detail long before a near one does. What a
-// detail does not draw in every frame takes turns: the longest waiting goes first.
+// detail does not draw in every frame alternates: the longest waiting goes first.
 #ifndef DCLOTH_ENGINE_SRC_SCENE_DRAWING_H_
 #define DCLOTH_ENGINE_SRC_SCENE_DRAWING_H_
 
@@ -12,7 +12,7 @@ namespace dcloth::engine {
 
 struct DrawingCosts {
   double mean;     // of a frame, microseconds
-  double longest;  // of a frame in which the dearest of what takes turns is drawn
+  double longest;  // of a frame in which the dearest of what alternates is drawn
 };
 
 // Sets each character's detail so that a mean frame takes at most `room` microseconds, if the lowest details do. A

@@ -55,9 +55,9 @@ struct Scene {
   double reserve;               // share of the budget that is kept back, of late overruns
   double budget;                // of the last plan, microseconds
   double planned_microseconds;  // of the last plan, `load` included
-  double turns_left;            // microseconds of drawing that earlier frames left over
-  double mean_turns,
-      dearest_turn;  // of the last plan's details: microseconds that take turns in a frame, of the dearest
+  double alternates_left;       // microseconds of drawing that earlier frames left over
+  double mean_alternates,
+      dearest_alternate;  // of the last plan's details: microseconds that alternate in a frame, of the dearest
 };
 
 // With `storage` null it only returns the size.
