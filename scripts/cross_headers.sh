@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Gathers what a cross build reads from this machine: headers of its packages, below one folder: `cross_headers.sh FOLDER
-# [aarch64|windows]`. They are the same on every processor and system. Where a platform is named, zlib for it goes
-# beside them; the command line links it, the library does not. FOLDER then goes to cmake as CMAKE_FIND_ROOT_PATH.
+# Gathers what a cross build reads from this machine: headers of its packages, below one folder: `cross_headers.sh
+# FOLDER [aarch64|windows]`. They are the same on every processor and system. Where a platform is named, zlib for it
+# goes beside them; the command line links it, the library does not. FOLDER then goes to cmake as CMAKE_FIND_ROOT_PATH.
 set -euo pipefail
 [ $# -ge 1 ] && [[ ${2:-aarch64} =~ ^(aarch64|windows)$ ]] ||
   { echo "cross_headers: allowed: FOLDER [aarch64|windows]" >&2; exit 2; }

@@ -17,7 +17,8 @@ public class DClothRuntime : ModuleRules
         if (!File.Exists(library))
         {
             throw new BuildException("dcloth: found no library at " + library +
-                                     "; pack the plugin with scripts/package_unreal.py " + Target.Platform + "=LIBRARY");
+                                     "; pack the plugin with scripts/package_unreal.py " + Target.Platform +
+                                     "=LIBRARY");
         }
         PublicSystemIncludePaths.Add(Path.Combine(folder, "include"));
         PublicAdditionalLibraries.Add(library);
