@@ -18,7 +18,7 @@ constexpr double kReach = 0.12;        // of skin over or under the figure's
 constexpr double kBeside = 0.013;      // between a vertex's normal and a sample
 constexpr double kFacing = 0.5;        // cosine between the normals of a vertex and of skin that it may move to
 constexpr float kLayerGap = 0.008f;    // to the next layer of clothes over the skin; the next toe is further
-constexpr float kEmptyLow = 1e9f;      // of a layer without skin
+constexpr float kFar = 1e9f;           // height of what is not there
 constexpr double kSampleStep = 0.012;  // between samples of a triangle
 constexpr int kMostSteps = 64;         // along an edge of a triangle
 constexpr double kClothReach = 0.04, kClothBeside = 0.010;
@@ -30,6 +30,7 @@ constexpr double kCell = 0.06;
 constexpr int kFillSteps = 40, kSmoothSteps = 3, kClothSmoothSteps = 6;
 // Heights of slices over the hip joints on the figure; and how far around them girth needs the skin.
 constexpr double kWaist[2] = {0.15, 0.22}, kHips[2] = {-0.03, 0.05}, kAroundSlices = 0.1;
+constexpr float kBendsOtherwise = 0.003f;  // more clearance: posed, another body's skin is not where its surface is
 constexpr double kMostGirth = 1.18, kLeastGirth = 0.85;  // that the scale takes up; the rest is moved
 
 enum Region : uint8_t { kTrunkRegion, kLeftArm, kRightArm, kLeftLeg, kRightLeg };
@@ -93,8 +94,8 @@ struct Sample {
 
 double Dot3(const double (&a)[3], const double (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-// take(v, height) for the vertices that face as the sample does, to a cosine of `facing`, and have it within `reach`
-// along their normal and `beside` from it.
+// take(v, height, plane) for the vertices that face as the sample does, to a cosine of `facing`, and have it within
+// `reach` along their normal and `beside` from it. `plane` is the height of the sample's plane over the vertex.
 template <typename Take>
 void VisitBeside(const PlacedSurface& surface, const uint32_t* cells, const Sample& sample, double facing, double reach,
                  double beside, Take take) {
@@ -103,12 +104,13 @@ void VisitBeside(const PlacedSurface& surface, const uint32_t* cells, const Samp
     if (!Meet(sample.region, surface.regions[v])) return;
     const float *at = surface.positions + size_t{3} * v, *n = surface.normals + size_t{3} * v;
     const double normal[3] = {static_cast<double>(n[0]), static_cast<double>(n[1]), static_cast<double>(n[2])};
-    if (Dot3(normal, sample.normal) < facing) return;
+    const double alike = Dot3(normal, sample.normal);
+    if (alike < facing) return;
     const double d[3] = {sample.at[0] - static_cast<double>(at[0]), sample.at[1] - static_cast<double>(at[1]),
                          sample.at[2] - static_cast<double>(at[2])};
     const double height = Dot3(d, normal);
     if (height > reach || height < -reach || Dot3(d, d) - height * height > aside * aside) return;
-    take(v, static_cast<float>(height));
+    take(v, static_cast<float>(height), alike > 0 ? static_cast<float>(Dot3(d, sample.normal) / alike) : kFar);
   });
 }
 
@@ -216,7 +218,7 @@ void FindOutermost(const dcloth_character& character, const Space& space, const 
   FillCells(surface.positions, surface.count, cells, surface.next, [](uint32_t) { return true; });
   for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = kNoHeight;
   SampleSkin(character, space, regions, [&](const Sample& sample) {
-    VisitBeside(surface, cells, sample, -2, kClothReach, kClothBeside, [&](uint32_t v, float height) {
+    VisitBeside(surface, cells, sample, -2, kClothReach, kClothBeside, [&](uint32_t v, float height, float) {
       if (height > surface.heights[v]) surface.heights[v] = height;
     });
   });
@@ -243,7 +245,7 @@ void AddToLayers(float height, Layers* layers) {
     } else {
       layers->low[into] = layers->low[k] < layers->low[into] ? layers->low[k] : layers->low[into];
       layers->high[into] = layers->high[k] > layers->high[into] ? layers->high[k] : layers->high[into];
-      layers->low[k] = kEmptyLow, layers->high[k] = kNoHeight;
+      layers->low[k] = kFar, layers->high[k] = kNoHeight;
     }
   }
   if (into != kMostLayers) return;
@@ -256,18 +258,20 @@ void AddToLayers(float height, Layers* layers) {
 }
 
 // The outside of the layer nearest to each vertex of the surface that is `wanted`. Skin that faces another way is
-// another part's, or the wall of a fold.
+// another part's, or the wall of a fold; where that wall is beside the vertex it counts as high as its plane is over
+// it.
 template <typename Wanted>
 void FindNearestLayers(const dcloth_character& character, const Space& space, const uint8_t* regions,
                        const PlacedSurface& surface, uint32_t* cells, Layers* layers, Wanted wanted) {
   FillCells(surface.positions, surface.count, cells, surface.next, wanted);
   for (uint32_t v = 0; v < surface.count; ++v) {
-    for (size_t k = 0; k < kMostLayers; ++k) layers[v].low[k] = kEmptyLow, layers[v].high[k] = kNoHeight;
+    for (size_t k = 0; k < kMostLayers; ++k) layers[v].low[k] = kFar, layers[v].high[k] = kNoHeight;
   }
   SampleSkin(character, space, regions, [&](const Sample& sample) {
     const double facing = Dot3(sample.normal, sample.normal) > 0 ? kFacing : 0;
-    VisitBeside(surface, cells, sample, facing, kReach, kBeside,
-                [&](uint32_t v, float height) { AddToLayers(height, layers + v); });
+    VisitBeside(surface, cells, sample, facing, kReach, kBeside, [&](uint32_t v, float height, float plane) {
+      AddToLayers(plane < height ? plane : height, layers + v);
+    });
   });
   for (uint32_t v = 0; v < surface.count; ++v) {
     size_t nearest = 0;
@@ -644,7 +648,11 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
   MeasureGarment(kernels, model, character, fit, *scale, memory, report);
   *memory.view = model;
   memory.view->template_positions = memory.template_positions;
-  if (model.body.vertex_count != 0) memory.view->body.positions = memory.body_positions;
+  if (model.body.vertex_count == 0) return;
+  format::BodyView& body = memory.view->body;
+  body.positions = memory.body_positions;
+  body.clearance += kBendsOtherwise;
+  body.reach = body.reach < body.clearance ? body.clearance : body.reach;
 }
 
 }  // namespace dcloth::engine

@@ -512,7 +512,7 @@ class BodyFitTest : public FitTest {
  protected:
   BodyFitTest() : FitTest(true) {}
 
-  // How far the garment, drawn in the bind pose and kept outside, is under the character's own skin.
+  // How far the garment, drawn in the bind pose and kept outside, is under the character's own skin; below 0 outside.
   double Deepest(OwnedCloth* cloth, const Host& host) const {
     std::vector<float> positions(3 * size_t{opened_.info().vertex_count});
     dcloth_output output = FloatOutput(positions.size() / 3, positions.data(), 12, nullptr);
@@ -524,7 +524,7 @@ class BodyFitTest : public FitTest {
     for (size_t i = 0; i < host.body.size(); i += 3)
       skin.push_back({static_cast<double>(host.body[i]), static_cast<double>(host.body[i + 1]),
                       static_cast<double>(host.body[i + 2])});
-    double deepest = 0;
+    double deepest = -1;
     for (size_t i = 0; i < positions.size(); i += 3) {
       const Point point = {static_cast<double>(positions[i]), static_cast<double>(positions[i + 1]),
                            static_cast<double>(positions[i + 2])};
@@ -560,8 +560,8 @@ TEST_F(BodyFitTest, MovesTheSurfaceOntoTheSkin) {
       EXPECT_NEAR(fit.hips_ratio, girth, 0.03);
     }
     const double fitted = Deepest(&cloth, host);
-    // Vertices of the surface meet the skin, its triangles of 4 cm bend a little under it; the engine keeps 2 mm.
-    EXPECT_LT(fitted, 0.003);
+    // The model's 2 mm and 3 more. Vertices of the surface meet the skin, its triangles of 4 cm bend a little under it.
+    EXPECT_NEAR(fitted, -0.005, 0.001);
     if (girth <= 1) continue;
     OwnedCloth bones(opened_);
     Host bare = host;
