@@ -21,6 +21,11 @@ constexpr float kLayerGap = 0.008f;    // to the next layer of clothes over the 
 constexpr float kFar = 1e9f;           // height of what is not there
 constexpr double kSampleStep = 0.012;  // between samples of a triangle
 constexpr int kMostSteps = 64;         // along an edge of a triangle
+constexpr double kSkinReach = 0.03;    // of the skin that holds a vertex of the surface
+constexpr double kCovered = 0.002;     // that skin may stand out of a face of the surface: the clearance hides it
+constexpr float kMostUnheld = 0.3f;    // of the skin's weight, with joints that the model has not
+constexpr uint16_t kNoMover = 0xFFFF;
+constexpr float kHeld = -1;  // in place of a distance
 constexpr double kClothReach = 0.04, kClothBeside = 0.010;
 constexpr double kOnSkin = 0.010;      // over what is closest to the figure's skin; counts as lying on it
 constexpr double kFollows = 0.08;      // distance at which cloth follows the skin by half
@@ -90,6 +95,8 @@ struct Sample {
   double normal[3];  // outward, unit; 0 where the skin has no triangles
   double spread;     // times as wide as where it has some
   uint8_t region;
+  uint32_t corners[3];  // of the character's body
+  double shares[3];
 };
 
 double Dot3(const double (&a)[3], const double (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -178,6 +185,7 @@ void SampleSkin(const dcloth_character& character, const Space& space, const uin
       const Corner corner = CornerAt(character, space, regions, v);
       std::memcpy(sample.at, corner.at, sizeof(sample.at));
       sample.region = corner.region;
+      sample.corners[0] = v, sample.shares[0] = 1;
       visit(sample);
     }
     return;
@@ -187,6 +195,7 @@ void SampleSkin(const dcloth_character& character, const Space& space, const uin
   for (size_t t = 0; t < character.body_triangle_count; ++t) {
     const SkinTriangle triangle = TriangleAt(character, space, regions, t);
     const Corner(&c)[3] = triangle.corners;
+    for (size_t k = 0; k < 3; ++k) sample.corners[k] = character.body_triangles[3 * t + k];
     double longest = 0;
     for (size_t k = 0; k < 3; ++k) {
       double squared = 0;
@@ -206,6 +215,7 @@ void SampleSkin(const dcloth_character& character, const Space& space, const uin
         for (int a = 0; a < 3; ++a)
           sample.at[a] = c[0].at[a] + u * (c[1].at[a] - c[0].at[a]) + w * (c[2].at[a] - c[0].at[a]);
         sample.region = c[u > 0.5 ? 1 : w > 0.5 ? 2 : 0].region;
+        sample.shares[0] = 1 - u - w, sample.shares[1] = u, sample.shares[2] = w;
         visit(sample);
       }
     }
@@ -468,6 +478,184 @@ void WrapBody(const kernels::KernelTable& kernels, const ModelView& model, const
   FindPushes(model.body, memory);
 }
 
+// The model's joint that goes with each of the character's; kNoMover for fingers, twist bones and the like.
+void FindMovers(const ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
+                uint16_t* movers) {
+  for (uint32_t h = 0; h < character.joint_count; ++h) movers[h] = kNoMover;
+  for (uint32_t j = 0; j < model.joint_count; ++j) {
+    const PlacedJoint placed = PlaceJoint(model, fit, scale, j);
+    if (!placed.stands_in || movers[placed.host] == kNoMover) movers[placed.host] = static_cast<uint16_t>(j);
+  }
+}
+
+// Solves m x = y; false where m flattens space.
+bool Solve(const double (&m)[3][4], const double (&y)[3], double (&x)[3]) {
+  const double b[3] = {y[0] - m[0][3], y[1] - m[1][3], y[2] - m[2][3]};
+  double cofactors[3][3];
+  for (size_t r = 0; r < 3; ++r) {
+    const size_t r1 = (r + 1) % 3, r2 = (r + 2) % 3;
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t c1 = (c + 1) % 3, c2 = (c + 2) % 3;
+      cofactors[r][c] = m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1];
+    }
+  }
+  const double determinant = m[0][0] * cofactors[0][0] + m[0][1] * cofactors[0][1] + m[0][2] * cofactors[0][2];
+  if (!(std::fabs(determinant) > 1e-3)) return false;
+  for (size_t c = 0; c < 3; ++c)
+    x[c] = (cofactors[0][c] * b[0] + cofactors[1][c] * b[1] + cofactors[2][c] * b[2]) / determinant;
+  return true;
+}
+
+// The joints and weights of a point of the skin, the heaviest `influences` of them. False where joints that the model
+// has not hold more than kMostUnheld of it.
+bool HoldsOf(const dcloth_character& character, const SkinPoint& point, const uint16_t* movers, uint32_t influences,
+             uint8_t* joints, float* weights) {
+  float sums[format::kMaxJoints] = {};
+  float unheld = 0, all = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    for (uint32_t i = 0; i < character.body_influences; ++i) {
+      const size_t at = size_t{point.corners[k]} * character.body_influences + i;
+      const float weight = point.shares[k] * character.body_weights[at];
+      const uint16_t mover = movers[character.body_joints[at]];
+      all += weight;
+      if (mover == kNoMover) {
+        unheld += weight;
+      } else {
+        sums[mover] += weight;
+      }
+    }
+  }
+  if (!(all > 0) || !(unheld <= kMostUnheld * all)) return false;
+  float kept = 0;
+  for (uint32_t i = 0; i < influences; ++i) {
+    size_t heaviest = 0;
+    for (size_t j = 1; j < format::kMaxJoints; ++j) {
+      if (sums[j] > sums[heaviest]) heaviest = j;
+    }
+    joints[i] = static_cast<uint8_t>(heaviest);
+    weights[i] = sums[heaviest];
+    kept += sums[heaviest];
+    sums[heaviest] = 0;
+  }
+  if (!(kept > 0)) return false;
+  for (uint32_t i = 0; i < influences; ++i) weights[i] /= kept;
+  return true;
+}
+
+struct Beside {
+  double squared;  // distance
+  double turned;   // cosine between the normals
+};
+
+Beside BesideOf(const PlacedSurface& surface, uint32_t v, const Sample& sample) {
+  const float *at = surface.positions + size_t{3} * v, *n = surface.normals + size_t{3} * v;
+  Beside beside = {};
+  for (size_t a = 0; a < 3; ++a) {
+    const double d = sample.at[a] - static_cast<double>(at[a]);
+    beside.squared += d * d;
+    beside.turned += sample.normal[a] * static_cast<double>(n[a]);
+  }
+  return beside;
+}
+
+// How far a sample stands out of a face of the surface that it lies over; 0 where it lies over another.
+double HeightOver(const PlacedSurface& surface, const uint16_t* face, const Sample& sample) {
+  double corner[3][3], area[3], side[3], across[3];
+  for (size_t k = 0; k < 3; ++k) {
+    for (size_t a = 0; a < 3; ++a) corner[k][a] = static_cast<double>(surface.positions[size_t{3} * face[k] + a]);
+  }
+  const auto cross = [](const double(&a)[3], const double(&b)[3], double(&out)[3]) {
+    for (size_t i = 0; i < 3; ++i) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+  };
+  double edge[3], other[3];
+  for (size_t a = 0; a < 3; ++a) edge[a] = corner[1][a] - corner[0][a], other[a] = corner[2][a] - corner[0][a];
+  cross(edge, other, area);
+  const double length = std::sqrt(Dot3(area, area));
+  if (!(length > 0)) return 0;
+  for (size_t k = 0; k < 3; ++k) {
+    for (size_t a = 0; a < 3; ++a) {
+      side[a] = corner[(k + 1) % 3][a] - corner[k][a];
+      edge[a] = sample.at[a] - corner[k][a];
+    }
+    cross(side, edge, across);
+    if (Dot3(across, area) < 0) return 0;
+  }
+  return Dot3(edge, area) / length;  // from a corner, whichever
+}
+
+// For each vertex of the surface the skin nearest to it; and for each, in `rises` [b], how far skin stands out of a
+// face around the vertex nearest to that skin: a hem or a pocket between vertices.
+void FindSkin(const ModelView& model, const dcloth_character& character, const Space& space,
+              const BodyFitMemory& memory, float* rises) {
+  const format::BodyView& body = model.body;
+  constexpr double kReachSquared = kSkinReach * kSkinReach;
+  FillCells(memory.body.positions, body.vertex_count, memory.cells, memory.body.next, [](uint32_t) { return true; });
+  for (size_t v = 0; v < body.vertex_count; ++v) memory.skin[v].squared = static_cast<float>(kReachSquared);
+  std::memset(rises, 0, body.vertex_count * sizeof(float));
+  SampleSkin(character, space, memory.joint_regions, [&](const Sample& sample) {
+    const double facing = Dot3(sample.normal, sample.normal) > 0 ? kFacing : -2;
+    uint32_t best = UINT32_MAX;
+    double least = kReachSquared;
+    VisitNear(memory.cells, memory.body.next, sample.at, kSkinReach, [&](uint32_t v) {
+      if (!Meet(sample.region, memory.body.regions[v])) return;
+      const Beside beside = BesideOf(memory.body, v, sample);
+      if (beside.turned < facing) return;
+      if (beside.squared < least) least = beside.squared, best = v;
+      SkinPoint* const nearest = memory.skin + v;
+      if (beside.squared >= static_cast<double>(nearest->squared)) return;
+      nearest->squared = static_cast<float>(beside.squared);
+      for (size_t k = 0; k < 3; ++k) {
+        nearest->corners[k] = sample.corners[k];
+        nearest->shares[k] = static_cast<float>(sample.shares[k]);
+      }
+    });
+    if (best == UINT32_MAX) return;
+    for (uint32_t f = body.row_starts[best]; f < body.row_starts[best + 1]; ++f) {
+      const uint16_t* face = body.faces + size_t{3} * body.columns[f];
+      const auto rise = static_cast<float>(HeightOver(memory.body, face, sample) - kCovered);
+      for (size_t k = 0; k < 3; ++k) rises[face[k]] = rise > rises[face[k]] ? rise : rises[face[k]];
+    }
+  });
+}
+
+// The surface that WrapBody has laid into the character's bind pose, pushed onto the skin and held as the skin is.
+// Those vertices get kHeld; those without skin beside them keep the figure's holds, and their place is left to the
+// caller.
+void HoldAsSkin(const ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
+                const BodyFitMemory& memory) {
+  const format::BodyView& body = model.body;
+  FindMovers(model, character, fit, scale, memory.joint_movers);
+  for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i)
+    memory.body.positions[i] += memory.pushes[i / 3] * memory.body.normals[i];
+  Space space = fit.space;
+  space.metres_per_unit /= scale;
+  float* const rises = memory.sums;
+  FindSkin(model, character, space, memory, rises);
+  for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i)
+    memory.body.positions[i] += rises[i / 3] * memory.body.normals[i];
+  for (size_t v = 0; v < body.vertex_count; ++v) memory.pushes[v] += rises[v];
+  const uint32_t influences = body.influences;
+  std::memcpy(memory.body_joints, body.joints, size_t{influences} * body.vertex_count);
+  std::memcpy(memory.body_weights, body.weights, size_t{influences} * body.vertex_count * sizeof(float));
+  for (size_t v = 0; v < body.vertex_count; ++v) {
+    uint8_t joints[kernels::kMaxInfluences];
+    float weights[kernels::kMaxInfluences];
+    const bool beside = memory.skin[v].squared < static_cast<float>(kSkinReach * kSkinReach);
+    if (!beside || !HoldsOf(character, memory.skin[v], memory.joint_movers, influences, joints, weights)) continue;
+    double blended[3][4] = {}, at[3], bound[3];
+    for (uint32_t i = 0; i < influences; ++i) {
+      const float* place = memory.places + size_t{12} * joints[i];
+      for (size_t e = 0; e < 12; ++e) blended[e / 4][e % 4] += static_cast<double>(weights[i] * place[e]);
+    }
+    for (size_t a = 0; a < 3; ++a) at[a] = static_cast<double>(memory.body.positions[3 * v + a]);
+    if (!Solve(blended, at, bound)) continue;
+    for (size_t a = 0; a < 3; ++a) memory.body_positions[3 * v + a] = static_cast<float>(bound[a]);
+    std::memcpy(memory.body_joints + v * influences, joints, influences);
+    std::memcpy(memory.body_weights + v * influences, weights, influences * sizeof(float));
+    memory.skin[v].squared = kHeld;
+  }
+}
+
 // Cloth follows the skin that it lies over: all the way on it, half at kFollows. `sums` and `counts` are used up.
 void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
   const format::BodyView& body = model.body;
@@ -575,7 +763,11 @@ BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Ar
   memory.view = arena->Take<ModelView>(1);
   memory.template_positions = arena->Take<float>(size_t{3} * n);
   memory.body_positions = arena->Take<float>(size_t{3} * b);
+  memory.body_joints = arena->Take<uint8_t>(size_t{model.body.influences} * b);
+  memory.body_weights = arena->Take<float>(size_t{model.body.influences} * b);
   memory.joint_regions = arena->Take<uint8_t>(host_joint_count);
+  memory.joint_movers = arena->Take<uint16_t>(host_joint_count);
+  memory.skin = arena->Take<SkinPoint>(b);
   memory.places = arena->Take<float>(size_t{12} * model.joint_count);
   memory.cells = arena->Take<uint32_t>(kCells);
   memory.garment = PlaceSurface(n, arena);
@@ -632,6 +824,7 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
       report->scale = static_cast<float>(*scale);
     }
     WrapBody(kernels, model, character, fit, *scale, false, memory);
+    HoldAsSkin(model, character, fit, *scale, memory);
     // Regions of the garment, then the normals of the figure's skin at bind in place of the character's.
     uint8_t regions[format::kMaxJoints];
     PlaceAll(model, fit, *scale, memory, regions);
@@ -639,8 +832,10 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
     ComputeNormals(kernels, model.body.positions, model.body.faces, model.body.face_count, model.body.vertex_count,
                    memory.body.normals);
     MoveGarment(model, memory);
-    for (size_t i = 0; i < size_t{3} * model.body.vertex_count; ++i)
+    for (size_t i = 0; i < size_t{3} * model.body.vertex_count; ++i) {
+      if (memory.skin[i / 3].squared == kHeld) continue;
       memory.body_positions[i] = model.body.positions[i] + memory.pushes[i / 3] * memory.body.normals[i];
+    }
   } else {
     std::memcpy(memory.template_positions, model.template_positions, size_t{3} * model.vertex_count * sizeof(float));
     for (size_t g = 0; g < model.vertex_count; ++g) memory.garment.heights[g] = 1;
@@ -651,6 +846,8 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
   if (model.body.vertex_count == 0) return;
   format::BodyView& body = memory.view->body;
   body.positions = memory.body_positions;
+  body.joints = memory.body_joints;
+  body.weights = memory.body_weights;
   body.clearance += kBendsOtherwise;
   body.reach = body.reach < body.clearance ? body.clearance : body.reach;
 }

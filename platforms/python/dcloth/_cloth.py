@@ -145,7 +145,7 @@ class Cloth:
         joint_names    the character's whole skeleton, 1 to 4096 joints
         bind_matrices  [joints, 4, 4] float32, joint to world in a standing T or A pose, any axes and scale
         joint_roles    joint name -> role (`role_names()`), for joints whose names do not tell
-        body           the character's skin; with it the cut is moved onto the skin, which takes 0.1 to 0.5 s
+        body           the character's skin; with it the cut is moved onto the skin, which takes 0.2 to 0.8 s
 
         Call `set_space` before. A fitted cloth refuses `bind_joints`, `set_bind_pose` and `set_space`.
 

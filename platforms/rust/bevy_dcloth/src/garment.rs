@@ -40,7 +40,7 @@ pub struct Garment {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GarmentFit {
     /// Lays the garment onto bones and skin of any humanoid character. Parts of the body are found by the joints'
-    /// names. The skin takes 0.1 to 0.5 s, once, in the frame in which the garment is dressed.
+    /// names. The skin takes 0.2 to 0.8 s, once, in the frame in which the garment is dressed.
     #[default]
     Body,
     /// As `Body`, by bones alone, in 50 us. Use it if the skin has other clothes in it.

@@ -99,7 +99,7 @@ pub struct Character<'a> {
     /// The bind pose: any axes and scale of a joint's own.
     pub bind: Pose<'a>,
     /// The skin. With it, the cut of the garment and the surface that keeps it outside are moved onto that skin. This
-    /// takes 0.1 to 0.5 s; without it a fit takes 50 us.
+    /// takes 0.2 to 0.8 s; without it a fit takes 50 us.
     pub body: Option<Body<'a>>,
 }
 

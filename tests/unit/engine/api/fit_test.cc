@@ -82,13 +82,14 @@ Affine RandomFrame(std::mt19937* random, double scale) {
 
 class FitTest : public ::testing::Test {
  protected:
-  explicit FitTest(bool body = false)
+  // With rings, an egg of as many rings and segments is the figure's body.
+  explicit FitTest(uint32_t rings = 0, uint32_t segments = 0)
       : model_([&] {
           ModelSpec spec;
           spec.skeleton_joints = Figure();
           spec.joints = spec.bones = static_cast<uint32_t>(spec.skeleton_joints.size());
           TestModel model = BuildModel(spec);
-          if (body) egg_ = AddBody(&model, 28, 30);
+          if (rings != 0) egg_ = AddBody(&model, rings, segments);
           return model;
         }()),
         opened_(model_) {
@@ -510,27 +511,33 @@ TEST_F(FitTest, RefusesBrokenCalls) {
 
 class BodyFitTest : public FitTest {
  protected:
-  BodyFitTest() : FitTest(true) {}
+  explicit BodyFitTest(uint32_t rings = 28, uint32_t segments = 30) : FitTest(rings, segments) {}
 
-  // How far the garment, drawn in the bind pose and kept outside, is under the character's own skin; below 0 outside.
-  double Deepest(OwnedCloth* cloth, const Host& host) const {
+  // How far the garment, drawn in a pose and kept outside, is under `skin`, the vertices of `body` in it; below 0 outside.
+  double DeepestUnder(OwnedCloth* cloth, const std::vector<float>& matrices, const EggBody& body,
+                      const std::vector<Point>& skin) const {
     std::vector<float> positions(3 * size_t{opened_.info().vertex_count});
     dcloth_output output = FloatOutput(positions.size() / 3, positions.data(), 12, nullptr);
     output.flags = DCLOTH_OUTPUT_OUTSIDE_BODY;
-    const dcloth_pose pose = OwnedCloth::Pose(host.bind);
+    const dcloth_pose pose = OwnedCloth::Pose(matrices);
     const dcloth_frame frame = {sizeof(frame), kAll, kFrame, 0, nullptr};
     EXPECT_EQ(dcloth_cloth_update(cloth->get(), &pose, &frame, &output, nullptr), DCLOTH_OK);
-    std::vector<Point> skin;
-    for (size_t i = 0; i < host.body.size(); i += 3)
-      skin.push_back({static_cast<double>(host.body[i]), static_cast<double>(host.body[i + 1]),
-                      static_cast<double>(host.body[i + 2])});
     double deepest = -1;
     for (size_t i = 0; i < positions.size(); i += 3) {
       const Point point = {static_cast<double>(positions[i]), static_cast<double>(positions[i + 1]),
                            static_cast<double>(positions[i + 2])};
-      deepest = std::max(deepest, -SignedDistance(egg_, skin, point));
+      deepest = std::max(deepest, -SignedDistance(body, skin, point));
     }
     return deepest;
+  }
+
+  // The same in the bind pose, under the character's own skin.
+  double Deepest(OwnedCloth* cloth, const Host& host) const {
+    std::vector<Point> skin;
+    for (size_t i = 0; i < host.body.size(); i += 3)
+      skin.push_back({static_cast<double>(host.body[i]), static_cast<double>(host.body[i + 1]),
+                      static_cast<double>(host.body[i + 2])});
+    return DeepestUnder(cloth, host.bind, egg_, skin);
   }
 
   // The egg with its points moved outwards from the axis by a factor.
@@ -625,6 +632,62 @@ TEST_F(BodyFitTest, SkinOfAPartBesideDoesNotMoveTheSurface) {
     float most = 0;
     for (size_t i = 0; i < found.size(); ++i) most = std::max(most, std::fabs(found[i] - expected[i]));
     EXPECT_LT(most, 0.001f) << (turned ? "turned" : "");
+  }
+}
+
+// A character whose skin goes with other joints than the figure's: the surface bends as that skin does.
+TEST_F(BodyFitTest, TheSurfaceIsHeldAsTheSkinIs) {
+  EggBody stiff = egg_;
+  for (size_t i = 0; i < stiff.weights.size(); ++i) {
+    stiff.joints[i] = static_cast<uint8_t>(Index("Spine"));
+    stiff.weights[i] = i % 2 == 0 ? 1 : 0;
+  }
+  Host host = Wearer(1);
+  host.body_joints.assign(stiff.joints.begin(), stiff.joints.end());
+  host.body_weights = stiff.weights;
+  double otherwise = 0;
+  for (int frame = 0; frame < 8; ++frame) {
+    const std::vector<float> pose = Pose(7 * frame);
+    OwnedCloth cloth(opened_), plain(opened_);
+    ASSERT_EQ(Fit(&cloth, host), DCLOTH_OK);
+    const std::vector<Point> skin = PoseBody(stiff, model_.numbers, pose);
+    EXPECT_LT(DeepestUnder(&cloth, pose, egg_, skin), 0.003) << frame;
+    otherwise = std::max(otherwise, DeepestUnder(&plain, pose, egg_, skin));
+  }
+  EXPECT_GT(otherwise, 0.05) << "a test in which the joints make no difference";
+}
+
+// Rings 4 cm apart; vertices of the bundled garments' bodies are 2 to 4.
+class FineBodyFitTest : public BodyFitTest {
+ protected:
+  static constexpr uint32_t kRings = 36, kSegments = 32;
+  FineBodyFitTest() : BodyFitTest(kRings, kSegments) {}
+};
+
+// Hems that stand out of the skin between the surface's vertices, by 15 mm. The skin goes with a joint that carries it
+// into the cloth.
+TEST_F(FineBodyFitTest, HemsBetweenItsVerticesCount) {
+  TestModel fine = BuildModel({.skeleton_joints = Figure()});
+  constexpr uint32_t kSkinRings = 8 * kRings + 7;  // three of eight lie in the middle of two of the surface's
+  EggBody skin = AddBody(&fine, kSkinRings, kSegments);
+  for (size_t v = 0; v < skin.positions.size() / 3; ++v) {
+    const double out =
+        v < kSkinRings * kSegments && (v / kSegments + 1) % 8 >= 3 && (v / kSegments + 1) % 8 <= 5 ? 1.05 : 1;
+    skin.positions[3 * v] *= static_cast<float>(out);
+    skin.positions[3 * v + 2] *= static_cast<float>(out);
+    skin.joints[2 * v] = static_cast<uint8_t>(Index("Spine"));
+    skin.weights[2 * v] = 1, skin.weights[2 * v + 1] = 0;
+  }
+  Host host = FigureHost();
+  host.body = skin.positions;
+  host.body_joints.assign(skin.joints.begin(), skin.joints.end());
+  host.body_weights = skin.weights;
+  host.triangles.assign(skin.faces.begin(), skin.faces.end());
+  for (int frame = 0; frame < 8; ++frame) {
+    const std::vector<float> pose = Pose(3 * frame);
+    OwnedCloth cloth(opened_);
+    ASSERT_EQ(Fit(&cloth, host), DCLOTH_OK);
+    EXPECT_LT(DeepestUnder(&cloth, pose, skin, PoseBody(skin, model_.numbers, pose)), 0.002) << frame;
   }
 }
 
