@@ -5,6 +5,7 @@
 #   garments         an archive of their folders, with bundles, sequences and cards
 #   linux-x86_64     an archive: command line, static library, headers, CMake package, dcloth.pc, models, an example
 #   linux-aarch64    the same for 64-bit Arm
+#   windows-x86_64   the same, with a DLL and its import library
 #   npm              the web package as a tarball
 #   unity            the Unity package with native plugins for Linux, Windows and Android
 #   python           a wheel for Debian's Python, with models; DCLOTH_PYTHON names another

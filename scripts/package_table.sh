@@ -9,6 +9,7 @@ models          *-$version.dcloth                     -                         
 garments        dcloth-$version-garments.tar.xz       -                                  -
 linux-x86_64    dcloth-$version-linux-x86_64.tar.xz   -                                  pkg-config:test
 linux-aarch64   dcloth-$version-linux-aarch64.tar.xz  $arm                               $qemu,$arm
+windows-x86_64  dcloth-$version-windows-x86_64.zip    $windows                           wine:cross_windows,$windows
 npm             dcloth-$version-npm.tgz               emcc:web,npm:npm                   npm:npm
 unity           com.dcloth.unity-$version.tgz         $windows,clang:cross_android,$arm  mcs:unity,$qemu
 python          dcloth-$version-*-linux_x86_64.whl    /usr/bin/python3-config:python     -

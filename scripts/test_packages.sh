@@ -193,11 +193,37 @@ test_linux_aarch64() {
   play "$here" "${arm[@]}" bin/dcloth
 }
 
-# needs_only LIBRARY LINES: the system's own libraries that a DLL or program for Windows names.
+# needs_only FILE DLL...: the system's own libraries that a DLL or program for Windows names.
 needs_only() {
-  local named
+  local named expected
   named=$(x86_64-w64-mingw32-objdump -p "$1" | sed -n 's/.*DLL Name: //p' | LC_ALL=C sort | tr '\n' ' ')
-  [ "$named" = "KERNEL32.dll msvcrt.dll " ] || fail "$1: needs $named, expected KERNEL32.dll msvcrt.dll"
+  expected=$(printf '%s.dll ' "${@:2}")
+  [ "$named" = "$expected" ] || fail "$1: needs $named, expected $expected"
+}
+
+# The README's lines, typed at Windows' own prompt; those of CMake here, with a compiler for Windows.
+test_windows_x86_64() {
+  local here said
+  here=$(unpack windows-x86_64)
+  needs_only "$here/bin/dcloth.dll" KERNEL32 msvcrt
+  needs_only "$here/bin/dcloth.exe" ADVAPI32 KERNEL32 SHELL32 msvcrt
+  no_paths "$here"/bin/* "$here/lib/libdcloth.dll.a"
+  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen zlib gcc mingw-w64
+  bare wine wineboot --init >/dev/null 2>&1 </dev/null
+  blocks "$here/README.md" bat | sed 's/$/\r\nif errorlevel 1 exit \/b 1\r/' >"$work/typed.txt"
+  [ "$(grep -c . "$work/typed.txt")" -ge 14 ] || fail "README.md: hardly any command"
+  { echo "@echo off"; sed '/^cmake/,$d' "$work/typed.txt"; } >"$here/before.bat"
+  { echo "@echo off"; sed '1,/^cmake --build/d' "$work/typed.txt"; } >"$here/after.bat"
+  cd "$here"
+  said=$(bare wine cmd /c before.bat 2>&1) || fail "README.md: $said"
+  [ "$(stat -c %s skirt.html)" -gt 100000 ] || fail "skirt.html is too small"
+  said=$({ bare cmake -S examples -B game -DCMAKE_PREFIX_PATH="$PWD" -DCMAKE_FIND_ROOT_PATH="$PWD" \
+    -DCMAKE_TOOLCHAIN_FILE="$root/platforms/cmake/x86_64_windows.cmake" && bare cmake --build game; } 2>&1) ||
+    fail "cmake: $said"
+  said=$(bare wine cmd /c after.bat 2>&1) || fail "README.md: $said"
+  holds "the host" "skirt on [a-z0-9]+: [0-9]+ vertices" "$said"
+  rm -rf game
+  play "$here" wine bin/dcloth.exe
 }
 
 # A project that installs the tarball, plays a garment here and in a worker, and finds types.
@@ -252,7 +278,7 @@ END
 
 # The package as the package manager reads it, and its C# with its own plugin on this system.
 test_unity() {
-  local here=$work/unity said plugins=$work/unity/package/Plugins
+  local here=$work/unity said plugins=$work/unity/package/Plugins windows
   python3 tests/unity/check_package.py "$(file unity)" "$version" LICENSE
   mkdir "$here"
   tar -C "$here" -xf "$(file unity)"
@@ -260,7 +286,10 @@ test_unity() {
     grep -q "$said" "$here/package/Third Party Notices.md" || fail "unity: the notices do not name $said"
   done
   no_paths "$plugins"/*/*dcloth.*
-  needs_only "$plugins/windows/dcloth.dll"
+  needs_only "$plugins/windows/dcloth.dll" KERNEL32 msvcrt
+  # That of the archive for Windows was played by a host in C.
+  windows=$(find "$folder" -name "$(package_row windows-x86_64 2)")
+  [ -z "$windows" ] || cmp "$(unpack windows-x86_64)/bin/dcloth.dll" "$plugins/windows/dcloth.dll"
   android_plugin "$plugins/android"
   cat >"$here/play.cs" <<'END'
 using System;
