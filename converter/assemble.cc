@@ -121,7 +121,7 @@ MeshStageParts AssembleMesh(const Bundle& bundle, const FoldedBundle& folded, co
 }
 
 BodyParts AssembleBody(const Bundle& bundle, const FoldedBundle& folded) {
-  constexpr float kClearance = 0.002f;  // eps of eq. 18
+  constexpr float kClearance = 0.004f;  // eps of eq. 18; at 2 mm flat triangles of cloth let skin through
   constexpr float kReach = 0.15f;       // no part of a grown body is thicker than twice that
   const BodySurface& surface = folded.surface;
   const auto b = static_cast<uint32_t>(surface.vertices.size()), influences = surface.skin.influences;

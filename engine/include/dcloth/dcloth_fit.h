@@ -3,8 +3,8 @@
  * A garment is trained on one figure. Other characters have bones of other lengths, joints with axes of their own,
  * another bind pose (T or A) and another girth. dcloth_cloth_fit reads all of that once: the joints in the bind pose
  * and, if there is one, the skin. After it, pass the character's own matrices in each pose. The fit adds no cost to a
- * frame, with one exception: DCLOTH_OUTPUT_OUTSIDE_BODY keeps cloth 3 mm further away from a skin that was given,
- * because skin of another shape bends otherwise. That takes up to 0.5 ms.
+ * frame, with one exception: DCLOTH_OUTPUT_OUTSIDE_BODY keeps cloth 5 mm away from a skin that was given, not 4,
+ * because skin of another shape bends otherwise; so it moves some more vertices.
  *
  * The order of calls: open the model, create the cloth, dcloth_cloth_set_space for axes and unit, dcloth_cloth_fit,
  * then update. A rig that would crumple the garment is refused; the error names the joint, what was found, what is

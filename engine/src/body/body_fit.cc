@@ -35,7 +35,7 @@ constexpr double kCell = 0.06;
 constexpr int kFillSteps = 40, kSmoothSteps = 3, kClothSmoothSteps = 6;
 // Heights of slices over the hip joints on the figure; and how far around them girth needs the skin.
 constexpr double kWaist[2] = {0.15, 0.22}, kHips[2] = {-0.03, 0.05}, kAroundSlices = 0.1;
-constexpr float kBendsOtherwise = 0.003f;  // more clearance: posed, another body's skin is not where its surface is
+constexpr float kFittedClearance = 0.005f;  // at least: posed, another body's skin is not where its surface is
 constexpr double kMostGirth = 1.18, kLeastGirth = 0.85;  // that the scale takes up; the rest is moved
 
 enum Region : uint8_t { kTrunkRegion, kLeftArm, kRightArm, kLeftLeg, kRightLeg };
@@ -848,7 +848,7 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
   body.positions = memory.body_positions;
   body.joints = memory.body_joints;
   body.weights = memory.body_weights;
-  body.clearance += kBendsOtherwise;
+  body.clearance = body.clearance < kFittedClearance ? kFittedClearance : body.clearance;
   body.reach = body.reach < body.clearance ? body.clearance : body.reach;
 }
 

@@ -37,9 +37,9 @@ void PoseBody(const kernels::KernelTable& kernels, const format::ModelView& mode
 constexpr int kMaxPushes = 4;
 constexpr double kShare[kMaxPushes] = {1, 1, 0.5, 0.25};  // of the clearance: a fold may be narrower than it
 constexpr double kPushed = 0.99;  // of the clearance: rounded to floats, a vertex that was pushed stays put
-// Clearances more for cloth that was laid over a limb by ten clearances or more: its triangles are long, and the middle
-// of an edge lies lower than its ends.
-constexpr double kLaid = 2, kLaidBy = 10;
+// Clearances more for cloth that was laid over a limb by five clearances or more: its triangles are long, and the
+// middle of an edge lies lower than its ends.
+constexpr double kLaid = 1, kLaidBy = 5;
 // Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing
 // of.
 constexpr double kFarPush = 2;

@@ -513,7 +513,8 @@ class BodyFitTest : public FitTest {
  protected:
   explicit BodyFitTest(uint32_t rings = 28, uint32_t segments = 30) : FitTest(rings, segments) {}
 
-  // How far the garment, drawn in a pose and kept outside, is under `skin`, the vertices of `body` in it; below 0 outside.
+  // How far the garment, drawn in a pose and kept outside, is under `skin`, the vertices of `body` in it; below 0
+  // outside.
   double DeepestUnder(OwnedCloth* cloth, const std::vector<float>& matrices, const EggBody& body,
                       const std::vector<Point>& skin) const {
     std::vector<float> positions(3 * size_t{opened_.info().vertex_count});
