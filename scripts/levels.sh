@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Measures each level of detail on the bundled skirt, cost beside error, and crowds in a budget, draws docs/levels.svg
 # and rewrites the tables of docs/integrate.md. Fails where a crowd is over its budget by 5 % in more than one frame of
-# a thousand and in more frames than the machine disturbs. Times are of this machine: leave it alone while this runs.
-# `levels.sh [build folder]`
+# a thousand, on a machine that holds the same work in all others. Times are of this machine: leave it alone while this
+# runs. `levels.sh [build folder]`
 set -euo pipefail
 cd "$(dirname "$0")/.."
 build=${1:-build}

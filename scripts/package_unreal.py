@@ -3,8 +3,8 @@
 
 Usage: package_unreal.py OUT.zip [notices=TEXT.md] PLATFORM=LIBRARY...
 
-PLATFORM is one of Linux, LinuxArm64, Win64, Mac, Android, IOS; LIBRARY the static library that was built for that platform
-(platforms/unreal/README.md). Links are followed. TEXT.md: licences of what the libraries contain.
+PLATFORM is one of Linux, LinuxArm64, Win64, Mac, Android, IOS; LIBRARY the static library that was built for that
+platform (platforms/unreal/README.md). Links are followed. TEXT.md: licences of what the libraries contain.
 """
 import sys
 import zipfile

@@ -123,14 +123,12 @@ DrawingCosts ChooseDetails(Scene* scene, double room) {
     mean += MeanCost(all[i], detail);
     if (alternates) dearest = std::max(dearest, CostOf(all[i], detail.full) - CostOf(all[i], detail.least));
   }
-  scene->mean_alternates = 0;  // summed by GrantDrawing
-  scene->dearest_alternate = dearest;
   return {mean, mean + dearest};
 }
 
 double GrantDrawing(Scene* scene) {
   SceneCharacter* const all = scene->characters;
-  double spent = 0;
+  double spent = 0, mean = 0, dearest = 0;  // the last two of what alternates
   uint32_t count = 0;
   for (uint32_t i = 0; i < scene->count; ++i) {
     SceneCharacter& character = all[i];
@@ -147,7 +145,9 @@ double GrantDrawing(Scene* scene) {
     }
     ++character.waited_frames;
     character.worth = static_cast<double>(character.waited_frames) / detail.period;
-    scene->mean_alternates += (CostOf(character, detail.full) - least) / detail.period;
+    const double more = CostOf(character, detail.full) - least;
+    mean += more / detail.period;
+    dearest = std::max(dearest, more);
     scene->order[count++] = i;
   }
   const auto before = [all](uint32_t a, uint32_t b) {
@@ -156,7 +156,7 @@ double GrantDrawing(Scene* scene) {
   };
   std::sort(scene->order, scene->order + count, before);
   // What a frame leaves over goes to the next one, up to one character's drawing.
-  scene->alternates_left = std::min(scene->alternates_left, scene->dearest_alternate) + scene->mean_alternates;
+  scene->alternates_left = std::min(scene->alternates_left, dearest) + mean;
   bool enough = true;
   for (uint32_t i = 0; i < count; ++i) {
     SceneCharacter& character = all[scene->order[i]];

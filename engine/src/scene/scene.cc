@@ -181,8 +181,7 @@ constexpr double kFollowFaster = 0.02;  // those that cost less, late
 constexpr double kMostStep = 2;         // a frame that took longer was interrupted
 constexpr double kLeastLoad = 0.5, kMostLoad = 4;
 // What is kept back of the budget, for frames that take longer than the load says: a frame over its budget adds part of
-// what it was over, and it is forgotten within some thousand frames. Steady state: about one frame in a thousand is
-// over.
+// what it was over, and it is forgotten within some thousand frames.
 constexpr double kReserveOfOver = 0.3, kMostOver = 0.2, kMostReserve = 0.25, kReserveKept = 1 - 1.0 / 2000;
 
 uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {

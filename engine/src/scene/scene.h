@@ -56,8 +56,6 @@ struct Scene {
   double budget;                // of the last plan, microseconds
   double planned_microseconds;  // of the last plan, `load` included
   double alternates_left;       // microseconds of drawing that earlier frames left over
-  double mean_alternates,
-      dearest_alternate;  // of the last plan's details: microseconds that alternate in a frame, of the dearest
 };
 
 // With `storage` null it only returns the size.
