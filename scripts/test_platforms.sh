@@ -164,15 +164,23 @@ for platform in "${platforms[@]}"; do
   export WINEPREFIX=$PWD/$folder/wine WINEDEBUG=-all
   [ "$platform" = aarch64 ] || wine wineboot --init >/dev/null 2>&1
   [[ $platform != windows || ! command_line =~ ${only:-.} ]] || test_command_line "$folder" || failed=1
-  [[ ! dcloth_picture =~ ${only:-.} ]] || test_picture "$platform" "$folder" || failed=1
+  picture=
+  if [[ dcloth_picture =~ ${only:-.} ]]; then  # one process, beside those of ctest
+    test_picture "$platform" "$folder" &
+    picture=$!
+  fi
   if [ "$platform" = aarch64 ] && printf '%s\n' "${garment_tests[@]}" | grep -qE "${only:-.}"; then
     test_garments "$folder" || failed=1
     mapfile -t targets < <(printf '%s\n' "${targets[@]}" | grep -vxF "$(printf '%s\n' "${garment_tests[@]}")")
   fi
-  if [ -n "$only" ] && [[ ! " ${targets[*]}" =~ _test ]]; then continue; fi
+  if [ -n "$only" ] && [[ ! " ${targets[*]}" =~ _test ]]; then
+    [ -z "$picture" ] || wait "$picture" || failed=1
+    continue
+  fi
   ctest --test-dir "$folder" --no-tests=error ${left_out[$platform]:+-LE "${left_out[$platform]}"} -j "$(nproc)" -V \
     ${only:+-R "$only"} >"$log" 2>&1 || status=$?
   [ "$status" -eq 0 ] || { grep -E 'Failure$|FAILED|\*\*\*|^Errors' "$log" >&2 || tail -n 40 "$log" >&2; failed=1; }
+  [ -z "$picture" ] || wait "$picture" || failed=1
   report "$platform" "$log" "$status" >>"$summary" || failed=1
 done
 cat "$summary"

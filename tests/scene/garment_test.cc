@@ -343,9 +343,10 @@ void RecordCrowd(const std::string& garment, const Crowd& crowd) {
   EXPECT_EQ(std::fclose(file), 0);
 }
 
-// `count` characters on the clips, each at another place of it, in `budget` microseconds a frame at 60 Hz.
+// `count` characters on the clips, each at another place of it, in `budget` microseconds a frame at 60 Hz. `alone`: the
+// scene is told what its frames took; else that they took what was planned, as other work would slow them.
 Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
-               const std::array<LevelFigures, DCLOTH_LEVEL_COUNT>& figures, int frames) {
+               const std::array<LevelFigures, DCLOTH_LEVEL_COUNT>& figures, int frames, bool alone) {
   converter::AlignedBytes memory(dcloth_scene_storage_size(count));
   Scene scene;
   EXPECT_EQ(scene.Create(count, memory.data(), memory.size()), Status::kOk);
@@ -375,8 +376,7 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
   constexpr int kSampled = 20;  // frames from one measured error to the next
   const dcloth_model_info info = garment.model(kPrecision).info();
   Crowd crowd;
-  if (std::getenv("DCLOTH_LEVELS_JSON") != nullptr)
-    crowd.disturbed = DisturbedFrames(garment, budget, drawing[DCLOTH_DRAW_FULL], &characters);
+  if (alone) crowd.disturbed = DisturbedFrames(garment, budget, drawing[DCLOTH_DRAW_FULL], &characters);
   crowd.characters = count;
   crowd.budget_us = budget;
   crowd.drawing_us = drawing;
@@ -387,7 +387,7 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
     const double start = ProcessorMicroseconds();
     EXPECT_EQ(scene.Plan(kFrame, budget, spent, &planned), Status::kOk);
     double sum = ProcessorMicroseconds() - start;
-    EXPECT_LE(planned, budget * 1.0001f) << "frame " << frame;
+    if (!alone) EXPECT_LE(planned, budget * 1.0001f) << "frame " << frame;
     for (uint32_t i = 0; i < count; ++i) {
       const Clip& clip = garment.clips[i % garment.clips.size()];
       const dcloth_scene_choice choice = scene.Get(i);
@@ -406,7 +406,7 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
       crowd.error_mm += DistanceMm(characters[i]->positions().data(), seen.data(), seen.size()).mean;
       ++drawn;
     }
-    spent = static_cast<float>(sum);
+    spent = alone ? static_cast<float>(sum) : planned;
     crowd.shares.push_back(sum / static_cast<double>(budget));
   }
   crowd.error_mm /= drawn;
@@ -414,9 +414,9 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
   return crowd;
 }
 
-// Crowds for which drawing alone would take more than the budget. Plans never exceed it; on a machine left alone
-// (scripts/levels.sh) what is measured is over by 5 % in one frame of a thousand at most, if the machine itself holds
-// the same work in all others.
+// Crowds for which drawing alone would take more than the budget. Where frames take what was planned, no plan exceeds
+// it; on a machine left alone (scripts/levels.sh) what is measured is over by 5 % in one frame of a thousand at most,
+// if the machine itself holds the same work in all others.
 TEST_P(GarmentSceneTest, CrowdsKeepTheirBudget) {
   constexpr size_t kMostOver = 3;  // of 3,000
   const bool alone = std::getenv("DCLOTH_LEVELS_JSON") != nullptr;
@@ -428,12 +428,11 @@ TEST_P(GarmentSceneTest, CrowdsKeepTheirBudget) {
   };
   for (const Case& c : {Case{50, 4000}, Case{50, 2000}, Case{20, 2000}}) {
     const int frames = alone ? 3000 : 300;
-    const Crowd crowd = RunCrowd(garment(), c.characters, c.budget, figures, frames);
+    const Crowd crowd = RunCrowd(garment(), c.characters, c.budget, figures, frames, alone);
     RecordCrowd(GetParam(), crowd);
     std::printf(
-        "%u characters in %.0f us: frames took %.3f of it at p50, %.3f at p99, %.3f at p99.9, %.3f at most; over by "
-        "5%% "
-        "in %zu of %d; error %.2f mm\n",
+        "%u characters in %.0f us: frames took %.3f of it at p50, %.3f at p99, %.3f at p99.9, %.3f at most; "
+        "over by 5%% in %zu of %d; error %.2f mm\n",
         c.characters, static_cast<double>(c.budget), crowd.At(0.5), crowd.At(0.99), crowd.At(0.999),
         crowd.shares.back(), crowd.Over(), frames, crowd.error_mm);
     std::printf("  in a mean frame: %.1f frozen, %.1f static, %.1f skeleton, %.1f half rate, %.1f mesh; ",

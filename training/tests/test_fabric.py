@@ -10,6 +10,7 @@ except FileNotFoundError as error:
     pytest.skip(str(error), allow_module_level=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", garment.GARMENTS)
 def test_every_number_lies_in_the_range_of_its_fabric(name):
     numbers = fabric.measure(name)
