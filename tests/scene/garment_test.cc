@@ -387,7 +387,9 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
     const double start = ProcessorMicroseconds();
     EXPECT_EQ(scene.Plan(kFrame, budget, spent, &planned), Status::kOk);
     double sum = ProcessorMicroseconds() - start;
-    if (!alone) EXPECT_LE(planned, budget * 1.0001f) << "frame " << frame;
+    if (!alone) {
+      EXPECT_LE(planned, budget * 1.0001f) << "frame " << frame;
+    }
     for (uint32_t i = 0; i < count; ++i) {
       const Clip& clip = garment.clips[i % garment.clips.size()];
       const dcloth_scene_choice choice = scene.Get(i);

@@ -30,5 +30,5 @@ test("Node finds the package and its modules", () => {
     const engine = await loadEngine({ simd: readFileSync(path) });
     console.log(engine.version, engine.instructionSet);`);
   const done = spawnSync(process.execPath, ["load.js"], { cwd: folder, encoding: "utf8" });
-  assert.equal(done.stdout.trim(), "0.1.0 wasm", done.stderr);
+  assert.equal(done.stdout.trim(), "0.2.0 wasm", done.stderr);
 });

@@ -45,10 +45,10 @@ extern "C" {
 #endif
 
 #define DCLOTH_VERSION_MAJOR 0
-#define DCLOTH_VERSION_MINOR 1
+#define DCLOTH_VERSION_MINOR 2
 #define DCLOTH_VERSION_PATCH 0
 /* 1000000 MAJOR + 1000 MINOR + PATCH */
-#define DCLOTH_VERSION_NUMBER 1000
+#define DCLOTH_VERSION_NUMBER 2000
 
 /* Model bytes and lent memory start on a multiple of this. */
 #define DCLOTH_ALIGNMENT 64
@@ -298,7 +298,7 @@ typedef struct dcloth_timer {
   void (*piece)(void* context, const char* name, uint64_t elapsed);
 } dcloth_timer;
 
-/* Returns the library version as text, "0.1.0".
+/* Returns the library version as text, "0.2.0".
  * Memory: static.
  * Thread: any.
  * Errors: none.

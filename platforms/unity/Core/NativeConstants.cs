@@ -3,9 +3,9 @@ namespace DCloth
     public static unsafe partial class Native
     {
         public const int DCLOTH_VERSION_MAJOR = 0;
-        public const int DCLOTH_VERSION_MINOR = 1;
+        public const int DCLOTH_VERSION_MINOR = 2;
         public const int DCLOTH_VERSION_PATCH = 0;
-        public const uint DCLOTH_VERSION_NUMBER = 1000;
+        public const uint DCLOTH_VERSION_NUMBER = 2000;
 
         public const int DCLOTH_ALIGNMENT = 64;
         public const int DCLOTH_MAX_TICKS = 2;

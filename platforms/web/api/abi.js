@@ -2,9 +2,9 @@
 // Offsets are bytes on wasm32; the build checks them against the compiler's.
 
 export const DCLOTH_VERSION_MAJOR = 0;
-export const DCLOTH_VERSION_MINOR = 1;
+export const DCLOTH_VERSION_MINOR = 2;
 export const DCLOTH_VERSION_PATCH = 0;
-export const DCLOTH_VERSION_NUMBER = 1000;
+export const DCLOTH_VERSION_NUMBER = 2000;
 export const DCLOTH_ALIGNMENT = 64;
 export const DCLOTH_MAX_TICKS = 2;
 export const DCLOTH_TIMER_STEPS = 8;

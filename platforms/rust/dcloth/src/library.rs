@@ -10,7 +10,7 @@ pub fn isa_name() -> String {
     unsafe { text_at(dcloth_isa_name()) }.unwrap_or_default()
 }
 
-/// The engine's version, for example `"0.1.0"`.
+/// The engine's version, for example `"0.2.0"`.
 pub fn version() -> String {
     // SAFETY: no arguments; the text is static.
     unsafe { text_at(dcloth_version()) }.unwrap_or_default()

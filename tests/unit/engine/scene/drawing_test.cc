@@ -89,9 +89,9 @@ TEST_F(DrawingTest, KeepsEveryBudgetByImportance) {
   }
 }
 
-// Nobody goes undrawn for longer than asked, but for one frame where turns fall unevenly; normals are at most one frame
-// old, and are of the mesh that is drawn.
-TEST_F(DrawingTest, TurnsComeInTime) {
+// Nobody goes undrawn for longer than asked, but for one frame where shares fall unevenly; normals are at most one
+// frame old, and are of the mesh that is drawn.
+TEST_F(DrawingTest, ChangesOfDetailComeInTime) {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> importance(0.01f, 1);
   std::vector<uint32_t> undrawn(kCharacters), before(kCharacters, DCLOTH_DRAW_NONE);
