@@ -236,9 +236,10 @@ enum {
   /* Pushes vertices out of the body. First, cloth deep in a limb is laid over the limb, and the cloth around it gives
    * way; models without joint parents skip this. Then a vertex under the character's skin, or less than the model's
    * clearance (4 mm) above it, moves along the normal of the closest skin point until it is outside by the clearance,
-   * by up to twice that where cloth was laid. Other vertices stay. Both steps have a budget per frame, so in
-   * impossible poses some vertices may stay inside. Each frame stands alone; the network's state does not change. Only
-   * skin that the vertex could touch in training counts. Does nothing where dcloth_model_body_vertex_count is 0. */
+   * by up to twice that where cloth was laid. Where skin shows through between vertices near it, these move further
+   * out. Other vertices stay. All steps have a budget per frame, so in impossible poses some vertices may stay inside.
+   * Each frame stands alone; the network's state does not change. Only skin that the vertex could touch in training
+   * counts. Does nothing where dcloth_model_body_vertex_count is 0. */
   DCLOTH_OUTPUT_OUTSIDE_BODY = 1,
   /* Writes the coarse mesh instead: vertex_count is dcloth_model_info.coarse_vertex_count, vertex i is vertex
    * coarse_vertices[i] of the garment, and normals and tangents are those of coarse_triangles. It costs half of the

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "engine/src/body/cut_corners.h"
+
 namespace dcloth::engine {
 namespace {
 
@@ -66,6 +68,7 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.touch = PlaceTouchLists(model, arena);
   memory.limbs = PlaceLimbCores(arena);
   memory.deep = PlaceDeepCloth(model, arena);
+  memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;
 }
 
@@ -93,6 +96,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   job.clearance = static_cast<float>(clearance);
   job.nearest = nearest;
   job.suspect = suspect;
+  for (size_t v = 0; v < model.vertex_count; ++v) memory.beside[v] = kNotNear;
   SearchBudget budget = SearchBudgetOf(model.vertex_count);
   uint32_t looks = 0;
   job.looks = &looks;
@@ -113,20 +117,24 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
         if (suspect[i] == kernels::kNoSite) continue;
         auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
         const double laid = static_cast<double>(MoveOf(memory.deep, surface, job.order[i])) / (kLaidBy * clearance);
-        PushOut(posed, job, memory.touch, i, (1 + kLaid * (laid < 1 ? laid : 1)) * clearance, &budget,
-                reinterpret_cast<float*>(bytes));
+        memory.beside[job.order[i]] =
+            PushOut(posed, job, memory.touch, i, (1 + kLaid * (laid < 1 ? laid : 1)) * clearance, &budget,
+                    reinterpret_cast<float*>(bytes));
       }
     }
   }
+  const PosedBody whole = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, 0};
+  CoverCorners(model, whole, memory.normals, memory.beside, clearance, surface, &budget.faces);
 }
 
-void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
-             double clearance, SearchBudget* budget, float* position) {
+uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
+                 double clearance, SearchBudget* budget, float* position) {
   const auto nearest = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.nearest[i]));
   const auto suspect = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.suspect[i]));
   const double far = kFarPush * clearance;
   double v[3] = {static_cast<double>(position[0]), static_cast<double>(position[1]), static_cast<double>(position[2])};
   bool moved = false;
+  uint16_t beside = kNotNear;
   for (int push = 0; push < kMaxPushes && budget->faces != 0; ++push) {
     const bool whole = moved && budget->whole_searches != 0 && SquaredDistance(v, position) > far * far;
     if (whole) --budget->whole_searches;
@@ -134,12 +142,14 @@ void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const Touch
         whole ? SearchWholeBody(posed, job, lists, suspect, v) : SearchBody(posed, suspect, nearest, v);
     budget->faces -= closest.faces_seen < budget->faces ? closest.faces_seen : budget->faces;
     const double height = kShare[push] * clearance;
-    if (!closest.found || closest.distance >= kPushed * height || EndsAt(posed, closest)) break;
+    if (!closest.found || EndsAt(posed, closest)) break;
+    beside = posed.body->faces[size_t{3} * closest.face];
+    if (closest.distance >= kPushed * height) break;
     for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + height * closest.direction[c];
     moved = true;
   }
-  if (!moved) return;
-  for (size_t c = 0; c < 3; ++c) position[c] = static_cast<float>(v[c]);
+  for (size_t c = 0; c < 3 && moved; ++c) position[c] = static_cast<float>(v[c]);
+  return beside;
 }
 
 }  // namespace dcloth::engine

@@ -26,6 +26,7 @@ struct BodyMemory {
   TouchLists touch;
   LimbCores limbs;  // measured once for each body, posed in each frame
   DeepCloth deep;
+  uint16_t* beside;  // [n] for CoverCorners
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
@@ -35,7 +36,8 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
 // Moves each vertex of `surface` that is less than the clearance outside the closest point of what it touches of the
 // posed body until it is just that; one whose closest point is where that ends stays. Run it after skinning, while
-// positions are relative to the hips. Does nothing where the model has no body.
+// positions are relative to the hips. What lies between vertices is lifted out too where it would show. Does nothing
+// where the model has no body.
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
                  const SkinPose& skin, const BodyMemory& memory, const Surface& surface);
 
@@ -63,9 +65,10 @@ inline SearchBudget SearchBudgetOf(uint32_t vertices) {
 
 // Point `i` of the job, which has a suspect, out of what its class touches and `clearance` away from it; less in a fold
 // that is too narrow, and not at all where the closest point lies on the rim of what counts. `position` is the point's;
-// `budget` is what is left in the frame.
-void PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
-             double clearance, SearchBudget* budget, float* position);
+// `budget` is what is left in the frame. Returns a body vertex beside the last closest point that is not on the
+// rim, or kNotNear (cut_corners.h).
+uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
+                 double clearance, SearchBudget* budget, float* position);
 
 }  // namespace dcloth::engine
 

@@ -45,7 +45,7 @@ class PenetrationTest : public ::testing::Test {
   OpenedModel opened_{model_};
 };
 
-TEST_F(PenetrationTest, NoVertexIsLeftUnderTheSkinAndNoOtherMoves) {
+TEST_F(PenetrationTest, NoVertexIsLeftUnderTheSkinAndNoOtherMovesInwards) {
   ASSERT_EQ(opened_.status(), DCLOTH_OK) << opened_.error().text;
   EXPECT_EQ(dcloth_model_body_vertex_count(opened_.get()), 282u);
   for (const std::string& isa : UsableIsas()) {
@@ -62,9 +62,9 @@ TEST_F(PenetrationTest, NoVertexIsLeftUnderTheSkinAndNoOtherMoves) {
         const Point from = At(before, i), to = At(after, i);
         const double height = SignedDistance(body_, posed, from);
         const double move = std::hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-        if (height > body_.clearance + kRounding) {
-          ASSERT_EQ(std::memcmp(&before[6 * i], &after[6 * i], 12), 0) << isa << " tick " << tick << " vertex " << i;
-          ++clear;
+        if (height > body_.clearance + kRounding) {  // outwards alone, where the cloth beside it cut the skin
+          ASSERT_GE(SignedDistance(body_, posed, to), height - kRounding) << isa << " tick " << tick << " vertex " << i;
+          clear += std::memcmp(&before[6 * i], &after[6 * i], 12) == 0;
           continue;
         }
         ASSERT_GE(SignedDistance(body_, posed, to), 0.99 * body_.clearance - kRounding)

@@ -1,0 +1,95 @@
+#include "engine/src/body/cut_corners.h"
+
+namespace dcloth::engine {
+namespace {
+
+constexpr int kRounds = 2;
+// The arc over a chord is a quarter of its length times the sine of half the angle high. Skin that may rise so many
+// clearances over an edge is looked for; where one end alone is near the skin, the angle is not known, and the edge has
+// to be so many clearances long.
+constexpr double kArc = 0.25, kLong = 4;
+constexpr double kShown = 0.5;    // of the clearance: skin so near to the middle shows
+constexpr double kMostLift = 5;   // clearances; where the skin lies higher, a limb went between the ends
+
+struct Cover {
+  const format::ModelView& model;
+  const float* normals;
+  const uint16_t* beside;
+  double clearance;
+  const Surface& surface;
+
+  float* PositionOf(size_t vertex) const {
+    return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(surface.positions) +
+                                    vertex * surface.position_stride_bytes);
+  }
+
+  bool MayBeCut(uint16_t a, uint16_t b) const {
+    const uint16_t beside_a = beside[a], beside_b = beside[b];
+    if (beside_a == kNotNear && beside_b == kNotNear) return false;
+    const float *p = PositionOf(a), *q = PositionOf(b);
+    double squared = 0, cosine = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      const double along = static_cast<double>(q[c]) - static_cast<double>(p[c]);
+      squared += along * along;
+    }
+    if (beside_a == kNotNear || beside_b == kNotNear) return squared > kLong * kLong * clearance * clearance;
+    for (size_t c = 0; c < 3; ++c)
+      cosine += static_cast<double>(normals[3 * beside_a + c]) * static_cast<double>(normals[3 * beside_b + c]);
+    const double arc = 4 * kArc * clearance;
+    return squared * 0.5 * (1 - cosine) > arc * arc;
+  }
+
+  // Of an edge or a triangle, `count` vertices of which one at least is near the skin; whether that showed.
+  bool Lift(PosedBody posed, const uint16_t* vertices, size_t count, uint32_t* faces) const {
+    double middle[3] = {};
+    uint16_t first = kNotNear, last = kNotNear, toucher = vertices[0];
+    for (size_t i = 0; i < count; ++i) {
+      const float* p = PositionOf(vertices[i]);
+      for (size_t c = 0; c < 3; ++c) middle[c] += static_cast<double>(p[c]) / static_cast<double>(count);
+      if (beside[vertices[i]] == kNotNear) continue;
+      last = beside[vertices[i]];
+      if (first != kNotNear) continue;
+      first = last;
+      toucher = vertices[i];
+    }
+    const uint8_t* classes = model.body.touch_classes;
+    posed.touch_bit = static_cast<uint8_t>(classes == nullptr ? 0u : 1u << classes[toucher]);
+    const ClosestPoint closest = SearchBody(posed, first, last, middle);
+    *faces -= closest.faces_seen < *faces ? closest.faces_seen : *faces;
+    if (!closest.found || closest.distance >= kShown * clearance || EndsAt(posed, closest)) return false;
+    const double lift = clearance - closest.distance;
+    if (lift > kMostLift * clearance) return false;
+    for (size_t i = 0; i < count; ++i) {
+      if (beside[vertices[i]] == kNotNear) continue;  // nothing is known of it
+      float* p = PositionOf(vertices[i]);
+      for (size_t c = 0; c < 3; ++c) p[c] = static_cast<float>(static_cast<double>(p[c]) + lift * closest.direction[c]);
+    }
+    return true;
+  }
+};
+
+}  // namespace
+
+void CoverCorners(const format::ModelView& model, PosedBody posed, const float* normals, const uint16_t* beside,
+                  double clearance, const Surface& surface, uint32_t* faces) {
+  const Cover cover = {model, normals, beside, clearance, surface};
+  bool lifted = true;
+  for (int round = 0; round < kRounds && lifted; ++round) {
+    lifted = false;
+    for (size_t t = 0; t < model.triangle_count; ++t) {
+      const uint16_t* face = model.faces + 3 * t;
+      bool cut = false;
+      for (size_t k = 0; k < 3; ++k) {
+        const uint16_t ends[2] = {face[k], face[(k + 1) % 3]};
+        if (!cover.MayBeCut(ends[0], ends[1])) continue;
+        if (*faces == 0) return;
+        cut = true;
+        // The triangle beyond the edge has its ends the other way round.
+        if (ends[0] < ends[1]) lifted |= cover.Lift(posed, ends, 2, faces);
+      }
+      if (cut && *faces != 0) lifted |= cover.Lift(posed, face, 3, faces);
+    }
+  }
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,27 @@
+// Cloth that cuts a corner of the body: its vertices lie outside, the middle between them does not. A bent knee shows
+// through the long triangles of cloth that was pushed out over it.
+#ifndef DCLOTH_ENGINE_SRC_BODY_CUT_CORNERS_H_
+#define DCLOTH_ENGINE_SRC_BODY_CUT_CORNERS_H_
+
+#include <cstdint>
+
+#include "engine/format/view.h"
+#include "engine/src/body/body_search.h"
+#include "engine/src/draw/output.h"
+
+namespace dcloth::engine {
+
+constexpr uint16_t kNotNear = 0xFFFF;
+
+// Lifts edges and triangles whose middle is under the skin, until it is `clearance` above. They are looked at where the
+// skin beside their ends bends so much over their length that it may reach them.
+//   posed    which body; the touch bit of each vertex is taken in place of its own
+//   normals  [b, 3] of the posed body
+//   beside   [n] a body vertex beside the closest point of each vertex near the skin; kNotNear for those that stay
+//   faces    what is left of the frame's searches
+void CoverCorners(const format::ModelView& model, PosedBody posed, const float* normals, const uint16_t* beside,
+                  double clearance, const Surface& surface, uint32_t* faces);
+
+}  // namespace dcloth::engine
+
+#endif  // DCLOTH_ENGINE_SRC_BODY_CUT_CORNERS_H_

@@ -1,0 +1,113 @@
+// Cloth that cuts a corner of the body, on a roof: two faces that meet in a ridge.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "engine/src/body/cut_corners.h"
+
+namespace dcloth::engine {
+namespace {
+
+constexpr double kClearance = 0.004;
+constexpr uint32_t kPlenty = 1u << 20;
+
+// The roof's ridge runs along X at height 0, its sides fall at 45 degrees to either side of Z. Cloth: a strip of two
+// triangles over the ridge, one vertex on each side in front and behind.
+class CutCornersTest : public ::testing::Test {
+ protected:
+  CutCornersTest() {
+    model_.vertex_count = 4;
+    model_.triangle_count = 2;
+    model_.faces = cloth_faces_.data();
+    model_.body.positions = body_.data();
+    model_.body.vertex_count = 6;
+    model_.body.faces = body_faces_.data();
+    model_.body.face_count = 4;
+    model_.body.row_starts = row_starts_.data();
+    model_.body.columns = columns_.data();
+  }
+
+  // Vertices `out` metres from the ridge down each side, a clearance above the skin.
+  void LayOver(float out) {
+    const float side = out * std::sqrt(0.5f), off = static_cast<float>(kClearance) * std::sqrt(0.5f);
+    cloth_ = {-0.01f, -side + off, -side - off, 0.01f, -side + off, -side - off,
+              -0.01f, -side + off, side + off,  0.01f, -side + off, side + off};
+  }
+
+  void Cover(uint32_t* faces, const std::array<uint16_t, 4>& beside) {
+    const Surface surface = {cloth_.data(), 3 * sizeof(float), nullptr, 0, nullptr, 0};
+    CoverCorners(model_, {&model_.body, body_.data(), 1.0, 0}, normals_.data(), beside.data(), kClearance, surface,
+                 faces);
+  }
+
+  // Of the middle between two vertices, above the roof.
+  double Height(size_t a, size_t b) const {
+    const double y = 0.5 * (static_cast<double>(cloth_[3 * a + 1]) + static_cast<double>(cloth_[3 * b + 1]));
+    const double z = 0.5 * (static_cast<double>(cloth_[3 * a + 2]) + static_cast<double>(cloth_[3 * b + 2]));
+    return (y + std::fabs(z)) * std::sqrt(0.5);
+  }
+
+  const float s_ = std::sqrt(0.5f);
+  // Ridge, then the gutters: behind (-Z), in front (+Z).
+  std::vector<float> body_ = {-1, 0, 0, 1, 0, 0, -1, -1, -1, 1, -1, -1, -1, -1, 1, 1, -1, 1};
+  std::vector<float> normals_ = {0, 1, 0, 0, 1, 0, 0, s_, -s_, 0, s_, -s_, 0, s_, s_, 0, s_, s_};
+  std::vector<uint16_t> body_faces_ = {0, 1, 2, 1, 3, 2, 0, 4, 1, 1, 4, 5};
+  std::vector<uint32_t> row_starts_ = {0, 2, 6, 8, 9, 11, 12};
+  std::vector<uint16_t> columns_ = {0, 2, 0, 1, 2, 3, 0, 1, 1, 2, 3, 3};
+  std::vector<uint16_t> cloth_faces_ = {0, 2, 1, 1, 2, 3};
+  std::vector<float> cloth_;
+  format::ModelView model_ = {};
+  const std::array<uint16_t, 4> sides_ = {2, 3, 4, 5};
+};
+
+TEST_F(CutCornersTest, EdgesOverARidgeAreLiftedOut) {
+  LayOver(0.02f);
+  ASSERT_LT(Height(0, 2), 0) << "the ridge does not show";
+  uint32_t faces = kPlenty;
+  Cover(&faces, sides_);
+  EXPECT_GT(Height(0, 2), 0);
+  EXPECT_GT(Height(1, 2), 0);
+  EXPECT_LT(faces, kPlenty);
+}
+
+TEST_F(CutCornersTest, ClothThatIsOutsideStays) {
+  LayOver(0.001f);
+  const std::vector<float> before = cloth_;
+  uint32_t faces = kPlenty;
+  Cover(&faces, sides_);
+  EXPECT_EQ(cloth_, before);
+}
+
+TEST_F(CutCornersTest, ALimbThatWentBetweenIsLeftAlone) {
+  LayOver(0.1f);  // the ridge is 7 cm above the edge
+  const std::vector<float> before = cloth_;
+  uint32_t faces = kPlenty;
+  Cover(&faces, sides_);
+  EXPECT_EQ(cloth_, before);
+}
+
+TEST_F(CutCornersTest, VerticesOfWhichNothingIsKnownStay) {
+  LayOver(0.02f);
+  const std::vector<float> before = cloth_;
+  uint32_t faces = kPlenty;
+  Cover(&faces, {2, 3, kNotNear, kNotNear});
+  EXPECT_TRUE(std::equal(cloth_.begin() + 6, cloth_.end(), before.begin() + 6));
+  EXPECT_FALSE(std::equal(cloth_.begin(), cloth_.begin() + 6, before.begin()));
+  LayOver(0.02f);
+  Cover(&faces, {kNotNear, kNotNear, kNotNear, kNotNear});
+  EXPECT_EQ(cloth_, before);
+}
+
+TEST_F(CutCornersTest, TheFramesFacesRunOut) {
+  LayOver(0.02f);
+  const std::vector<float> before = cloth_;
+  uint32_t faces = 0;
+  Cover(&faces, sides_);
+  EXPECT_EQ(cloth_, before);
+}
+
+}  // namespace
+}  // namespace dcloth::engine
