@@ -3,13 +3,12 @@
 namespace dcloth::engine {
 namespace {
 
-constexpr int kRounds = 2;
 // The arc over a chord is a quarter of its length times the sine of half the angle high. Skin that may rise so many
 // clearances over an edge is looked for; where one end alone is near the skin, the angle is not known, and the edge has
 // to be so many clearances long.
-constexpr double kArc = 0.25, kLong = 4;
-constexpr double kShown = 0.5;    // of the clearance: skin so near to the middle shows
-constexpr double kMostLift = 5;   // clearances; where the skin lies higher, a limb went between the ends
+constexpr double kArc = 0.5, kLong = 6;
+constexpr double kShown = 0.5;   // of the clearance: skin so near to the middle shows
+constexpr double kMostLift = 5;  // clearances; where the skin lies higher, a limb went between the ends
 
 struct Cover {
   const format::ModelView& model;
@@ -39,8 +38,8 @@ struct Cover {
     return squared * 0.5 * (1 - cosine) > arc * arc;
   }
 
-  // Of an edge or a triangle, `count` vertices of which one at least is near the skin; whether that showed.
-  bool Lift(PosedBody posed, const uint16_t* vertices, size_t count, uint32_t* faces) const {
+  // An edge or a triangle, `count` vertices of which one at least is near the skin.
+  void Lift(PosedBody posed, const uint16_t* vertices, size_t count, uint32_t* faces) const {
     double middle[3] = {};
     uint16_t first = kNotNear, last = kNotNear, toucher = vertices[0];
     for (size_t i = 0; i < count; ++i) {
@@ -56,15 +55,14 @@ struct Cover {
     posed.touch_bit = static_cast<uint8_t>(classes == nullptr ? 0u : 1u << classes[toucher]);
     const ClosestPoint closest = SearchBody(posed, first, last, middle);
     *faces -= closest.faces_seen < *faces ? closest.faces_seen : *faces;
-    if (!closest.found || closest.distance >= kShown * clearance || EndsAt(posed, closest)) return false;
+    if (!closest.found || closest.distance >= kShown * clearance || EndsAt(posed, closest)) return;
     const double lift = clearance - closest.distance;
-    if (lift > kMostLift * clearance) return false;
+    if (lift > kMostLift * clearance) return;
     for (size_t i = 0; i < count; ++i) {
       if (beside[vertices[i]] == kNotNear) continue;  // nothing is known of it
       float* p = PositionOf(vertices[i]);
       for (size_t c = 0; c < 3; ++c) p[c] = static_cast<float>(static_cast<double>(p[c]) + lift * closest.direction[c]);
     }
-    return true;
   }
 };
 
@@ -73,22 +71,18 @@ struct Cover {
 void CoverCorners(const format::ModelView& model, PosedBody posed, const float* normals, const uint16_t* beside,
                   double clearance, const Surface& surface, uint32_t* faces) {
   const Cover cover = {model, normals, beside, clearance, surface};
-  bool lifted = true;
-  for (int round = 0; round < kRounds && lifted; ++round) {
-    lifted = false;
-    for (size_t t = 0; t < model.triangle_count; ++t) {
-      const uint16_t* face = model.faces + 3 * t;
-      bool cut = false;
-      for (size_t k = 0; k < 3; ++k) {
-        const uint16_t ends[2] = {face[k], face[(k + 1) % 3]};
-        if (!cover.MayBeCut(ends[0], ends[1])) continue;
-        if (*faces == 0) return;
-        cut = true;
-        // The triangle beyond the edge has its ends the other way round.
-        if (ends[0] < ends[1]) lifted |= cover.Lift(posed, ends, 2, faces);
-      }
-      if (cut && *faces != 0) lifted |= cover.Lift(posed, face, 3, faces);
+  for (size_t t = 0; t < model.triangle_count; ++t) {
+    const uint16_t* face = model.faces + 3 * t;
+    bool cut = false;
+    for (size_t k = 0; k < 3; ++k) {
+      const uint16_t ends[2] = {face[k], face[(k + 1) % 3]};
+      if (!cover.MayBeCut(ends[0], ends[1])) continue;
+      if (*faces == 0) return;
+      cut = true;
+      // The triangle beyond the edge has its ends the other way round.
+      if (ends[0] < ends[1]) cover.Lift(posed, ends, 2, faces);
     }
+    if (cut && *faces != 0) cover.Lift(posed, face, 3, faces);
   }
 }
 

@@ -1,12 +1,12 @@
 // Cloth that cuts a corner of the body, on a roof: two faces that meet in a ridge.
+#include "engine/src/body/cut_corners.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
-
-#include "engine/src/body/cut_corners.h"
 
 namespace dcloth::engine {
 namespace {
