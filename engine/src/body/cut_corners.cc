@@ -17,15 +17,10 @@ struct Cover {
   double clearance;
   const Surface& surface;
 
-  float* PositionOf(size_t vertex) const {
-    return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(surface.positions) +
-                                    vertex * surface.position_stride_bytes);
-  }
-
   bool MayBeCut(uint16_t a, uint16_t b) const {
     const uint16_t beside_a = beside[a], beside_b = beside[b];
     if (beside_a == kNotNear && beside_b == kNotNear) return false;
-    const float *p = PositionOf(a), *q = PositionOf(b);
+    const float *p = surface.PositionOf(a), *q = surface.PositionOf(b);
     double squared = 0, cosine = 0;
     for (size_t c = 0; c < 3; ++c) {
       const double along = static_cast<double>(q[c]) - static_cast<double>(p[c]);
@@ -43,7 +38,7 @@ struct Cover {
     double middle[3] = {};
     uint16_t first = kNotNear, last = kNotNear, toucher = vertices[0];
     for (size_t i = 0; i < count; ++i) {
-      const float* p = PositionOf(vertices[i]);
+      const float* p = surface.PositionOf(vertices[i]);
       for (size_t c = 0; c < 3; ++c) middle[c] += static_cast<double>(p[c]) / static_cast<double>(count);
       if (beside[vertices[i]] == kNotNear) continue;
       last = beside[vertices[i]];
@@ -60,7 +55,7 @@ struct Cover {
     if (lift > kMostLift * clearance) return;
     for (size_t i = 0; i < count; ++i) {
       if (beside[vertices[i]] == kNotNear) continue;  // nothing is known of it
-      float* p = PositionOf(vertices[i]);
+      float* p = surface.PositionOf(vertices[i]);
       for (size_t c = 0; c < 3; ++c) p[c] = static_cast<float>(static_cast<double>(p[c]) + lift * closest.direction[c]);
     }
   }

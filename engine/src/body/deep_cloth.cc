@@ -19,11 +19,6 @@ constexpr int kSmoothings = 8;
 constexpr uint16_t kAsked = kNotDeep - 1;  // a place: not behind a core; more than any place
 static_assert(kMostDeep <= kAsked);
 
-float* PositionOf(const Surface& surface, size_t vertex) {
-  return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(surface.positions) +
-                                  vertex * surface.position_stride_bytes);
-}
-
 const float* BoundOf(const ModelView& model, size_t vertex) { return model.template_positions + 3 * vertex; }
 
 uint8_t BitOf(const ModelView& model, size_t vertex) {
@@ -51,9 +46,9 @@ void VisitPatches(const ModelView& model, const TouchLists& lists, Visit visit) 
 // The cores, a bit each, that reach into the ball around some vertices.
 uint32_t CoresNear(const LimbCores& limbs, const Surface& surface, const uint16_t* vertices, size_t count) {
   float low[3], high[3], squared = 0;
-  for (size_t c = 0; c < 3; ++c) low[c] = high[c] = PositionOf(surface, vertices[0])[c];
+  for (size_t c = 0; c < 3; ++c) low[c] = high[c] = surface.PositionOf(vertices[0])[c];
   for (size_t i = 1; i < count; ++i) {
-    const float* p = PositionOf(surface, vertices[i]);
+    const float* p = surface.PositionOf(vertices[i]);
     for (size_t c = 0; c < 3; ++c) {
       low[c] = p[c] < low[c] ? p[c] : low[c];
       high[c] = p[c] > high[c] ? p[c] : high[c];
@@ -61,7 +56,7 @@ uint32_t CoresNear(const LimbCores& limbs, const Surface& surface, const uint16_
   }
   const float centre[3] = {0.5f * (low[0] + high[0]), 0.5f * (low[1] + high[1]), 0.5f * (low[2] + high[2])};
   for (size_t i = 0; i < count; ++i) {
-    const float* p = PositionOf(surface, vertices[i]);
+    const float* p = surface.PositionOf(vertices[i]);
     const float apart[3] = {p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]};
     const float found = Dot(apart, apart);
     squared = found > squared ? found : squared;
@@ -90,7 +85,7 @@ size_t FindDeep(const ModelView& model, const LimbCores& limbs, const TouchLists
     if (near == 0) return;
     for (size_t i = 0; i < count && found < most; ++i) {
       const uint16_t v = vertices[i];
-      const float* position = PositionOf(surface, v);
+      const float* position = surface.PositionOf(v);
       if (!IsInAny(limbs, near, position)) continue;
       uint32_t nearest;
       const uint32_t under = CoresUnder(limbs, BoundOf(model, v), touch.bit, &nearest);
@@ -119,7 +114,7 @@ void FillSides(const ModelView& model, bool mirrored, const TouchLists& lists, c
   for (size_t t = 0; t < model.triangle_count; ++t) {
     const uint16_t* face = model.faces + 3 * t;
     if ((deep.places[face[0]] & deep.places[face[1]] & deep.places[face[2]]) == kUnwanted) continue;
-    const float *a = PositionOf(surface, face[0]), *b = PositionOf(surface, face[1]), *p = PositionOf(surface, face[2]);
+    const float *a = surface.PositionOf(face[0]), *b = surface.PositionOf(face[1]), *p = surface.PositionOf(face[2]);
     const float ab[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, ac[3] = {p[0] - a[0], p[1] - a[1], p[2] - a[2]};
     const float area[3] = {ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]};
     for (size_t k = 0; k < 3; ++k) {
@@ -201,7 +196,7 @@ size_t AddBehind(const ModelView& model, const LimbCores& limbs, const DeepCloth
       float out[3], middle[3];
       deep.under[place] = CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
       const bool behind = nearest < kMostCores && (deep.under[place] >> nearest & 1u) != 0 &&
-                          IsBehindCore(limbs.cores[nearest], BoundOf(model, v), PositionOf(surface, v), out, middle);
+                          IsBehindCore(limbs.cores[nearest], BoundOf(model, v), surface.PositionOf(v), out, middle);
       if (!behind) deep.places[v] = kAsked;
       return behind;
     });
@@ -249,7 +244,7 @@ void AddMove(const Surface& surface, const DeepCloth& deep, uint16_t vertex, flo
   const uint16_t place = deep.places[vertex];
   sum[3] += 1;
   if (place == kNotDeep) return;
-  const float *position = PositionOf(surface, vertex), *start = deep.starts + size_t{3} * place;
+  const float *position = surface.PositionOf(vertex), *start = deep.starts + size_t{3} * place;
   for (size_t c = 0; c < 3; ++c) sum[c] += position[c] - start[c];
 }
 
@@ -270,7 +265,7 @@ void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& dee
   for (size_t i = 0; i < found; ++i) {
     const float *sum = deep.sums + 4 * i, *start = deep.starts + 3 * i;
     if (!(sum[3] > 0)) continue;
-    float* position = PositionOf(surface, deep.vertices[i]);
+    float* position = surface.PositionOf(deep.vertices[i]);
     for (size_t c = 0; c < 3; ++c) position[c] = start[c] + sum[c] / sum[3];
     for (uint32_t k = 0; k < *limbs.count; ++k) {
       float away[3], radius;
@@ -309,7 +304,7 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
   const size_t behind = AddBehind(model, limbs, deep, lifted, surface);
   const size_t found = AddRings(model, limbs, deep, behind);
   for (size_t i = 0; i < found; ++i) {
-    float* position = PositionOf(surface, deep.vertices[i]);
+    float* position = surface.PositionOf(deep.vertices[i]);
     for (size_t c = 0; c < 3; ++c) deep.starts[3 * i + c] = position[c];
     if (i < lifted) {
       LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], position);
@@ -324,7 +319,7 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
 float MoveOf(const DeepCloth& deep, const Surface& surface, size_t vertex) {
   const uint16_t place = deep.places[vertex];
   if (place == kNotDeep) return 0;
-  const float *position = PositionOf(surface, vertex), *start = deep.starts + size_t{3} * place;
+  const float *position = surface.PositionOf(vertex), *start = deep.starts + size_t{3} * place;
   const float move[3] = {position[0] - start[0], position[1] - start[1], position[2] - start[2]};
   return std::sqrt(Dot(move, move));
 }

@@ -115,11 +115,10 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
       budget.looks -= looks < budget.looks ? looks : budget.looks;
       for (size_t i = 0; i < job.points_count; ++i) {
         if (suspect[i] == kernels::kNoSite) continue;
-        auto* bytes = reinterpret_cast<uint8_t*>(surface.positions) + job.order[i] * surface.position_stride_bytes;
         const double laid = static_cast<double>(MoveOf(memory.deep, surface, job.order[i])) / (kLaidBy * clearance);
         memory.beside[job.order[i]] =
             PushOut(posed, job, memory.touch, i, (1 + kLaid * (laid < 1 ? laid : 1)) * clearance, &budget,
-                    reinterpret_cast<float*>(bytes));
+                    surface.PositionOf(job.order[i]));
       }
     }
   }

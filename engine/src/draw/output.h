@@ -3,6 +3,7 @@
 #define DCLOTH_ENGINE_SRC_DRAW_OUTPUT_H_
 
 #include <cstddef>
+#include <cstdint>
 
 #include "dcloth/dcloth.h"
 #include "engine/format/diagnostic.h"
@@ -21,6 +22,10 @@ struct Surface {
   size_t normal_stride_bytes;
   float* tangents;  // null when not wanted
   size_t tangent_stride_bytes;
+
+  float* PositionOf(size_t vertex) const {
+    return reinterpret_cast<float*>(reinterpret_cast<uint8_t*>(positions) + vertex * position_stride_bytes);
+  }
 };
 
 // What an output draws: the garment, or its coarse mesh.
