@@ -132,19 +132,17 @@ void PoseBodyPoints(const kernels::KernelTable& kernels, const ModelView& model,
 }
 
 void RunMeshLayers(const kernels::KernelTable& kernels, const ModelView& model, const MeshMemory& memory,
-                   size_t begin_block, size_t block_count, const ReadNext& next) {
+                   size_t begin_block, size_t block_count) {
   const MeshStageView& stage = model.mesh_stage;
   const size_t blocks = MeshBlocks(model), share = LastLayerShare(stage, blocks);
-  const size_t next_share = block_count != 0 ? (next.size + block_count - 1) / block_count : 0;
-  const auto* ahead = static_cast<const uint8_t*>(next.begin);
   while (block_count > 0) {
     const size_t layer = begin_block / blocks, first = begin_block % blocks;
     const size_t count = block_count < blocks - first ? block_count : blocks - first;
     kernels::GsgruJob job = LayerJob(model, layer, memory, VerticesOf(model, first, count));
-    const bool last = layer + 1 == stage.layer_count;
-    job.block_ahead_bytes = last ? share : next_share;
-    job.ahead = last ? static_cast<const uint8_t*>(stage.hidden.weights) + first * share : ahead;
-    ahead += count * next_share;
+    if (layer + 1 == stage.layer_count) {
+      job.block_ahead_bytes = share;
+      job.ahead = static_cast<const uint8_t*>(stage.hidden.weights) + first * share;
+    }
     const MeshLayerView& view = stage.layers[layer];
     if (view.integers == nullptr) {
       kernels.gsgru(job);

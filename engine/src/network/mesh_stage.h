@@ -34,15 +34,10 @@ void PrepareBodyPoints(const format::ModelView& model, const SkinPose& skin, con
 size_t MeshBlocks(const format::ModelView& model);  // of a layer
 void PoseBodyPoints(const kernels::KernelTable& kernels, const format::ModelView& model, const MeshMemory& memory,
                     size_t begin_block, size_t block_count);
-// Memory that is read next, to be asked for in equal shares meanwhile.
-struct ReadNext {
-  const void* begin;
-  size_t size;
-};
 // Blocks are counted through all layers: layer l starts at l MeshBlocks. The last layer asks for the weights of the
-// product after it, the others for `next`.
+// product after it.
 void RunMeshLayers(const kernels::KernelTable& kernels, const format::ModelView& model, const MeshMemory& memory,
-                   size_t begin_block, size_t block_count, const ReadNext& next = {});
+                   size_t begin_block, size_t block_count);
 LinearProduct MeshHidden(const format::MeshStageView& stage, const MeshMemory& memory, int16_t* quantized);
 // Writes Q into all padded columns of `coefficients`.
 LinearProduct MeshCoefficients(const format::MeshStageView& stage, const MeshMemory& memory, int16_t* quantized,

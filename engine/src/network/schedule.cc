@@ -258,11 +258,6 @@ const Part& RowOf(TickPart part) {
 
 TickPart After(TickPart part) { return static_cast<TickPart>(static_cast<uint32_t>(part) + 1); }
 
-void Lap(TickPart part, Stopwatch* watch) {
-  const format::TickPartFacts& facts = format::FactsOf(part);
-  watch->Lap(facts.step, facts.name);
-}
-
 void RunItems(Cloth* cloth, TickPart part, size_t begin, size_t count) {
   const Part& row = RowOf(part);
   if (row.run != nullptr) {
@@ -270,54 +265,6 @@ void RunItems(Cloth* cloth, TickPart part, size_t begin, size_t count) {
   } else {
     RunPanels(cloth, row.product(*cloth), begin, count);
   }
-}
-
-// Parts that one portion weaves together: the GRU's product waits for memory and the layers for arithmetic, and neither
-// needs the other. The layers but the last, which has its own to ask for, ask for the panels that come next; so little
-// at a time that any L2 holds it.
-constexpr TickPart kFirstWoven = TickPart::kSkeletonHidden, kLastWoven = TickPart::kMeshLayers;
-constexpr size_t kThreadBytes = size_t{64} << 10;
-
-bool IsWoven(const ModelView& model, const TickPlan& plan, const TickWork& work) {
-  return work.part == kFirstWoven && work.items_done == 0 && RunsMesh(plan) && model.mesh_stage.layer_count > 1;
-}
-
-void RunWoven(Cloth* cloth, Stopwatch* watch) {
-  const kernels::KernelTable& kernels = ActiveKernels();
-  const ModelView& model = *cloth->model;
-  const MeshMemory& mesh = cloth->mesh;
-  const size_t blocks = MeshBlocks(model), woven = (model.mesh_stage.layer_count - 1) * blocks;
-  PoseBodyPoints(kernels, model, mesh, 0, blocks);
-  Lap(TickPart::kBodyPoints, watch);
-  const LinearProduct product = kSkeletonHidden.product(*cloth);
-  const float input_scale = QuantizeInput(kernels, product);
-  const size_t panels = kernels::PanelCount(product.linear->columns),
-               bytes = PanelBytes(*product.linear, product.row_count);
-  const size_t thread = bytes < kThreadBytes ? kThreadBytes / bytes : 1;
-  size_t blocks_done = 0;
-  for (size_t first = 0; first < panels; first += thread) {
-    const size_t count = thread < panels - first ? thread : panels - first;
-    const size_t end = woven * (first + count) / panels;
-    const ReadNext next = {static_cast<const uint8_t*>(product.linear->weights) + first * bytes, count * bytes};
-    RunMeshLayers(kernels, model, mesh, blocks_done, end - blocks_done, next);
-    blocks_done = end;
-    Lap(TickPart::kMeshLayers, watch);
-    ApplyPanels(kernels, product, input_scale, first, count);
-    Lap(TickPart::kSkeletonHidden, watch);
-  }
-  RunSkeletonGates(kernels, model.skeleton_stage, cloth->skeleton, cloth->coefficients);
-  Lap(TickPart::kSkeletonGates, watch);
-  RunMeshLayers(kernels, model, mesh, woven, blocks);
-  Lap(TickPart::kMeshLayers, watch);
-}
-
-uint64_t CostOfParts(const ModelView& model, const TickPlan& plan, TickPart first, TickPart last) {
-  uint64_t cost = 0;
-  for (TickPart part = first; part <= last; part = After(part)) {
-    const PartSize size = RowOf(part).size(model, plan);
-    cost += size.items * size.item_cost;
-  }
-  return cost;
 }
 
 void Publish(Cloth* cloth) {
@@ -328,7 +275,12 @@ void Publish(Cloth* cloth) {
 }  // namespace
 
 uint64_t TickCost(const ModelView& model, const TickPlan& plan) {
-  return CostOfParts(model, plan, TickPart::kStatic, TickPart::kBasis);
+  uint64_t cost = 0;
+  for (TickPart part = TickPart::kStatic; part != TickPart::kDone; part = After(part)) {
+    const PartSize size = RowOf(part).size(model, plan);
+    cost += size.items * size.item_cost;
+  }
+  return cost;
 }
 
 void BeginTick(Cloth* cloth, const SkinPose& skin, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
@@ -374,19 +326,11 @@ uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch) {
       continue;
     }
     if (spent >= budget) break;
-    if (IsWoven(*cloth->model, cloth->plan, work)) {
-      const uint64_t cost = CostOfParts(*cloth->model, cloth->plan, kFirstWoven, kLastWoven);
-      if (cost <= budget - spent) {
-        RunWoven(cloth, watch);
-        work.part = After(kLastWoven);
-        spent += cost;
-        continue;
-      }
-    }
     const uint64_t wanted = (budget - spent - 1) / size.item_cost + 1;
     const uint64_t count = wanted < left ? wanted : left;
     RunItems(cloth, work.part, work.items_done, static_cast<size_t>(count));
-    Lap(work.part, watch);
+    const format::TickPartFacts& facts = format::FactsOf(work.part);
+    watch->Lap(facts.step, facts.name);
     work.items_done += static_cast<uint32_t>(count);
     spent += count * size.item_cost;
   }
