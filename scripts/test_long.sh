@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # What takes too long for every change, some three hours on two cores: rollouts of 20,000 ticks, the fabric tests of
-# both garments, 2,000 frames of pictures with their pinned hashes, here, on 64-bit Arm and in WebAssembly, all tests in
-# C++ under sanitizers and on 64-bit Arm, tests that start threads under ThreadSanitizer, five minutes of fuzzing each
-# target, the Python wheel, the Rust crate, the packages of a release. `test_long.sh [STEP...]`: rollouts, fabric,
-# pictures, sanitized, threads, fuzz, aarch64, web, python, rust, packages; all when none is named. `godot` must be
-# named: it compiles the GDExtension with godot-cpp, whose sources GODOT_CPP_DIR names. Before a release; after a change
-# of training, kernels or format.
+# both garments, training by several workers, 2,000 frames of pictures with their pinned hashes, here, on 64-bit Arm and
+# in WebAssembly, all tests in C++ under sanitizers and on 64-bit Arm, tests that start threads under ThreadSanitizer,
+# five minutes of fuzzing each target, the Python wheel, the Rust crate, the packages of a release.
+# `test_long.sh [STEP...]`: rollouts, training, pictures, sanitized, threads, fuzz, aarch64, web, python, rust,
+# packages; all when none is named. `godot` must be named: it compiles the GDExtension with godot-cpp, whose sources
+# GODOT_CPP_DIR names. Before a release; after a change of training, kernels or format.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/steps.sh
 steps=("$@")
-[ $# -gt 0 ] || steps=(rollouts fabric pictures sanitized threads fuzz aarch64 web python rust packages)
+[ $# -gt 0 ] || steps=(rollouts training pictures sanitized threads fuzz aarch64 web python rust packages)
 
 scripts/install_dependencies.sh build test import
 step build scripts/build.sh build -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=ON -DDCLOTH_WARNINGS_AS_ERRORS=ON \
@@ -19,9 +19,9 @@ export DCLOTH_TOOL=build/dcloth
 for name in "${steps[@]}"; do
   case $name in
     rollouts) step rollouts scripts/stability.sh || true ;;
-    fabric)
+    training)
       scripts/install_dependencies.sh train
-      step fabric .venv/bin/python3 -m pytest -q -p no:cacheprovider -m long training/tests || true
+      step training .venv/bin/python3 -m pytest -q -p no:cacheprovider -m long training/tests || true
       ;;
     pictures)
       DCLOTH_PICTURE_FRAMES=2000 \
@@ -40,7 +40,7 @@ for name in "${steps[@]}"; do
     godot) step godot scripts/test_godot.sh || true ;;
     packages) step packages scripts/package.sh --install --only . --test || true ;;
     *)
-      echo "test_long: unknown step '$name'; allowed: rollouts, fabric, pictures, sanitized, threads, fuzz," \
+      echo "test_long: unknown step '$name'; allowed: rollouts, training, pictures, sanitized, threads, fuzz," \
         "aarch64, web, python, rust, godot, packages" >&2
       exit 2
       ;;

@@ -82,7 +82,7 @@ struct Wearer {
 
 // How the garment's joints are found in a skeleton.
 enum class Match {
-  kBody,   // lays the garment onto bones and skin of any humanoid; takes 0.2 to 0.8 s, once
+  kBody,   // lays the garment onto bones and skin of any humanoid; takes 0.2 to 1 s, once
   kBones,  // the same by bones alone: for skins that have other clothes in them
   kNames,  // the skeleton is that of training: the same names, axes and lengths
 };

@@ -486,6 +486,7 @@ def cluster(monkeypatch):
         yield running.scheduler_address
 
 
+@pytest.mark.long
 def test_two_workers_of_a_cluster_give_the_bits_of_one(begun, cluster, capsys):
     pytest.importorskip("igl")
     try:

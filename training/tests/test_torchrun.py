@@ -58,6 +58,7 @@ def _all_bits(folder):
     return {path.name: _bits(checkpoint.load(str(path))) for path in sorted(folder.glob("*.safetensors"))}
 
 
+@pytest.mark.long
 def test_two_workers_give_the_bits_of_one_and_go_on_where_one_or_two_stopped(tiny, tmp_path):
     _train(tiny, tmp_path / "one", *TRAIN)
     expected = _all_bits(tmp_path / "one")

@@ -29,10 +29,12 @@ constexpr float kHeld = -1;  // in place of a distance
 constexpr double kClothReach = 0.04, kClothBeside = 0.010;
 constexpr double kOnSkin = 0.010;      // over what is closest to the figure's skin; counts as lying on it
 constexpr double kFollows = 0.08;      // distance at which cloth follows the skin by half
+constexpr double kClothBlur = 0.035;   // over which moves of the cloth are averaged, as a standard deviation
 constexpr double kClothSearch = 0.25;  // further from the skin cloth stays
 constexpr uint32_t kCells = 4096;
 constexpr double kCell = 0.06;
-constexpr int kFillSteps = 40, kSmoothSteps = 3, kClothSmoothSteps = 6;
+constexpr double kTurned = 0.3;  // cosine between a face and its vertices, under which it is smoothed
+constexpr int kUntangleSteps = 30, kFillSteps = 40, kSmoothSteps = 3, kMostClothSteps = 64;
 // Heights of slices over the hip joints on the figure; and how far around them girth needs the skin.
 constexpr double kWaist[2] = {0.15, 0.22}, kHips[2] = {-0.03, 0.05}, kAroundSlices = 0.1;
 constexpr float kFittedClearance = 0.005f;  // at least: posed, another body's skin is not where its surface is
@@ -101,24 +103,40 @@ struct Sample {
 
 double Dot3(const double (&a)[3], const double (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-// take(v, height, plane) for the vertices that face as the sample does, to a cosine of `facing`, and have it within
-// `reach` along their normal and `beside` from it. `plane` is the height of the sample's plane over the vertex.
+// take(v, height, alike, plane) for the vertices that have the sample within `reach` along their normal and `beside`
+// from it. `alike` is the cosine between their normals, `plane` the height of the sample's plane over the vertex.
 template <typename Take>
-void VisitBeside(const PlacedSurface& surface, const uint32_t* cells, const Sample& sample, double facing, double reach,
-                 double beside, Take take) {
+void VisitBeside(const PlacedSurface& surface, const uint32_t* cells, const Sample& sample, double reach, double beside,
+                 Take take) {
   const double aside = sample.spread * beside;
   VisitNear(cells, surface.next, sample.at, reach, [&](uint32_t v) {
     if (!Meet(sample.region, surface.regions[v])) return;
     const float *at = surface.positions + size_t{3} * v, *n = surface.normals + size_t{3} * v;
     const double normal[3] = {static_cast<double>(n[0]), static_cast<double>(n[1]), static_cast<double>(n[2])};
-    const double alike = Dot3(normal, sample.normal);
-    if (alike < facing) return;
     const double d[3] = {sample.at[0] - static_cast<double>(at[0]), sample.at[1] - static_cast<double>(at[1]),
                          sample.at[2] - static_cast<double>(at[2])};
     const double height = Dot3(d, normal);
     if (height > reach || height < -reach || Dot3(d, d) - height * height > aside * aside) return;
-    take(v, static_cast<float>(height), alike > 0 ? static_cast<float>(Dot3(d, sample.normal) / alike) : kFar);
+    const double alike = Dot3(normal, sample.normal);
+    take(v, static_cast<float>(height), alike, alike > 0 ? static_cast<float>(Dot3(d, sample.normal) / alike) : kFar);
   });
+}
+
+void Cross(const double (&a)[3], const double (&b)[3], double (&out)[3]) {
+  for (size_t i = 0; i < 3; ++i) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+// Twice the area of a triangle, as a vector along its normal.
+void AreaOf(const double (&a)[3], const double (&b)[3], const double (&c)[3], double (&area)[3]) {
+  double edge[3], other[3];
+  for (size_t i = 0; i < 3; ++i) edge[i] = b[i] - a[i], other[i] = c[i] - a[i];
+  Cross(edge, other, area);
+}
+
+void CornersOf(const float* positions, const uint16_t* face, double (&corner)[3][3]) {
+  for (size_t k = 0; k < 3; ++k) {
+    for (size_t a = 0; a < 3; ++a) corner[k][a] = static_cast<double>(positions[size_t{3} * face[k] + a]);
+  }
 }
 
 struct Corner {
@@ -151,11 +169,7 @@ SkinTriangle TriangleAt(const dcloth_character& character, const Space& space, c
   SkinTriangle triangle = {};
   for (size_t k = 0; k < 3; ++k)
     triangle.corners[k] = CornerAt(character, space, regions, character.body_triangles[3 * t + k]);
-  const double(&a)[3] = triangle.corners[0].at, (&b)[3] = triangle.corners[1].at, (&c)[3] = triangle.corners[2].at;
-  for (size_t i = 0; i < 3; ++i) {
-    const size_t j = (i + 1) % 3, k = (i + 2) % 3;
-    triangle.area[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j]);
-  }
+  AreaOf(triangle.corners[0].at, triangle.corners[1].at, triangle.corners[2].at, triangle.area);
   return triangle;
 }
 
@@ -228,7 +242,7 @@ void FindOutermost(const dcloth_character& character, const Space& space, const 
   FillCells(surface.positions, surface.count, cells, surface.next, [](uint32_t) { return true; });
   for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = kNoHeight;
   SampleSkin(character, space, regions, [&](const Sample& sample) {
-    VisitBeside(surface, cells, sample, -2, kClothReach, kClothBeside, [&](uint32_t v, float height, float) {
+    VisitBeside(surface, cells, sample, kClothReach, kClothBeside, [&](uint32_t v, float height, double, float) {
       if (height > surface.heights[v]) surface.heights[v] = height;
     });
   });
@@ -267,29 +281,49 @@ void AddToLayers(float height, Layers* layers) {
   layers->low[place] = layers->high[place] = height;
 }
 
-// The outside of the layer nearest to each vertex of the surface that is `wanted`. Skin that faces another way is
-// another part's, or the wall of a fold; where that wall is beside the vertex it counts as high as its plane is over
-// it.
+// The outside of the layer nearest to the surface, or of a further one that stands over it: a robot's shell, a coat.
+// Skin that faces the surface in between is the near side of another part, as the next toe's, whose outside is not this
+// vertex's.
+float OutsideOf(const Layers& layers, const Layers& near_sides) {
+  size_t nearest = 0;
+  for (size_t k = 1; k < kMostLayers; ++k) {
+    if (FromSurface(layers, k) < FromSurface(layers, nearest)) nearest = k;
+  }
+  const float own = layers.high[nearest];
+  float end = kFar, outside = own;
+  for (size_t k = 0; k < kMostLayers; ++k) {
+    if (near_sides.high[k] <= own) continue;
+    const float begin = near_sides.low[k] > own ? near_sides.low[k] : own;
+    end = begin < end ? begin : end;
+  }
+  for (size_t k = 0; k < kMostLayers; ++k) {
+    if (layers.high[k] > outside && layers.low[k] < end) outside = layers.high[k];
+  }
+  return outside;
+}
+
+// How high the skin over each vertex of the surface that is `wanted` stands. Skin that faces another way is another
+// part's, or the wall of a fold; where that wall is beside the vertex it counts as high as its plane is over it.
 template <typename Wanted>
-void FindNearestLayers(const dcloth_character& character, const Space& space, const uint8_t* regions,
-                       const PlacedSurface& surface, uint32_t* cells, Layers* layers, Wanted wanted) {
+void FindSkinOver(const dcloth_character& character, const Space& space, const uint8_t* regions,
+                  const PlacedSurface& surface, uint32_t* cells, Layers* layers, Layers* near_sides, Wanted wanted) {
   FillCells(surface.positions, surface.count, cells, surface.next, wanted);
   for (uint32_t v = 0; v < surface.count; ++v) {
-    for (size_t k = 0; k < kMostLayers; ++k) layers[v].low[k] = kFar, layers[v].high[k] = kNoHeight;
+    for (Layers* of : {layers + v, near_sides + v}) {
+      for (size_t k = 0; k < kMostLayers; ++k) of->low[k] = kFar, of->high[k] = kNoHeight;
+    }
   }
   SampleSkin(character, space, regions, [&](const Sample& sample) {
     const double facing = Dot3(sample.normal, sample.normal) > 0 ? kFacing : 0;
-    VisitBeside(surface, cells, sample, facing, kReach, kBeside, [&](uint32_t v, float height, float plane) {
-      AddToLayers(plane < height ? plane : height, layers + v);
+    VisitBeside(surface, cells, sample, kReach, kBeside, [&](uint32_t v, float height, double alike, float plane) {
+      if (alike >= facing) {
+        AddToLayers(plane < height ? plane : height, layers + v);
+      } else if (alike < 0) {
+        AddToLayers(height, near_sides + v);
+      }
     });
   });
-  for (uint32_t v = 0; v < surface.count; ++v) {
-    size_t nearest = 0;
-    for (size_t k = 1; k < kMostLayers; ++k) {
-      if (FromSurface(layers[v], k) < FromSurface(layers[v], nearest)) nearest = k;
-    }
-    surface.heights[v] = layers[v].high[nearest];
-  }
+  for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = OutsideOf(layers[v], near_sides[v]);
 }
 
 void ComputeNormals(const kernels::KernelTable& kernels, const float* positions, const uint16_t* faces,
@@ -470,11 +504,13 @@ void WrapBody(const kernels::KernelTable& kernels, const ModelView& model, const
                  memory.body.normals);
   Space space = fit.space;
   space.metres_per_unit /= scale;
-  FindNearestLayers(character, space, memory.joint_regions, memory.body, memory.cells, memory.layers, [&](uint32_t v) {
+  const auto wanted = [&](uint32_t v) {
     double at[3];
     return !girth_alone || (PlaceInTrunk(fit, scale, memory, v, at) && at[1] >= kHips[0] - kAroundSlices &&
                             at[1] <= kWaist[1] + kAroundSlices);
-  });
+  };
+  FindSkinOver(character, space, memory.joint_regions, memory.body, memory.cells, memory.layers, memory.near_sides,
+               wanted);
   FindPushes(model.body, memory);
 }
 
@@ -558,29 +594,23 @@ Beside BesideOf(const PlacedSurface& surface, uint32_t v, const Sample& sample) 
   return beside;
 }
 
-// How far a sample stands out of a face of the surface that it lies over; 0 where it lies over another.
+// How far a sample stands out of a face of the surface that it lies over and faces as it does; 0 where there is none.
 double HeightOver(const PlacedSurface& surface, const uint16_t* face, const Sample& sample) {
-  double corner[3][3], area[3], side[3], across[3];
-  for (size_t k = 0; k < 3; ++k) {
-    for (size_t a = 0; a < 3; ++a) corner[k][a] = static_cast<double>(surface.positions[size_t{3} * face[k] + a]);
-  }
-  const auto cross = [](const double(&a)[3], const double(&b)[3], double(&out)[3]) {
-    for (size_t i = 0; i < 3; ++i) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-  };
-  double edge[3], other[3];
-  for (size_t a = 0; a < 3; ++a) edge[a] = corner[1][a] - corner[0][a], other[a] = corner[2][a] - corner[0][a];
-  cross(edge, other, area);
+  double corner[3][3], area[3], side[3], across[3], from[3];
+  CornersOf(surface.positions, face, corner);
+  AreaOf(corner[0], corner[1], corner[2], area);
   const double length = std::sqrt(Dot3(area, area));
-  if (!(length > 0)) return 0;
+  const bool faces = Dot3(sample.normal, sample.normal) > 0;
+  if (!(length > 0) || (faces && Dot3(sample.normal, area) < kFacing * length)) return 0;
   for (size_t k = 0; k < 3; ++k) {
     for (size_t a = 0; a < 3; ++a) {
       side[a] = corner[(k + 1) % 3][a] - corner[k][a];
-      edge[a] = sample.at[a] - corner[k][a];
+      from[a] = sample.at[a] - corner[k][a];
     }
-    cross(side, edge, across);
+    Cross(side, from, across);
     if (Dot3(across, area) < 0) return 0;
   }
-  return Dot3(edge, area) / length;  // from a corner, whichever
+  return Dot3(from, area) / length;  // from a corner, whichever
 }
 
 // For each vertex of the surface the skin nearest to it; and for each, in `rises` [b], how far skin stands out of a
@@ -618,15 +648,21 @@ void FindSkin(const ModelView& model, const dcloth_character& character, const S
   });
 }
 
-// The surface that WrapBody has laid into the character's bind pose, pushed onto the skin and held as the skin is.
-// Those vertices get kHeld; those without skin beside them keep the figure's holds, and their place is left to the
-// caller.
+Tangle TangleOf(const format::BodyView& body, const BodyFitMemory& memory) {
+  return {body.faces,    body.face_count,     body.vertex_count, memory.body.normals, memory.body.positions,
+          memory.turned, memory.body.heights, memory.sums,       memory.counts};
+}
+
+// The surface that WrapBody has laid into the character's bind pose, pushed onto the skin and held as the skin is, or
+// as the figure's where there is none beside it. Those vertices get kHeld; where joints flatten space, the place is
+// left to the caller.
 void HoldAsSkin(const ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
                 const BodyFitMemory& memory) {
   const format::BodyView& body = model.body;
   FindMovers(model, character, fit, scale, memory.joint_movers);
   for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i)
     memory.body.positions[i] += memory.pushes[i / 3] * memory.body.normals[i];
+  Untangle(TangleOf(body, memory));
   Space space = fit.space;
   space.metres_per_unit /= scale;
   float* const rises = memory.sums;
@@ -634,6 +670,7 @@ void HoldAsSkin(const ModelView& model, const dcloth_character& character, const
   for (size_t i = 0; i < size_t{3} * body.vertex_count; ++i)
     memory.body.positions[i] += rises[i / 3] * memory.body.normals[i];
   for (size_t v = 0; v < body.vertex_count; ++v) memory.pushes[v] += rises[v];
+  Untangle(TangleOf(body, memory));
   const uint32_t influences = body.influences;
   std::memcpy(memory.body_joints, body.joints, size_t{influences} * body.vertex_count);
   std::memcpy(memory.body_weights, body.weights, size_t{influences} * body.vertex_count * sizeof(float));
@@ -641,7 +678,10 @@ void HoldAsSkin(const ModelView& model, const dcloth_character& character, const
     uint8_t joints[kernels::kMaxInfluences];
     float weights[kernels::kMaxInfluences];
     const bool beside = memory.skin[v].squared < static_cast<float>(kSkinReach * kSkinReach);
-    if (!beside || !HoldsOf(character, memory.skin[v], memory.joint_movers, influences, joints, weights)) continue;
+    if (!beside || !HoldsOf(character, memory.skin[v], memory.joint_movers, influences, joints, weights)) {
+      std::memcpy(joints, body.joints + v * influences, influences);
+      std::memcpy(weights, body.weights + v * influences, influences * sizeof(float));
+    }
     double blended[3][4] = {}, at[3], bound[3];
     for (uint32_t i = 0; i < influences; ++i) {
       const float* place = memory.places + size_t{12} * joints[i];
@@ -654,6 +694,21 @@ void HoldAsSkin(const ModelView& model, const dcloth_character& character, const
     std::memcpy(memory.body_weights + v * influences, weights, influences * sizeof(float));
     memory.skin[v].squared = kHeld;
   }
+}
+
+// Steps of averaging with the neighbours that blur the cloth's moves over kClothBlur: each adds a quarter of the
+// squared edge to the variance along an axis.
+int ClothSteps(const ModelView& model) {
+  double squared = 0;
+  for (size_t i = 0; i < size_t{3} * model.triangle_count; ++i) {
+    const float* a = model.template_positions + size_t{3} * model.faces[i];
+    const float* b = model.template_positions + size_t{3} * model.faces[i % 3 == 2 ? i - 2 : i + 1];
+    for (size_t c = 0; c < 3; ++c)
+      squared += (static_cast<double>(a[c]) - static_cast<double>(b[c])) *
+                 (static_cast<double>(a[c]) - static_cast<double>(b[c]));
+  }
+  const double mean = squared / (3.0 * model.triangle_count), steps = 4 * kClothBlur * kClothBlur / mean;
+  return steps < kMostClothSteps ? static_cast<int>(steps) + 1 : kMostClothSteps;
 }
 
 // Cloth follows the skin that it lies over: all the way on it, half at kFollows. `sums` and `counts` are used up.
@@ -693,7 +748,8 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
     std::memcpy(moves + 3 * g, move, sizeof(move));
   }
   // Moves of neighbours over different parts of the skin flow into each other.
-  for (int step = 0; step < kClothSmoothSteps; ++step) {
+  const int steps = ClothSteps(model);
+  for (int step = 0; step < steps; ++step) {
     for (size_t a = 0; a < 3; ++a) {
       float* axis = memory.garment.positions;  // one component of all, then their sums
       for (size_t g = 0; g < n; ++g) axis[g] = moves[3 * g + a];
@@ -757,6 +813,34 @@ PlacedSurface PlaceSurface(uint32_t count, Arena* arena) {
 
 }  // namespace
 
+void Untangle(const Tangle& tangle) {
+  for (int step = 0; step < kUntangleSteps; ++step) {
+    std::memset(tangle.turned, 0, tangle.count);
+    bool any = false;
+    for (size_t f = 0; f < size_t{3} * tangle.face_count; f += 3) {
+      const uint16_t* face = tangle.faces + f;
+      double corner[3][3], area[3], facing[3] = {};
+      CornersOf(tangle.positions, face, corner);
+      AreaOf(corner[0], corner[1], corner[2], area);
+      for (size_t i = 0; i < 9; ++i)
+        facing[i % 3] += static_cast<double>(tangle.normals[size_t{3} * face[i / 3] + i % 3]);
+      if (Dot3(area, facing) >= kTurned * std::sqrt(Dot3(area, area) * Dot3(facing, facing))) continue;
+      for (size_t k = 0; k < 3; ++k) tangle.turned[face[k]] = 1;
+      any = true;
+    }
+    if (!any) return;
+    for (size_t a = 0; a < 3; ++a) {
+      for (size_t v = 0; v < tangle.count; ++v) tangle.axis[v] = tangle.positions[3 * v + a];
+      SumNeighbours(
+          tangle.faces, tangle.face_count, tangle.count, tangle.axis, [](size_t) { return true; }, tangle.sums,
+          tangle.counts);
+      for (size_t v = 0; v < tangle.count; ++v) {
+        if (tangle.turned[v] != 0) tangle.positions[3 * v + a] = tangle.sums[v] / static_cast<float>(tangle.counts[v]);
+      }
+    }
+  }
+}
+
 BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Arena* arena) {
   const uint32_t n = model.vertex_count, b = model.body.vertex_count, larger = n > b ? n : b;
   BodyFitMemory memory = {};
@@ -767,12 +851,14 @@ BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Ar
   memory.body_weights = arena->Take<float>(size_t{model.body.influences} * b);
   memory.joint_regions = arena->Take<uint8_t>(host_joint_count);
   memory.joint_movers = arena->Take<uint16_t>(host_joint_count);
+  memory.turned = arena->Take<uint8_t>(b);
   memory.skin = arena->Take<SkinPoint>(b);
   memory.places = arena->Take<float>(size_t{12} * model.joint_count);
   memory.cells = arena->Take<uint32_t>(kCells);
   memory.garment = PlaceSurface(n, arena);
   memory.body = PlaceSurface(b, arena);
   memory.layers = arena->Take<Layers>(b);
+  memory.near_sides = arena->Take<Layers>(b);
   memory.pushes = arena->Take<float>(b);
   memory.sums = arena->Take<float>(larger);
   memory.counts = arena->Take<uint32_t>(larger);

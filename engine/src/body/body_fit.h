@@ -50,22 +50,39 @@ struct BodyFitMemory {
   // Scratch of the fit.
   uint8_t* joint_regions;  // [host joints]
   uint16_t* joint_movers;  // [host joints], the model's joint that goes with each; kNoMover
+  uint8_t* turned;         // [b] 1: of a face that turned over
   SkinPoint* skin;         // [b]
   float* places;           // [joint_count, 12] F
   uint32_t* cells;         // heads of lists
   PlacedSurface garment, body;
-  Layers* layers;    // [b]
-  float* pushes;     // [b]
-  float* sums;       // [larger of n and b]
-  uint32_t* counts;  // [larger of n and b]
+  Layers* layers;      // [b] of skin that faces as the vertex does
+  Layers* near_sides;  // [b] of skin that faces the vertex
+  float* pushes;       // [b]
+  float* sums;         // [larger of n and b]
+  uint32_t* counts;    // [larger of n and b]
 };
 
 BodyFitMemory PlaceBodyFit(const format::ModelView& model, uint32_t host_joint_count, Arena* arena);
 
+// A closed surface and the memory to smooth it with.
+struct Tangle {
+  const uint16_t* faces;  // [face_count, 3]
+  uint32_t face_count, count;
+  const float* normals;  // [count, 3] of the vertices before they were moved
+  float* positions;      // [count, 3]
+  uint8_t* turned;       // [count] scratch, as all that follows
+  float *axis, *sums;    // [count]
+  uint32_t* counts;      // [count]
+};
+
+// Lays vertices among their neighbours wherever a face has turned away from where its vertices faced: in groins and
+// between buttocks, where normals meet, vertices that move along them cross, and cloth would be laid over the folds.
+void Untangle(const Tangle& tangle);
+
 // Numbers, indices and weights of the character's body.
 bool CheckBody(const dcloth_character& character, format::Diagnostic* diagnostic);
 
-// Fills memory's view, which leads into `memory`, `scale` and the report's fields that a body decides. Cost: 0.2 to 0.8
+// Fills memory's view, which leads into `memory`, `scale` and the report's fields that a body decides. Cost: 0.2 to 1
 // s.
 void FitBody(const kernels::KernelTable& kernels, const format::ModelView& model, const dcloth_character& character,
              const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report);

@@ -74,7 +74,7 @@ namespace DCloth
         /// <summary>Fits the garment to a character with other bones, axes, bind pose and girth; set the space before.
         /// It takes the place of BindJoints and SetBindPose. The result says how it fits. Errors: Joints for parts that
         /// the skeleton lacks, Pose for a rig that would crumple the garment, Argument; the cloth is then as it was.
-        /// Cost: 50 us; with a body 0.2 to 0.8 s.</summary>
+        /// Cost: 50 us; with a body 0.2 to 1 s.</summary>
         public dcloth_fit Fit(ClothCharacter character)
         {
             if (character == null) throw new ArgumentNullException(nameof(character));

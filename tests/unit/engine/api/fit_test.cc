@@ -708,6 +708,21 @@ TEST_F(BodyFitTest, LayersCloseOverTheSkinCount) {
   EXPECT_LT(Deepest(&cloth, shirt), 0.003);
 }
 
+// A shell that stands 30 mm and more off a body in it, as a robot's over its joints: cloth lies on the shell.
+TEST_F(BodyFitTest, ShellsThatStandOverTheSkinCount) {
+  const Host shell = Wearer(1.16);
+  Host host = Wearer(1);
+  const auto first = static_cast<uint32_t>(host.body.size() / 3);
+  host.body.insert(host.body.end(), shell.body.begin(), shell.body.end());
+  host.body_joints.insert(host.body_joints.end(), shell.body_joints.begin(), shell.body_joints.end());
+  host.body_weights.insert(host.body_weights.end(), shell.body_weights.begin(), shell.body_weights.end());
+  for (const uint32_t corner : shell.triangles) host.triangles.push_back(first + corner);
+  OwnedCloth cloth(opened_);
+  dcloth_fit fit = EmptyFit();
+  ASSERT_EQ(Fit(&cloth, host, &fit), DCLOTH_OK);
+  EXPECT_LT(Deepest(&cloth, shell), 0.003);
+}
+
 TEST_F(BodyFitTest, ChecksTheBodyAndItsStorage) {
   OwnedCloth cloth(opened_);
   const auto refused = [&](const std::function<void(Host*)>& spoil) {

@@ -16,7 +16,7 @@ class Garment;
 
 UENUM(BlueprintType)
 enum class EDClothFit : uint8 {
-  Body,   // lays the garment onto bones and skin of any humanoid; takes 0.2 to 0.8 s, once
+  Body,   // lays the garment onto bones and skin of any humanoid; takes 0.2 to 1 s, once
   Bones,  // the same by bones alone: for meshes that have other clothes in them
   Names   // the skeleton is that of training: the same names, axes and lengths
 };
