@@ -174,6 +174,76 @@ def test_a_clip_that_rests_in_another_pose_with_other_axes(hero, dcloth, tmp_pat
             "joints whose axes", "T or A pose")
 
 
+def test_accessors_without_bytes_are_zeros(hero, dcloth, tmp_path):
+    """glTF leaves out a view where all is zero; gltf-transform writes joints of a mesh with one bone so."""
+    document, binary = gltf_file.skin()
+    zero = np.array([[0, 0, 0, 0]] * 3, "u1").tobytes()
+    view = document["bufferViews"][2]
+    binary = binary[:view["byteOffset"]] + zero + binary[view["byteOffset"] + len(zero):]
+    out = {}
+    for name in ("given", "left out", "no byte more"):
+        if name == "left out":
+            del document["accessors"][2]["bufferView"]
+        text = json.dumps(document)
+        if name == "no byte more":      # a chunk whose padding is not counted
+            document["asset"]["extras"] = " " * (-len(text) % 4 + 1)
+        (tmp_path / "hero.glb").write_bytes(gltf_file.glb(document, binary))
+        result = dcloth("hero", tmp_path / "hero.glb", "-o", tmp_path / "o.safetensors")
+        assert result.returncode == 0, result.stderr
+        out[name] = safetensors_file.read(tmp_path / "o.safetensors")[0]
+    for other in ("left out", "no byte more"):
+        for key, values in out["given"].items():
+            assert np.array_equal(values, out[other][key]), key
+
+
+@pytest.mark.parametrize("count", [1 << 28, (1 << 32) - 1, -1, 1e300, "3"])
+def test_accessors_without_bytes_that_are_no_zeros(count, hero, dcloth, tmp_path):
+    document, binary = gltf_file.skin()
+    document["accessors"][0] = {"componentType": 5126, "count": count, "type": "VEC3"}
+    (tmp_path / "hero.glb").write_bytes(gltf_file.glb(document, binary))
+    refused(dcloth("hero", tmp_path / "hero.glb", "-o", tmp_path / "o.safetensors"), "assimp cannot read")
+    assert not leftovers(tmp_path, {"hero.glb"})
+
+
+def own_space(map_to_world, leg):
+    """gltf_file.skin with a second, smaller mesh that lies in a space of its own; `leg` spoils one of its bones."""
+    document, binary = gltf_file.skin()
+    accessors, views = document["accessors"], document["bufferViews"]
+    points = np.frombuffer(binary[:36], "<f4").reshape(3, 3)
+    inverse = np.frombuffer(binary[views[4]["byteOffset"]:], "<f4", 32).reshape(2, 4, 4).transpose(0, 2, 1)
+    moved = (np.c_[points, np.ones(3)] @ np.linalg.inv(map_to_world).T)[:, :3]
+    bind = np.stack([inverse[0] @ map_to_world, inverse[1] @ map_to_world @ leg])
+    for values, kind, count in ((moved, "VEC3", 3), (bind.transpose(0, 2, 1), "MAT4", 2)):
+        accessors.append({"bufferView": len(views), "componentType": 5126, "count": count, "type": kind})
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": 4 * values.size})
+        binary += values.astype("<f4").tobytes()
+    document["buffers"] = [{"byteLength": len(binary)}]
+    document["meshes"].append({"primitives": [{"attributes": {"POSITION": 5, "JOINTS_0": 2, "WEIGHTS_0": 3},
+                                               "indices": 1}]})
+    document["skins"].append({"joints": [1, 2], "inverseBindMatrices": 6})
+    document["nodes"].append({"name": "Eye", "mesh": 1, "skin": 1})
+    document["nodes"][0]["children"].append(4)
+    return gltf_file.glb(document, binary)
+
+
+def test_a_mesh_in_a_space_of_its_own(hero, dcloth, tmp_path):
+    """Eyes and hair of Sketchfab's characters: other numbers, the same place on the skeleton."""
+    turn = np.eye(4)
+    turn[:3, :3] = 25 * Rotation.from_euler("xyz", [0.3, 1.2, -0.7]).as_matrix()
+    turn[:3, 3] = [3, -40, 17]
+    (tmp_path / "hero.glb").write_bytes(own_space(turn, np.eye(4)))
+    result = dcloth("hero", tmp_path / "hero.glb", "-o", tmp_path / "o.safetensors")
+    assert result.returncode == 0, result.stderr
+    tensors, metadata = safetensors_file.read(tmp_path / "o.safetensors")
+    assert len(json.loads(metadata["meshes"])) == 2
+    found = tensors["body_vertices"].reshape(2, 3, 3)
+    assert np.abs(found[0] - found[1]).max() < 1e-5 and np.abs(found[0]).max() > 0.5
+    other = np.eye(4)
+    other[1, 3] = 20
+    (tmp_path / "hero.glb").write_bytes(own_space(turn, other))
+    refused(dcloth("hero", tmp_path / "hero.glb", "-o", tmp_path / "o.safetensors"), "a second bind pose of bone")
+
+
 def test_refuses_what_it_cannot_do(hero, dcloth, tmp_path):
     refused(dcloth("hero", WALKER, "--animation", "Fly", "-o", tmp_path / "o.safetensors"), "no clip 'Fly'", "Walk")
     refused(dcloth("hero", DATA / "walker.bvh", "-o", tmp_path / "o.safetensors"), "no skinned surface")

@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
 
 #include "converter/error.h"
 #include "converter/file.h"
@@ -226,10 +229,17 @@ CharacterFile AssimpReader::Read(bool meshes) {
   ReadSpace();
   if (scene_.mNumAnimations > kMaxClips) Refuse(std::to_string(scene_.mNumAnimations) + " clips", "at most 4096");
   for (unsigned i = 0; i < scene_.mNumAnimations; ++i) file_.clips.push_back(ReadClip(*scene_.mAnimations[i], i));
+  std::vector<const aiMesh*> skinned;
   for (unsigned i = 0; i < scene_.mNumMeshes; ++i) {
-    if (scene_.mMeshes[i]->mNumBones == 0) continue;
-    ReadBind(*scene_.mMeshes[i]);
-    if (meshes) ReadMesh(*scene_.mMeshes[i]);
+    if (scene_.mMeshes[i]->mNumBones != 0) skinned.push_back(scene_.mMeshes[i]);
+  }
+  // Meshes with few bones follow those with many: what an eye is bound in says little of the body.
+  std::vector<const aiMesh*> by_bones = skinned;
+  std::stable_sort(by_bones.begin(), by_bones.end(),
+                   [](const aiMesh* a, const aiMesh* b) { return a->mNumBones > b->mNumBones; });
+  for (const aiMesh* mesh : by_bones) ReadBind(*mesh);
+  for (const aiMesh* mesh : skinned) {
+    if (meshes) ReadMesh(*mesh);
   }
   return std::move(file_);
 }
@@ -262,10 +272,13 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   // Animation curves that never change still place their joint.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_OPTIMIZE_EMPTY_ANIMATION_CURVES, false);
   const unsigned steps = meshes ? unsigned{aiProcess_Triangulate} : 0;
-  if (vrm) limit.Allow(bytes.size());
+  const std::vector<std::byte> filled = format == "glTF" ? WithZeros(bytes) : std::vector<std::byte>();
+  const std::span<const std::byte> whole = filled.empty() ? std::span<const std::byte>(bytes) : filled;
   // assimp goes by a file's ending; VRM is binary glTF, whole in one file.
-  const aiScene* const scene = vrm ? importer.ReadFileFromMemory(bytes.data(), bytes.size(), steps, "glb")
-                                   : importer.ReadFile(path.string(), steps);
+  const bool in_memory = vrm || !filled.empty();
+  if (in_memory) limit.Allow(whole.size());
+  const aiScene* const scene = in_memory ? importer.ReadFileFromMemory(whole.data(), whole.size(), steps, "glb")
+                                         : importer.ReadFile(path.string(), steps);
   limit.Lift();
   if (scene == nullptr) {
     const std::string reason = importer.GetErrorString();

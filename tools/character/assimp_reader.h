@@ -27,6 +27,7 @@ class AssimpReader {
   void ReadSpace();
   CharacterClip ReadClip(const aiAnimation& animation, size_t index) const;
   NodeChannel ReadChannel(const aiNodeAnim& channel, double ticks_per_second, const std::string& clip) const;
+  Eigen::Matrix4d OwnToWorld(const aiMesh& mesh) const;
   Eigen::Matrix4d MeshToWorld(const aiMesh& mesh) const;
   void ReadBind(const aiMesh& mesh);
   void ReadMesh(const aiMesh& mesh);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "tools/character/assimp_reader.h"
 
@@ -10,6 +11,11 @@ namespace dcloth::tools {
 namespace {
 
 constexpr double kSamePose = 1e-4;  // metres, and of a matrix's own size
+constexpr double kSameBind = 1e-3;  // of a bind pose that two meshes give one bone
+
+bool IsSameBind(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b) {
+  return (a - b).cwiseAbs().maxCoeff() <= kSameBind * std::max(1.0, b.cwiseAbs().maxCoeff());
+}
 
 }  // namespace
 
@@ -17,7 +23,7 @@ constexpr double kSamePose = 1e-4;  // metres, and of a matrix's own size
 // ignores it: there a bone's rest times its bind matrix is that map, the same for every bone where the nodes stand in
 // the bind pose (files whose root turns Z up or scales centimetres); where they stand in another pose the mesh is taken
 // as it is.
-Eigen::Matrix4d AssimpReader::MeshToWorld(const aiMesh& mesh) const {
+Eigen::Matrix4d AssimpReader::OwnToWorld(const aiMesh& mesh) const {
   if (file_.format != "glTF") {
     const auto node = mesh_node_.find(&mesh);
     return node == mesh_node_.end() ? Eigen::Matrix4d::Identity() : rest_[node->second];
@@ -35,6 +41,23 @@ Eigen::Matrix4d AssimpReader::MeshToWorld(const aiMesh& mesh) const {
   return first.isIdentity(kSamePose) ? Eigen::Matrix4d::Identity() : first;
 }
 
+// A mesh may lie in a space of its own, as an eye in its head's: then the same map takes its bones to the bind pose
+// that other meshes gave them.
+Eigen::Matrix4d AssimpReader::MeshToWorld(const aiMesh& mesh) const {
+  const Eigen::Matrix4d own = OwnToWorld(mesh);
+  std::optional<Eigen::Matrix4d> told;
+  bool fits = true;
+  for (unsigned b = 0; b < mesh.mNumBones; ++b) {
+    const Eigen::Matrix4d offset = Matrix(mesh.mBones[b]->mOffsetMatrix, "a bind matrix");
+    const std::optional<Eigen::Matrix4d>& known = file_.nodes[NodeOf(mesh.mBones[b]->mName, "a bone")].bind;
+    if (!known) continue;
+    if (!told) told = *known * offset;
+    if (!IsSameBind(*told * offset.inverse(), *known)) return own;
+    fits = fits && IsSameBind(own * offset.inverse(), *known);
+  }
+  return told && !fits ? *told : own;
+}
+
 void AssimpReader::ReadBind(const aiMesh& mesh) {
   const Eigen::Matrix4d to_world = MeshToWorld(mesh);
   const std::string name = mesh.mName.C_Str();
@@ -48,11 +71,11 @@ void AssimpReader::ReadBind(const aiMesh& mesh) {
     const Eigen::Matrix4d bind = to_world * offset.inverse();
     std::optional<Eigen::Matrix4d>& known = file_.nodes[node].bind;
     // Meshes of one skeleton agree, or no pose fits the file.
-    if (known && (*known - bind).cwiseAbs().maxCoeff() > 1e-3 * std::max(1.0, bind.cwiseAbs().maxCoeff())) {
+    if (known && !IsSameBind(*known, bind)) {
       Refuse("a second bind pose of bone '" + file_.nodes[node].name + "' in mesh '" + name + "'", "one bind pose",
              "bind all meshes in the same pose, or export only the body");
     }
-    known = bind;
+    if (!known) known = bind;
   }
 }
 

@@ -24,6 +24,12 @@ struct GltfFacts {
 };
 GltfFacts ReadGltfFacts(std::span<const std::byte> bytes);
 
+// A binary glTF whose accessors all have bytes. One without a view of a buffer is all zeros, which exporters use and
+// assimp does not read; here they share zeros at the end of the file's buffer. Empty where there is nothing to add, or
+// where the zeros would be longer than kMostZeros.
+constexpr uint64_t kMostZeros = uint64_t{16} << 20;
+std::vector<std::byte> WithZeros(std::span<const std::byte> bytes);
+
 }  // namespace dcloth::tools
 
 #endif  // DCLOTH_TOOLS_CHARACTER_GLB_H_

@@ -77,8 +77,8 @@ extern "C" {
 
 uint32_t dcloth_role_of_name(const char* name) {
   uint32_t rank = 0;
-  const uint32_t role = dcloth::engine::RoleOf(name, 0, &rank);
-  return role != DCLOTH_ROLE_NONE ? role : dcloth::engine::RoleOf(name, 1, &rank);
+  const uint32_t role = dcloth::engine::RoleOf(name, false, 0, &rank);
+  return role != DCLOTH_ROLE_NONE ? role : dcloth::engine::RoleOf(name, false, 1, &rank);
 }
 
 const char* dcloth_role_name(uint32_t role) { return dcloth::engine::RoleName(role); }

@@ -73,10 +73,12 @@ constexpr Word kWords[] = {
     {"upperarm", DCLOTH_ROLE_LEFT_UPPER_ARM, 0, true},
     {"arm", DCLOTH_ROLE_LEFT_UPPER_ARM, 0, true},
     {"upperarm1", DCLOTH_ROLE_LEFT_UPPER_ARM, 0, true},
+    {"uparm", DCLOTH_ROLE_LEFT_UPPER_ARM, 0, true},
     {"shldr", DCLOTH_ROLE_LEFT_UPPER_ARM, 0, true},
     {"shldrbend", DCLOTH_ROLE_LEFT_UPPER_ARM, 0, true},
     {"lowerarm", DCLOTH_ROLE_LEFT_LOWER_ARM, 0, true},
     {"forearm", DCLOTH_ROLE_LEFT_LOWER_ARM, 0, true},
+    {"lowarm", DCLOTH_ROLE_LEFT_LOWER_ARM, 0, true},
     {"lowerarm1", DCLOTH_ROLE_LEFT_LOWER_ARM, 0, true},
     {"forearmbend", DCLOTH_ROLE_LEFT_LOWER_ARM, 0, true},
     {"elbow", DCLOTH_ROLE_LEFT_LOWER_ARM, 1, true},
@@ -93,6 +95,7 @@ constexpr Word kWords[] = {
     {"calf", DCLOTH_ROLE_LEFT_LOWER_LEG, 0, true},
     {"shin", DCLOTH_ROLE_LEFT_LOWER_LEG, 0, true},
     {"lowerleg1", DCLOTH_ROLE_LEFT_LOWER_LEG, 0, true},
+    {"lowleg", DCLOTH_ROLE_LEFT_LOWER_LEG, 0, true},
     {"knee", DCLOTH_ROLE_LEFT_LOWER_LEG, 1, true},
     {"foot", DCLOTH_ROLE_LEFT_FOOT, 1, true},
     {"ankle", DCLOTH_ROLE_LEFT_FOOT, 0, true},
@@ -170,32 +173,42 @@ void TakePart(const char* part, size_t size, Plain* plain) {
   plain->Add(text + at, end - at);
 }
 
+// Bytes of a name without the number that it ends in, "_01"; 0 where there is none.
+size_t SizeBeforeNumber(const char* name) {
+  const size_t size = std::strlen(name);
+  size_t at = size;
+  while (at > 0 && IsDigit(name[at - 1])) --at;
+  return at == size || at < 2 || name[at - 1] != '_' ? 0 : at - 1;
+}
+
 // "mixamorig:LeftUpLeg" -> upleg, left; "thigh_l", "DEF-thigh.L", "J_Bip_L_UpperLeg", "Bip01 L Thigh", "lThigh" the
 // same way.
-Plain PlainName(const char* name) {
+Plain PlainName(const char* name, bool numbered) {
   Plain plain;
   const char* begin = name;
-  size_t length = 0;
-  for (const char* at = name; *at != 0 && length < 4 * kMaxName; ++at, ++length) {
-    if ((*at == ':' || *at == '|') && at[1] != 0) begin = at + 1;
+  const size_t before_number = numbered ? SizeBeforeNumber(name) : 0;
+  const char* const end = name + (before_number != 0 ? before_number : std::strlen(name));
+  for (const char* at = name; at != end && at < name + 4 * kMaxName; ++at) {
+    if ((*at == ':' || *at == '|') && at + 1 != end) begin = at + 1;
   }
   // "lThigh", "rShin", "LHipJoint": a side in one letter before a capital.
-  if ((Lower(begin[0]) == 'l' || Lower(begin[0]) == 'r') && IsUpper(begin[1]) && begin[2] != 0 && !IsUpper(begin[2])) {
+  if (end - begin > 2 && (Lower(begin[0]) == 'l' || Lower(begin[0]) == 'r') && IsUpper(begin[1]) &&
+      !IsUpper(begin[2])) {
     plain.side = Lower(begin[0]) == 'l' ? Side::kLeft : Side::kRight;
     ++begin;
   }
   char part[kMaxName + 1];
   size_t size = 0;
   for (const char* at = begin;; ++at) {
-    const bool letter = IsLetter(*at);
+    const bool letter = at != end && IsLetter(*at), digit = at != end && IsDigit(*at);
     // A number after a word is a part of its own, but for its zeros: "spine01".
-    const bool breaks = size != 0 && IsDigit(*at) && !IsDigit(part[size - 1]);
-    if (size != 0 && ((!letter && !IsDigit(*at)) || breaks || size == kMaxName)) {
+    const bool breaks = size != 0 && digit && !IsDigit(part[size - 1]);
+    if (size != 0 && ((!letter && !digit) || breaks || size == kMaxName)) {
       TakePart(part, size, &plain);
       size = 0;
     }
-    if (*at == 0) return plain;
-    if (letter || IsDigit(*at)) part[size++] = Lower(*at);
+    if (at == end) return plain;
+    if (letter || digit) part[size++] = Lower(*at);
   }
 }
 
@@ -222,16 +235,18 @@ uint32_t OtherSide(uint32_t role) {
   return role < DCLOTH_ROLE_RIGHT_UPPER_LEG ? role + kLeg : role - kLeg;
 }
 
-uint32_t RoleOf(const char* name, uint32_t choice, uint32_t* rank) {
+uint32_t RoleOf(const char* name, bool numbered, uint32_t choice, uint32_t* rank) {
   if (name == nullptr) return DCLOTH_ROLE_NONE;
-  const Plain plain = PlainName(name);
+  const Plain plain = PlainName(name, numbered);
   return choice == 0 ? Find(plain, kWords, sizeof(kWords) / sizeof(kWords[0]), rank)
                      : Find(plain, kSecondWords, sizeof(kSecondWords) / sizeof(kSecondWords[0]), rank);
 }
 
-bool IsTrunkName(const char* name) {
+bool EndsInNumber(const char* name) { return name != nullptr && SizeBeforeNumber(name) != 0; }
+
+bool IsTrunkName(const char* name, bool numbered) {
   if (name == nullptr) return false;
-  const Plain plain = PlainName(name);
+  const Plain plain = PlainName(name, numbered);
   if (plain.side != Side::kNone) return false;
   for (const char* word : kTrunk) {
     if (!StartsWith(plain.word, word)) continue;

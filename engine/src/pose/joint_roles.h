@@ -16,10 +16,14 @@ const char* RoleName(uint32_t role);
 // The role that `name` may have as its choice number `choice`, 0 to kRoleChoices - 1: a few words mean one thing in one
 // naming and another in the next ("spine" is Rigify's hips). `rank` says how well the word fits, 0 best.
 constexpr uint32_t kRoleChoices = 2;
-uint32_t RoleOf(const char* name, uint32_t choice, uint32_t* rank);
+uint32_t RoleOf(const char* name, bool numbered, uint32_t choice, uint32_t* rank);
 
 // Whether the name is one of the trunk between hips and neck, whichever: those are told apart by their height.
-bool IsTrunkName(const char* name);
+bool IsTrunkName(const char* name, bool numbered);
+
+// Whether the name ends in a number of its own: "Hips_01". Sketchfab numbers every node so; where all of a character's
+// joints are numbered, which is what `numbered` says, the number is no part of the name. Unreal's "spine_01" is one.
+bool EndsInNumber(const char* name);
 
 // The role on the other side of the body; the role itself in the middle.
 uint32_t OtherSide(uint32_t role);

@@ -76,6 +76,7 @@ struct NamedJoints {
   const ModelView* model;             // or
   const dcloth_character* character;  // in `space`
   Space space;
+  bool numbered = false;  // joint_roles.h
 
   uint32_t count() const { return model != nullptr ? model->joint_count : character->joint_count; }
   const char* Name(uint32_t j) const {
@@ -87,11 +88,13 @@ struct NamedJoints {
       *rank = 0;
       return choice == 0 ? Told(j) : uint32_t{DCLOTH_ROLE_NONE};
     }
-    const uint32_t role = RoleOf(Name(j), choice, rank);
+    const uint32_t role = RoleOf(Name(j), numbered, choice, rank);
     ++*rank;  // what is told comes first
     return role;
   }
-  bool IsOfTrunk(uint32_t j) const { return Told(j) != DCLOTH_ROLE_NONE ? IsTrunk(Told(j)) : IsTrunkName(Name(j)); }
+  bool IsOfTrunk(uint32_t j) const {
+    return Told(j) != DCLOTH_ROLE_NONE ? IsTrunk(Told(j)) : IsTrunkName(Name(j), numbered);
+  }
   uint32_t Told(uint32_t j) const {
     return model == nullptr && character->joint_roles != nullptr ? character->joint_roles[j]
                                                                  : uint32_t{DCLOTH_ROLE_NONE};
@@ -105,6 +108,14 @@ struct NamedJoints {
     return Origin(FromHost(space, CharacterBind(*character, j)));
   }
 };
+
+bool AreNumbered(const dcloth_character& character) {
+  if (character.joint_names == nullptr) return false;
+  for (uint32_t j = 0; j < character.joint_count; ++j) {
+    if (!EndsInNumber(character.joint_names[j])) return false;
+  }
+  return true;
+}
 
 bool IsTaken(const RoleJoints& found, uint32_t joint) {
   for (const int32_t taken : found.joint) {
@@ -269,12 +280,13 @@ bool RefusePose(const char* field, int64_t index, const char* found, const char*
 
 // Every joint of the garment has somebody to move it.
 bool CheckRoles(const ModelView& model, const dcloth_character& character, const RigFit& fit, Diagnostic* diagnostic) {
+  constexpr uint32_t kMostNamed = 6;
   char found[170];
   Text text(found, sizeof(found));
   uint32_t missing = 0;
   const auto miss = [&](const char* what) {
-    text.Add(missing == 0 ? "no joint for '" : ", '").AddName(what).Add("'");
-    ++missing;
+    if (++missing > kMostNamed) return;
+    text.Add(missing == 1 ? "no joint for '" : ", '").AddName(what).Add("'");
   };
   bool trunk_missed = false;
   for (uint32_t j = 0; j < model.joint_count; ++j) {
@@ -295,6 +307,7 @@ bool CheckRoles(const ModelView& model, const dcloth_character& character, const
     }
   }
   if (missing == 0) return true;
+  if (missing > kMostNamed) text.Add(" and ").Add(uint64_t{missing - kMostNamed}).Add(" more");
   char allowed[64];
   Text(allowed, sizeof(allowed)).Add("a joint for each, among the ").Add(uint64_t{character.joint_count}).Add(" given");
   const Path path = {nullptr, "character"};
@@ -527,7 +540,7 @@ bool MeasureRig(const ModelView& model, const dcloth_character& character, const
                 dcloth_fit* report, Diagnostic* diagnostic) {
   fit->space = space;
   fit->figure = FindRoles({&model, nullptr, space});
-  fit->character = FindRoles({nullptr, &character, space});
+  fit->character = FindRoles({nullptr, &character, space, AreNumbered(character)});
   if (!CheckRoles(model, character, *fit, diagnostic) || !CheckMatrices(character, *fit, diagnostic)) return false;
   for (uint32_t j = 0; j < model.joint_count; ++j) {
     const uint32_t role = FigureRole(*fit, j);

@@ -195,10 +195,11 @@ TEST_F(FitTest, AnyNamingWearsTheSameGarment) {
       "DEF-shoulder.L", "DEF-upper_arm.L", "DEF-forearm.L",  "DEF-hand.L",      "DEF-thigh.L",   "DEF-shin.L",
       "DEF-foot.L",     "DEF-toe.L",       "DEF-shoulder.R", "DEF-upper_arm.R", "DEF-forearm.R", "DEF-hand.R",
       "DEF-thigh.R",    "DEF-shin.R",      "DEF-foot.R",     "DEF-toe.R"};
-  std::vector<std::string> mixamo;
+  std::vector<std::string> mixamo, sketchfab;  // which numbers what it is given, as "Spine_02": not its second one
   for (const std::string& name : names_) mixamo.push_back("mixamorig:" + name);
+  for (const std::string& name : mixamo) sketchfab.push_back(name + "_0" + std::to_string(sketchfab.size() + 1));
   uint32_t seed = 1;
-  for (const auto& names : {names_, mixamo, unity, unreal, rigify, std::vector<std::string>()}) {
+  for (const auto& names : {names_, mixamo, sketchfab, unity, unreal, rigify, std::vector<std::string>()}) {
     SCOPED_TRACE(names.empty() ? "roles" : names[0]);
     std::mt19937 random(seed++);
     std::vector<size_t> order(joints());
@@ -439,6 +440,12 @@ TEST_F(FitTest, RefusesRigsThatWouldCrumpleIt) {
       if (has(name, "UpLeg")) name = "wheel";
     }
     ExpectRefused(host, DCLOTH_ERROR_JOINTS, "'left upper leg', 'right upper leg'", "joint_roles");
+  }
+  {
+    SCOPED_TRACE("no names that say anything");
+    Host host = good;
+    for (size_t j = 0; j < host.names.size(); ++j) host.names[j] = "pole" + std::to_string(j);
+    ExpectRefused(host, DCLOTH_ERROR_JOINTS, "'left upper arm' and 14 more", "joint_roles");
   }
   {
     SCOPED_TRACE("no spine");

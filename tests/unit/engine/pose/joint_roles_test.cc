@@ -96,7 +96,7 @@ const std::vector<Naming>& Namings() {
 
 uint32_t Role(const std::string& name) {
   uint32_t rank = 99;
-  const uint32_t role = engine::RoleOf(name.c_str(), 0, &rank);
+  const uint32_t role = engine::RoleOf(name.c_str(), false, 0, &rank);
   EXPECT_EQ(role == DCLOTH_ROLE_NONE, rank == 99);
   return role;
 }
@@ -119,7 +119,7 @@ TEST(JointRolesTest, KnowsTheNamings) {
       expect(naming.left[i], kLeft[i]);
       expect(naming.right[i], engine::OtherSide(kLeft[i]));
     }
-    for (const std::string& name : naming.trunk) EXPECT_TRUE(engine::IsTrunkName(name.c_str())) << name;
+    for (const std::string& name : naming.trunk) EXPECT_TRUE(engine::IsTrunkName(name.c_str(), false)) << name;
   }
   EXPECT_GT(names, 180u);
 }
@@ -154,9 +154,9 @@ TEST(JointRolesTest, LeavesOtherJointsAlone) {
                            "handslot.r"}) {
     EXPECT_EQ(Role(name), uint32_t{DCLOTH_ROLE_NONE}) << name;
   }
-  EXPECT_EQ(engine::RoleOf(nullptr, 0, nullptr), uint32_t{DCLOTH_ROLE_NONE});
+  EXPECT_EQ(engine::RoleOf(nullptr, false, 0, nullptr), uint32_t{DCLOTH_ROLE_NONE});
   for (const char* name : {"spine_ik_l", "Spine_L", "neck", "hips", "chestplate", "spinetwist"})
-    EXPECT_FALSE(engine::IsTrunkName(name)) << name;
+    EXPECT_FALSE(engine::IsTrunkName(name, false)) << name;
 }
 
 // Names come out of files: any bytes and any length are names like others.
