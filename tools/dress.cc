@@ -3,8 +3,11 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <memory>
+#include <numeric>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "converter/error.h"
@@ -123,8 +126,44 @@ std::vector<float> SkinMatrices(const Hero& hero, const HeroClip& clip) {
   return out;
 }
 
-Report PageOf(const Options& options, const converter::OpenModel& model, const Hero& hero, const dcloth_fit& fit,
-              std::span<const Played> clips) {
+// The hero's skin with its pictures. Triangles go by their material; a corner is a vertex of its own where its
+// neighbours show another place of the picture.
+ReportBody PicturedBody(const CharacterFile& file, const Hero& hero) {
+  ReportBody body;
+  body.pictures = file.pictures;
+  std::vector<size_t> order(hero.materials.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::ranges::stable_sort(order, {}, [&](size_t t) { return hero.materials[t]; });
+  std::map<std::tuple<uint32_t, float, float>, uint32_t> corners;
+  std::vector<uint32_t> first(hero.positions.size() / 3, UINT32_MAX);
+  for (const size_t t : order) {
+    const Material material =
+        hero.materials[t] < file.materials.size() ? file.materials[hero.materials[t]] : Material();
+    const bool begins = body.faces.empty() || hero.materials[t] != hero.materials[order[body.faces.size() / 3 - 1]];
+    if (begins) body.parts.push_back({body.faces.size(), 0, material.colour, material.picture, material.cut_out});
+    body.parts.back().count += 3;
+    for (size_t k = 0; k < 3; ++k) {
+      const uint32_t v = hero.triangles[3 * t + k];
+      const float* at = hero.texture_coordinates.data() + 2 * (3 * t + k);
+      const auto next = static_cast<uint32_t>(body.same.size());
+      const auto [known, fresh] = corners.try_emplace({v, at[0], at[1]}, next);
+      body.faces.push_back(known->second);
+      if (!fresh) continue;
+      if (first[v] == UINT32_MAX) first[v] = next;
+      body.same.push_back(first[v]);
+      for (size_t i = 0; i < 3; ++i) body.positions.push_back(hero.positions[3 * size_t{v} + i]);
+      for (size_t i = 0; i < 4; ++i) {
+        body.joints.push_back(static_cast<uint16_t>(hero.influences[4 * size_t{v} + i]));
+        body.weights.push_back(hero.weights[4 * size_t{v} + i]);
+      }
+      body.texture_coordinates.insert(body.texture_coordinates.end(), at, at + 2);
+    }
+  }
+  return body;
+}
+
+Report PageOf(const Options& options, const converter::OpenModel& model, const CharacterFile& file, const Hero& hero,
+              const dcloth_fit& fit, std::span<const Played> clips) {
   const size_t n = model.info().vertex_count, frame_size = 3 * n;
   Report report;
   report.title = std::string(model.info().name) + " on " + converter::PathText(options.hero.stem());
@@ -137,13 +176,7 @@ Report PageOf(const Options& options, const converter::OpenModel& model, const H
   report.joint_count = hero.joints.size();
   report.triangles.assign(model.triangles().begin(), model.triangles().end());
   report.vertex_count = n;
-  if (!hero.positions.empty()) {
-    report.body = ReportBody{.positions = hero.positions,
-                             .faces = hero.triangles,
-                             .joints = {hero.influences.begin(), hero.influences.end()},
-                             .weights = hero.weights,
-                             .colours = {}};
-  }
+  if (!hero.positions.empty()) report.body = PicturedBody(file, hero);
   for (const Played& played : clips) {
     ReportSequence sequence;
     sequence.name = played.clip.name;
@@ -290,12 +323,13 @@ int Dress(const Options& options) {
   reading.reset();
   if (!options.json) PrintFit(model, hero, fitted.fit);
   std::vector<Played> clips;
+  clips.reserve(sampled.size());
   for (HeroClip& clip : sampled) clips.push_back(Play(model, std::move(clip), options.hero));
   const Json json = FitJson(options, model, hero, fitted.fit, clips);
   for (const std::filesystem::path& output : options.outputs) {
     const std::string extension = output.extension().string();
     if (extension == ".html") {
-      WriteHtmlReport(output, PageOf(options, model, hero, fitted.fit, clips));
+      WriteHtmlReport(output, PageOf(options, model, file, hero, fitted.fit, clips));
     } else if (extension == ".glb") {
       if (clips.front().clip.frames > kMostGlbFrames) {
         throw converter::Error({.path = output,

@@ -65,6 +65,21 @@ Json SequenceJson(const ReportSequence& sequence, std::span<const int32_t> paren
   return json;
 }
 
+void AddParts(const ReportBody& body, Blobs* blobs, Json* json) {
+  (*json)["same"] = blobs->Add(body.same);
+  (*json)["texture_coordinates"] = blobs->Add(body.texture_coordinates);
+  (*json)["parts"] = Json::array();
+  (*json)["pictures"] = Json::array();
+  for (const ReportPart& part : body.parts) {
+    (*json)["parts"].push_back({{"first", part.first},
+                                {"count", part.count},
+                                {"colour", part.colour},
+                                {"picture", part.picture},
+                                {"cut_out", part.cut_out}});
+  }
+  for (const std::vector<std::byte>& picture : body.pictures) (*json)["pictures"].push_back(blobs->Add(picture));
+}
+
 }  // namespace
 
 void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
@@ -88,6 +103,7 @@ void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
                     {"joints", blobs.Add(report.body->joints)},
                     {"weights", blobs.Add(report.body->weights)}};
     if (!report.body->colours.empty()) json["body"]["colours"] = blobs.Add(report.body->colours);
+    if (!report.body->parts.empty()) AddParts(*report.body, &blobs, &json["body"]);
   }
   const std::vector<int32_t> parents = SpatialParents(report.triangles, report.vertex_count);
   for (const ReportSequence& sequence : report.sequences) {

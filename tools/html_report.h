@@ -3,6 +3,7 @@
 #define DCLOTH_TOOLS_HTML_REPORT_H_
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -15,12 +16,25 @@
 
 namespace dcloth::tools {
 
+// Triangles of the body that look alike.
+struct ReportPart {
+  size_t first = 0, count = 0;              // corners
+  std::array<float, 3> colour = {1, 1, 1};  // linear; times the picture
+  int32_t picture = -1;                     // -1: none
+  bool cut_out = false;
+};
+
 struct ReportBody {
   std::vector<float> positions;  // [b, 3] bind pose
   std::vector<uint32_t> faces;   // [f, 3]
   std::vector<uint16_t> joints;  // [b, 4]
   std::vector<float> weights;    // [b, 4], rows sum to 1
   std::vector<uint8_t> colours;  // [b, 3] sRGB; empty: one colour for all
+  // With pictures a vertex is there once for every place of a picture that it shows.
+  std::vector<uint32_t> same;              // [b] the first vertex in its place
+  std::vector<float> texture_coordinates;  // [b, 2]
+  std::vector<ReportPart> parts;           // of all faces; empty: all look alike
+  std::vector<std::vector<std::byte>> pictures;
 };
 
 struct ReportSequence {

@@ -129,11 +129,11 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
   report.triangles.assign(model.triangles().begin(), model.triangles().end());
   report.vertex_count = n;
   if (body) {
-    report.body = ReportBody{.positions = std::move(geometry.body),
-                             .faces = std::move(geometry.body_triangles),
-                             .joints = std::move(geometry.body_joints),
-                             .weights = std::move(geometry.body_weights),
-                             .colours = {}};
+    report.body.emplace();
+    report.body->positions = std::move(geometry.body);
+    report.body->faces = std::move(geometry.body_triangles);
+    report.body->joints = std::move(geometry.body_joints);
+    report.body->weights = std::move(geometry.body_weights);
   } else {
     report.sticks = SticksOf(skeleton);
   }

@@ -3,12 +3,15 @@ import json
 import re
 import shutil
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import gltf_file
 import small_garment
+import test_report
 from checks import leftovers, refused
 
 DATA = Path(__file__).parent / "data"
@@ -74,6 +77,73 @@ def test_the_page_holds_body_and_cloth(dressed):
     assert data["vertex_count"] == small_garment.VERTICES
     assert data["body"]["count"] > 50 and data["sequences"][0]["frames"] == 20
     assert page.count('id="blob-') > 6
+
+
+def png(rows):
+    """An RGB picture of rows [h, w, 3], 0 to 255."""
+    rows = np.array(rows, np.uint8)
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    lines = b"".join(b"\0" + row.tobytes() for row in rows)
+    header = struct.pack(">IIBBBBB", rows.shape[1], rows.shape[0], 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(lines)) + chunk(b"IEND", b"")
+
+
+def painted(place, picture, webp=False, material=None):
+    """The walker, all of whose skin shows one place of a picture."""
+    data = WALKER.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    document, binary = json.loads(data[20:20 + length]), bytearray(data[20 + length + 8:])
+
+    def view(content):
+        binary.extend(bytes(-len(binary) % 4))
+        document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(content)})
+        binary.extend(content)
+        return len(document["bufferViews"]) - 1
+    for mesh in document["meshes"]:
+        for primitive in mesh["primitives"]:
+            count = document["accessors"][primitive["attributes"]["POSITION"]]["count"]
+            document["accessors"].append({"bufferView": view(np.tile(np.array(place, "<f4"), (count, 1)).tobytes()),
+                                          "componentType": 5126, "count": count, "type": "VEC2"})
+            primitive["attributes"]["TEXCOORD_0"] = len(document["accessors"]) - 1
+            primitive["material"] = 0
+    document["images"] = [{"bufferView": view(picture), "mimeType": "image/png"}]
+    document["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}} if webp else {"source": 0}]
+    document["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, **(material or {})}]
+    document["buffers"][0]["byteLength"] = len(binary)
+    return gltf_file.glb(document, bytes(binary))
+
+
+PICTURE = png([[[255, 0, 255], [255, 255, 0]], [[0, 90, 255], [255, 255, 255]]])     # blue at the lower left
+
+
+@pytest.mark.parametrize("webp", [False, True])
+def test_the_page_shows_the_characters_pictures(webp, importing, dcloth, files, tmp_path):
+    hero, out = tmp_path / "hero.glb", tmp_path / "out.html"
+    hero.write_bytes(painted((0.25, 0.75), PICTURE, webp, {"alphaMode": "MASK"}))
+    result = dcloth("dress", hero, "--garment", files.model, "-o", out)
+    assert result.returncode == 0, result.stderr
+    _, data, blobs = test_report.page_parts(out)
+    body = data["body"]
+    assert [blobs[k] for k in body["pictures"]] == [PICTURE]
+    assert [(part["picture"], part["cut_out"]) for part in body["parts"]] == [(0, True)]
+    places = np.frombuffer(blobs[body["texture_coordinates"]], "<f4").reshape(-1, 2)
+    assert len(places) == body["count"] and np.abs(places - [0.25, 0.75]).max() < 1e-6
+    if test_report.CHROMIUM is None:
+        pytest.skip("no chromium on this machine: what the page shows is not tested")
+    image = test_report.picture(out, "frame=10&theme=light", tmp_path / "picture.png")
+    blue = (image[:, :, 2] > 1.5 * image[:, :, 0]) & (image[:, :, 2] > 0.2)
+    assert blue.sum() > 2000, "the skin does not show the lower left of its picture"
+
+
+def test_what_is_no_picture_is_left_out(importing, dcloth, files, tmp_path):
+    hero, out = tmp_path / "hero.glb", tmp_path / "out.html"
+    hero.write_bytes(painted((0.25, 0.75), b"<svg onload=alert(1)>"))
+    result = dcloth("dress", hero, "--garment", files.model, "-o", out)
+    assert result.returncode == 0, result.stderr
+    body = test_report.page_parts(out)[1]["body"]
+    assert body["pictures"] == [] and [part["picture"] for part in body["parts"]] == [-1]
 
 
 def test_the_gltf_moves_body_and_cloth(dressed):

@@ -14,6 +14,15 @@ namespace {
 
 constexpr double kMostFrames = 16;
 
+// Pictures of a scene are its own or none.
+class NoFiles : public Assimp::IOSystem {
+ public:
+  bool Exists(const char*) const override { return false; }
+  char getOsSeparator() const override { return '/'; }
+  Assimp::IOStream* Open(const char*, const char*) override { return nullptr; }
+  void Close(Assimp::IOStream*) override {}
+};
+
 std::string BrokenFile(const tools::CharacterFile& file) {
   const size_t node_count = file.nodes.size();
   for (size_t i = 0; i < node_count; ++i) {
@@ -99,7 +108,7 @@ Verdict FuzzScene(const uint8_t* bytes, size_t size) {
   bool read = false, used = false;
   std::string broken = Refusable(
       [&] {
-        file = tools::AssimpReader(*asked.scene, asked.format, "scene").Read(true);
+        file = tools::AssimpReader(*asked.scene, NoFiles(), asked.format, "scene").Read(true);
         return BrokenFile(file);
       },
       &read);

@@ -44,8 +44,9 @@ std::string FormatOf(const std::filesystem::path& path) {
 
 }  // namespace
 
-AssimpReader::AssimpReader(const aiScene& scene, std::string format, const std::filesystem::path& path)
-    : scene_(scene) {
+AssimpReader::AssimpReader(const aiScene& scene, const Assimp::IOSystem& files, std::string format,
+                           const std::filesystem::path& path)
+    : scene_(scene), files_(files) {
   file_.path = path;
   file_.format = std::move(format);
   file_.upright.setIdentity();
@@ -238,6 +239,7 @@ CharacterFile AssimpReader::Read(bool meshes) {
   std::stable_sort(by_bones.begin(), by_bones.end(),
                    [](const aiMesh* a, const aiMesh* b) { return a->mNumBones > b->mNumBones; });
   for (const aiMesh* mesh : by_bones) ReadBind(*mesh);
+  if (meshes) ReadMaterials();
   for (const aiMesh* mesh : skinned) {
     if (meshes) ReadMesh(*mesh);
   }
@@ -261,8 +263,9 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   const bool vrm = Lower(path.extension().string()) == ".vrm";
   MemoryLimit limit;
   Assimp::Importer importer;
-  importer.SetIOHandler(new FolderFileSystem(path.parent_path(), &limit));  // the importer owns it
-  importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_TEXTURES, false);
+  auto* const files = new FolderFileSystem(path.parent_path(), &limit);
+  importer.SetIOHandler(files);  // which the importer owns now
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_TEXTURES, meshes);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_CAMERAS, false);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_LIGHTS, false);
   // BVH: no made-up mesh that shows the bones.
@@ -272,7 +275,7 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   // Animation curves that never change still place their joint.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_OPTIMIZE_EMPTY_ANIMATION_CURVES, false);
   const unsigned steps = meshes ? unsigned{aiProcess_Triangulate} : 0;
-  const std::vector<std::byte> filled = format == "glTF" ? WithZeros(bytes) : std::vector<std::byte>();
+  const std::vector<std::byte> filled = format == "glTF" ? ForAssimp(bytes) : std::vector<std::byte>();
   const std::span<const std::byte> whole = filled.empty() ? std::span<const std::byte>(bytes) : filled;
   // assimp goes by a file's ending; VRM is binary glTF, whole in one file.
   const bool in_memory = vrm || !filled.empty();
@@ -291,7 +294,7 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
                             .expected = "a sound " + format + " file",
                             .mend = "export it again"});
   }
-  CharacterFile file = AssimpReader(*scene, format, path).Read(meshes);
+  CharacterFile file = AssimpReader(*scene, *files, format, path).Read(meshes);
   file.roles = facts.roles;
   return file;
 }

@@ -4,6 +4,9 @@
 
 #include <assimp/scene.h>
 
+#include <assimp/IOSystem.hpp>
+#include <cstdint>
+#include <map>
 #include <string>
 #include <unordered_map>
 
@@ -13,7 +16,9 @@ namespace dcloth::tools {
 
 class AssimpReader {
  public:
-  AssimpReader(const aiScene& scene, std::string format, const std::filesystem::path& path);
+  // `files` says which of the files beside the first one may be read.
+  AssimpReader(const aiScene& scene, const Assimp::IOSystem& files, std::string format,
+               const std::filesystem::path& path);
 
   CharacterFile Read(bool meshes);
 
@@ -31,13 +36,17 @@ class AssimpReader {
   Eigen::Matrix4d MeshToWorld(const aiMesh& mesh) const;
   void ReadBind(const aiMesh& mesh);
   void ReadMesh(const aiMesh& mesh);
+  void ReadMaterials();
+  int32_t ReadPicture(const aiMaterial& material);
 
   const aiScene& scene_;
+  const Assimp::IOSystem& files_;
   CharacterFile file_;
   std::unordered_map<std::string, size_t> index_;  // the first node of a name
   std::unordered_map<std::string, size_t> count_;  // nodes of a name
   std::unordered_map<const aiMesh*, size_t> mesh_node_;
-  std::vector<Eigen::Matrix4d> rest_;  // nodes to world, without animation
+  std::map<std::string, int32_t> pictures_;  // by the name that materials give it
+  std::vector<Eigen::Matrix4d> rest_;        // nodes to world, without animation
 };
 
 }  // namespace dcloth::tools

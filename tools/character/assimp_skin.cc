@@ -1,16 +1,22 @@
-// The skin: which pose it was bound in, its vertices and weights.
+// The skin: which pose it was bound in, its vertices, weights and pictures.
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <map>
 #include <optional>
+#include <span>
+#include <string_view>
+#include <system_error>
 
+#include "converter/file.h"
 #include "tools/character/assimp_reader.h"
 
 namespace dcloth::tools {
 namespace {
 
 constexpr double kSamePose = 1e-4;  // metres, and of a matrix's own size
+constexpr size_t kMostPictureBytes = size_t{24} << 20;
 constexpr double kSameBind = 1e-3;  // of a bind pose that two meshes give one bone
 
 bool IsSameBind(const Eigen::Matrix4d& a, const Eigen::Matrix4d& b) {
@@ -44,7 +50,7 @@ Eigen::Matrix4d AssimpReader::OwnToWorld(const aiMesh& mesh) const {
 // A mesh may lie in a space of its own, as an eye in its head's: then the same map takes its bones to the bind pose
 // that other meshes gave them.
 Eigen::Matrix4d AssimpReader::MeshToWorld(const aiMesh& mesh) const {
-  const Eigen::Matrix4d own = OwnToWorld(mesh);
+  Eigen::Matrix4d own = OwnToWorld(mesh);
   std::optional<Eigen::Matrix4d> told;
   bool fits = true;
   for (unsigned b = 0; b < mesh.mNumBones; ++b) {
@@ -79,9 +85,74 @@ void AssimpReader::ReadBind(const aiMesh& mesh) {
   }
 }
 
+// What a browser can show: assimp hands on the bytes of an embedded file.
+bool IsPicture(std::span<const std::byte> bytes) {
+  const auto begins = [&](std::string_view with, size_t at) {
+    return bytes.size() >= at + with.size() && std::memcmp(bytes.data() + at, with.data(), with.size()) == 0;
+  };
+  return begins("\x89PNG", 0) || begins("\xFF\xD8\xFF", 0) || (begins("RIFF", 0) && begins("WEBP", 8));
+}
+
+// The picture of a surface's colour, embedded or a file in the character's folder; -1 for none that can be shown.
+int32_t AssimpReader::ReadPicture(const aiMaterial& material) {
+  aiString name;
+  if (material.GetTexture(aiTextureType_BASE_COLOR, 0, &name) != aiReturn_SUCCESS &&
+      material.GetTexture(aiTextureType_DIFFUSE, 0, &name) != aiReturn_SUCCESS)
+    return -1;
+  if (const auto known = pictures_.find(name.C_Str()); known != pictures_.end()) return known->second;
+  int32_t& index = pictures_[name.C_Str()] = -1;
+  size_t held = 0;
+  for (const auto& picture : file_.pictures) held += picture.size();
+  const auto keep = [&](std::span<const std::byte> bytes) {
+    if (!IsPicture(bytes) || bytes.size() > kMostPictureBytes - held) return;
+    index = static_cast<int32_t>(file_.pictures.size());
+    file_.pictures.emplace_back(bytes.begin(), bytes.end());
+  };
+  if (const aiTexture* const embedded = scene_.GetEmbeddedTexture(name.C_Str())) {
+    if (embedded->mHeight == 0 && embedded->pcData != nullptr)
+      keep(std::as_bytes(std::span(reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth)));
+    return index;
+  }
+  std::string written = name.C_Str();
+  std::ranges::replace(written, '\\', '/');
+  for (const std::filesystem::path& tried :
+       {std::filesystem::path(written), std::filesystem::path(written).filename()}) {
+    const std::filesystem::path file = file_.path.parent_path() / tried;
+    if (!files_.Exists(file.string().c_str())) continue;
+    std::error_code failed;
+    if (std::filesystem::file_size(file, failed) <= kMostPictureBytes && !failed)
+      keep(converter::ReadFile(file, kMostPictureBytes));
+    break;
+  }
+  return index;
+}
+
+void AssimpReader::ReadMaterials() {
+  for (unsigned i = 0; i < scene_.mNumMaterials; ++i) {
+    const aiMaterial& from = *scene_.mMaterials[i];
+    Material material;
+    aiColor4D colour(1, 1, 1, 1);
+    const bool linear = from.Get(AI_MATKEY_BASE_COLOR, colour) == aiReturn_SUCCESS;
+    material.picture = ReadPicture(from);
+    // A diffuse colour beside a picture is a viewer's default more often than a tint.
+    if (!linear && material.picture < 0) from.Get(AI_MATKEY_COLOR_DIFFUSE, colour);
+    const ai_real parts[3] = {colour.r, colour.g, colour.b};
+    for (size_t c = 0; c < 3; ++c) {
+      const float part = std::isfinite(parts[c]) ? std::clamp(static_cast<float>(parts[c]), 0.0f, 1.0f) : 1.0f;
+      material.colour[c] = linear ? part : std::pow(part, 2.2f);
+    }
+    aiString alpha;
+    material.cut_out =
+        from.Get("$mat.gltf.alphaMode", 0, 0, alpha) == aiReturn_SUCCESS && std::string_view(alpha.C_Str()) != "OPAQUE";
+    file_.materials.push_back(material);
+  }
+}
+
 void AssimpReader::ReadMesh(const aiMesh& mesh) {
   SkinnedMesh out;
   out.name = mesh.mName.C_Str();
+  if (mesh.mMaterialIndex < file_.materials.size()) out.material = mesh.mMaterialIndex;
+  const aiVector3D* const coordinates = mesh.mTextureCoords[0];
   if (mesh.mNumVertices > (1u << 24) || mesh.mNumFaces > (1u << 25))
     Refuse("a mesh '" + out.name + "' of more than 2^24 vertices", "at most 2^24");
   const Eigen::Matrix4d to_world = MeshToWorld(mesh);
@@ -106,6 +177,13 @@ void AssimpReader::ReadMesh(const aiMesh& mesh) {
     }
     if (corner[0] == corner[1] || corner[1] == corner[2] || corner[2] == corner[0]) continue;
     out.triangles.insert(out.triangles.end(), corner.begin(), corner.end());
+    for (unsigned k = 0; coordinates != nullptr && k < 3; ++k) {
+      const aiVector3D& at = coordinates[face.mIndices[k]];
+      const bool sound = std::isfinite(at.x) && std::isfinite(at.y);
+      // assimp counts from the lower left.
+      out.texture_coordinates.push_back(sound ? static_cast<float>(at.x) : 0);
+      out.texture_coordinates.push_back(sound ? static_cast<float>(1 - at.y) : 0);
+    }
   }
   std::map<std::pair<uint32_t, uint32_t>, float> weights;  // (vertex, node): copies of a vertex agree
   for (unsigned b = 0; b < mesh.mNumBones; ++b) {

@@ -4,6 +4,7 @@
 #define DCLOTH_TOOLS_CHARACTER_CHARACTER_H_
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -43,8 +44,17 @@ struct SkinInfluence {
   float weight = 0;
 };
 
+// What a surface looks like, as far as a page shows it.
+struct Material {
+  std::array<float, 3> colour = {1, 1, 1};  // linear; times the picture
+  int32_t picture = -1;                     // of CharacterFile::pictures; -1 for none
+  bool cut_out = false;                     // nothing is drawn where the picture is transparent
+};
+
 struct SkinnedMesh {
   std::string name;
+  uint32_t material = 0;
+  std::vector<float> texture_coordinates;  // [c, 3, 2] of the triangles' corners, from the upper left; or empty
   std::vector<Eigen::Vector3d> positions;  // world, in the bind pose
   std::vector<uint32_t> triangles;         // [c, 3]
   std::vector<SkinInfluence> influences;
@@ -56,6 +66,8 @@ struct CharacterFile {
   std::vector<CharacterNode> nodes;
   std::vector<CharacterClip> clips;
   std::vector<SkinnedMesh> meshes;
+  std::vector<Material> materials;
+  std::vector<std::vector<std::byte>> pictures;         // PNG, JPEG or WebP, unread
   std::vector<std::pair<std::string, uint32_t>> roles;  // node, DCLOTH_ROLE_*: where the file says so (VRM)
   std::optional<double> metres_per_unit;                // where the file says so
   Eigen::Matrix3d upright;                              // the file's axes to +Y up, +Z front

@@ -118,7 +118,7 @@ GltfFacts ReadGltfFacts(std::span<const std::byte> bytes) {
   return facts;
 }
 
-std::vector<std::byte> WithZeros(std::span<const std::byte> bytes) {
+std::vector<std::byte> ForAssimp(std::span<const std::byte> bytes) {
   if (bytes.size() < kHeaderBytes + kChunkHeaderBytes || std::memcmp(bytes.data(), "glTF", 4) != 0) return {};
   const std::span<const std::byte> document = DocumentOf(bytes);
   nlohmann::json json = Parse(document);
@@ -137,28 +137,42 @@ std::vector<std::byte> WithZeros(std::span<const std::byte> bytes) {
   for (const nlohmann::json& accessor : json["accessors"]) {
     if (is_empty(accessor)) zeros = std::max(zeros, AccessorBytes(accessor));
   }
-  if (zeros == 0 || zeros > kMostZeros) return {};
-  const uint64_t begin = (held + 15) / 16 * 16, size = begin + (zeros + 15) / 16 * 16;
-  if (!At(json, "bufferViews").is_array()) json["bufferViews"] = nlohmann::json::array();
-  for (nlohmann::json& accessor : json["accessors"]) {
-    if (is_empty(accessor)) accessor["bufferView"] = json["bufferViews"].size();
+  if (zeros > kMostZeros) return {};
+  bool webp = false;
+  for (size_t i = 0; At(json, "textures").is_array() && i < json["textures"].size(); ++i) {
+    nlohmann::json& texture = json["textures"][i];
+    const nlohmann::json& source = At(At(At(texture, "extensions"), "EXT_texture_webp"), "source");
+    if (!source.is_number_unsigned() || texture.contains("source")) continue;
+    texture["source"] = source;
+    webp = true;
   }
-  json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", begin}, {"byteLength", size - begin}});
-  json["buffers"][0]["byteLength"] = size;
+  if (zeros == 0 && !webp) return {};
+  uint64_t size = held;
+  if (zeros != 0) {
+    const uint64_t begin = (held + 15) / 16 * 16;
+    size = begin + (zeros + 15) / 16 * 16;
+    if (!At(json, "bufferViews").is_array()) json["bufferViews"] = nlohmann::json::array();
+    for (nlohmann::json& accessor : json["accessors"]) {
+      if (is_empty(accessor)) accessor["bufferView"] = json["bufferViews"].size();
+    }
+    json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", begin}, {"byteLength", size - begin}});
+    json["buffers"][0]["byteLength"] = size;
+  }
   std::string text = json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   text.resize((text.size() + 3) / 4 * 4, ' ');
   std::vector<std::byte> out;
   out.reserve(kHeaderBytes + 2 * kChunkHeaderBytes + text.size() + size);
   const auto append = [&](std::span<const std::byte> part) { out.insert(out.end(), part.begin(), part.end()); };
   append(bytes.first(8));
-  Append(kHeaderBytes + 2 * kChunkHeaderBytes + text.size() + size, &out);
+  Append(kHeaderBytes + 2 * kChunkHeaderBytes + text.size() + (size + 3) / 4 * 4, &out);
   Append(text.size(), &out);
   append(bytes.subspan(kHeaderBytes + 4, 4));
   append(std::as_bytes(std::span(text)));
-  Append(size, &out);
+  const uint64_t padded = (size + 3) / 4 * 4;
+  Append(padded, &out);
   append(bytes.subspan(at + 4, 4));
   append(bytes.subspan(at + kChunkHeaderBytes, held));
-  out.resize(out.size() + (size - held));
+  out.resize(out.size() + (padded - held));
   return out;
 }
 

@@ -24,11 +24,11 @@ struct GltfFacts {
 };
 GltfFacts ReadGltfFacts(std::span<const std::byte> bytes);
 
-// A binary glTF whose accessors all have bytes. One without a view of a buffer is all zeros, which exporters use and
-// assimp does not read; here they share zeros at the end of the file's buffer. Empty where there is nothing to add, or
-// where the zeros would be longer than kMostZeros.
+// A binary glTF with what assimp does not know said in its words, or nothing where there is no such thing. An accessor
+// without a view of a buffer is all zeros: it gets zeros at the end of the file's buffer, unless they were longer than
+// kMostZeros. Textures that are WebP pictures get them in the place of other pictures.
 constexpr uint64_t kMostZeros = uint64_t{16} << 20;
-std::vector<std::byte> WithZeros(std::span<const std::byte> bytes);
+std::vector<std::byte> ForAssimp(std::span<const std::byte> bytes);
 
 }  // namespace dcloth::tools
 

@@ -50,11 +50,11 @@ void ChooseJoints(const CharacterFile& file, const JointMap& map, Hero* hero) {
                              [&wanted = node](const CharacterNode& other) { return other.name == wanted; })) {
       std::vector<std::string> held;
       for (const CharacterNode& other : file.nodes) held.push_back(other.name);
-      std::string closest;
+      std::string closest, found = "no node '";
       for (const std::string& name : NearestNames(node, held, 3))
         closest += (closest.empty() ? "'" : ", '") + name + "'";
-      Refuse(file, "no node '" + node + "', which --map names for '" + key + "'", "the name of a node in the file",
-             closest.empty() ? "" : "the closest names are " + closest);
+      found.append(node).append("', which --map names for '").append(key).append("'");
+      Refuse(file, found, "the name of a node in the file", closest.empty() ? "" : "the closest names are " + closest);
     }
     std::erase_if(told, [&](const auto& other) { return other.second == role; });
     told[node] = role;
@@ -101,6 +101,10 @@ void AddMesh(const CharacterFile& file, const SkinnedMesh& mesh, const std::vect
     }
   }
   for (const uint32_t corner : mesh.triangles) hero->triangles.push_back(static_cast<uint32_t>(first) + corner);
+  hero->materials.resize(hero->triangles.size() / 3, mesh.material);
+  hero->texture_coordinates.insert(hero->texture_coordinates.end(), mesh.texture_coordinates.begin(),
+                                   mesh.texture_coordinates.end());
+  hero->texture_coordinates.resize(2 * hero->triangles.size());
 }
 
 // Names without prefix, case and separators, so that clips of one maker fit all of its characters; and roles.

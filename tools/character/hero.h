@@ -23,10 +23,12 @@ struct Hero {
   Eigen::Matrix4d from_bind = Eigen::Matrix4d::Identity();  // from the space of the skin's bind pose to the nodes'
   std::vector<Eigen::Matrix4d> rest;                        // all nodes in the bind pose, [nodes of the file]
   // The skin of all meshes; four joints a vertex, those with the largest weights, rows of sum 1.
-  std::vector<float> positions;      // [b, 3] world, bind pose
-  std::vector<uint32_t> influences;  // [b, 4]
-  std::vector<float> weights;        // [b, 4]
-  std::vector<uint32_t> triangles;   // [c, 3]
+  std::vector<float> positions;            // [b, 3] world, bind pose
+  std::vector<uint32_t> influences;        // [b, 4]
+  std::vector<float> weights;              // [b, 4]
+  std::vector<uint32_t> triangles;         // [c, 3]
+  std::vector<uint32_t> materials;         // [c] of the file's
+  std::vector<float> texture_coordinates;  // [c, 3, 2], 0 where a mesh has none
 };
 
 // Keys of `map` are joints of the garment or names of roles ("Hips", "left upper leg"). Throws converter::Error.

@@ -66,13 +66,27 @@ async function loadGarment() {
   return {faces, count: report.vertex_count, parents: spatialParents(faces, report.vertex_count)};
 }
 
+// Null for what the browser cannot show.
+async function loadPicture(index) {
+  const image = new Image();
+  image.src = URL.createObjectURL(new Blob([await readBlob(index)]));
+  return image.decode().then(() => image, () => null);
+}
+
 async function loadBody() {
   if (!report.body) return null;
   const b = report.body;
+  const pictures = await Promise.all((b.pictures || []).map(loadPicture));
+  const faces = new Uint32Array(await readBlob(b.faces));
+  const same = b.same === undefined ? null : new Uint32Array(await readBlob(b.same));
   return {
+    same,
+    smoothFaces: same ? faces.map((v) => same[v]) : faces,
+    textureCoordinates: same ? new Float32Array(await readBlob(b.texture_coordinates)) : null,
+    parts: (b.parts || []).map((part) => ({...part, picture: pictures[part.picture] || null})),
     count: b.count,
     rest: new Float32Array(await readBlob(b.positions)),
-    faces: new Uint32Array(await readBlob(b.faces)),
+    faces,
     joints: new Uint16Array(await readBlob(b.joints)),
     weights: new Float32Array(await readBlob(b.weights)),
     colours: b.colours ? Float32Array.from(new Uint8Array(await readBlob(b.colours)), (c) => (c / 255) ** 2.2) : null,

@@ -41,6 +41,13 @@ function smoothNormals(positions, faces, out) {
   }
 }
 
+// Every vertex gets the vector of the first one in its place.
+function spread(same, vectors) {
+  for (let i = 0; i < same.length; i++) {
+    for (let c = 0; c < 3; c++) vectors[i * 3 + c] = vectors[same[i] * 3 + c];
+  }
+}
+
 // How far the neighbours stand out along the normal, per mean edge length: > 0 in a valley, < 0 on a ridge.
 // Shading by it is what lets the eye read wrinkles under soft light.
 function foldDepth(positions, normals, edges, out) {

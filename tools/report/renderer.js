@@ -17,6 +17,7 @@ class Renderer {
     this.depth = this.program(DEPTH_VERTEX, DEPTH_FRAGMENT);
     this.createShadowMap();
     this.createColorMap();
+    this.white = this.createPicture(null);
     gl.vertexAttrib3f(3, 1, 1, 1);  // what meshes without colours of their own are painted with
     this.quad = gl.createVertexArray();
     gl.bindVertexArray(this.quad);
@@ -74,8 +75,22 @@ class Renderer {
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
   }
 
-  // A mesh whose vertices change every frame; `faces` and `colours` (three linear floats a vertex) do not.
-  createMesh(count, faces, colours = null) {
+  // One pixel of white without a picture.
+  createPicture(picture) {
+    const gl = this.gl;
+    const texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
+    if (picture) gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE, picture);
+    else gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4).fill(255));
+    gl.generateMipmap(gl.TEXTURE_2D);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    return texture;
+  }
+
+  // A mesh whose vertices change every frame; `faces` and `colours` (three linear floats a vertex) do not. `look` has
+  // the parts that differ and where vertices lie in their pictures.
+  createMesh(count, faces, colours = null, look = null) {
     const gl = this.gl;
     const mesh = {
       positions: new Float32Array(count * 3), normals: new Float32Array(count * 3),
@@ -97,6 +112,17 @@ class Renderer {
       gl.bufferData(gl.ARRAY_BUFFER, colours, gl.STATIC_DRAW);
       gl.enableVertexAttribArray(3);
       gl.vertexAttribPointer(3, 3, gl.FLOAT, false, 0, 0);
+    }
+    if (look && look.textureCoordinates) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ARRAY_BUFFER, look.textureCoordinates, gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(4);
+      gl.vertexAttribPointer(4, 2, gl.FLOAT, false, 0, 0);
+      const textures = new Map();
+      mesh.parts = look.parts.map((part) => {
+        if (part.picture && !textures.has(part.picture)) textures.set(part.picture, this.createPicture(part.picture));
+        return {...part, texture: part.picture ? textures.get(part.picture) : this.white};
+      });
     }
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
@@ -193,6 +219,8 @@ class Renderer {
     gl.bindTexture(gl.TEXTURE_2D, this.colorMap);
     gl.activeTexture(gl.TEXTURE0);
     gl.uniform1i(uniforms.color_map, 1);
+    gl.uniform1i(uniforms.picture, 2);
+    gl.activeTexture(gl.TEXTURE2);
     gl.uniform3fv(uniforms.eye, eye);
     gl.uniform1f(uniforms.error_scale, errorScale);
     for (const {mesh, material, outer, inner} of meshes) {
@@ -200,7 +228,19 @@ class Renderer {
       gl.uniform3fv(uniforms.outer_color, outer);
       gl.uniform3fv(uniforms.inner_color, inner);
       gl.bindVertexArray(mesh.vao);
-      gl.drawElements(gl.TRIANGLES, mesh.faces.length, mesh.type, 0);
+      const plain = {first: 0, count: mesh.faces.length, texture: this.white};
+      for (const part of mesh.parts || [plain]) {
+        gl.bindTexture(gl.TEXTURE_2D, part.texture);
+        // A material without a picture that says nothing of its colour is as grey as a body without materials.
+        if (part.colour) gl.uniform3fv(uniforms.outer_color, part.picture ? part.colour : shade(part.colour, outer));
+        gl.uniform1f(uniforms.least_alpha, part.cut_out ? 0.4 : 0);
+        gl.drawElements(gl.TRIANGLES, part.count, mesh.type, part.first * mesh.faces.BYTES_PER_ELEMENT);
+      }
     }
+    gl.activeTexture(gl.TEXTURE0);
   }
+}
+
+function shade(colour, grey) {
+  return colour.every((c) => c > 0.99) ? grey : colour;
 }

@@ -5,6 +5,7 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 scalars;  // error in mm, fold depth
 layout(location = 3) in vec3 paint;    // linear; white where a mesh has one colour
+layout(location = 4) in vec2 place;    // in its picture, from the upper left
 uniform mat4 view_projection;
 uniform mat4 light_projection;
 out vec3 world;
@@ -12,7 +13,9 @@ out vec3 world_normal;
 out vec4 light_position;
 out vec2 scalar;
 flat out vec3 painted;  // of the triangle's last corner
+out vec2 picture_place;
 void main() {
+  picture_place = place;
   world = position;
   painted = paint;
   world_normal = normal;
@@ -57,7 +60,10 @@ in vec3 world_normal;
 in vec4 light_position;
 in vec2 scalar;
 flat in vec3 painted;
+in vec2 picture_place;
 uniform vec3 eye;
+uniform sampler2D picture;
+uniform float least_alpha;  // 0: nothing is cut out
 uniform int material;  // 0 cloth, 1 body, 2 cloth coloured by error
 uniform float error_scale;
 uniform sampler2D color_map;
@@ -66,6 +72,8 @@ uniform vec3 inner_color;
 out vec4 color;
 ${COMMON}
 void main() {
+  vec4 shown = texture(picture, picture_place);
+  if (shown.a < least_alpha) discard;
   vec3 v = normalize(eye - world);
   vec3 n = normalize(world_normal);
   bool outside = gl_FrontFacing;
@@ -81,7 +89,7 @@ void main() {
   vec3 ambient = mix(earth, sky, n.y * 0.5 + 0.5);
   float fold = (outside ? 1.0 : -1.0) * scalar.y;
   float cavity = material == 1 ? 1.0 : clamp(1.0 - 2.2 * fold, 0.5, 1.3);
-  vec3 albedo = painted * (outside || material == 1 ? outer_color : inner_color);
+  vec3 albedo = painted * shown.rgb * (outside || material == 1 ? outer_color : inner_color);
   float sheen = material == 0 ? 0.42 : 0.10;
   if (material == 2) {
     albedo = pow(texture(color_map, vec2(clamp(scalar.x / error_scale, 0.002, 0.998), 0.5)).rgb, vec3(2.2));

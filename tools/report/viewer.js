@@ -23,7 +23,7 @@ class Viewer {
     for (const key of ['yaw', 'pitch', 'distance']) if (Number.isFinite(state[key])) this.camera[key] = state[key];
     this.edges = meshEdges(garment.faces);
     this.cloths = [0, 1].map(() => this.renderer.createMesh(garment.count, garment.faces));
-    this.bodyMesh = body ? this.renderer.createMesh(body.count, body.faces, body.colours)
+    this.bodyMesh = body ? this.renderer.createMesh(body.count, body.faces, body.colours, body)
                          : this.renderer.createMesh(report.sticks.length * 6, stickMesh(report.sticks));
     this.truth = new Float32Array(garment.count * 3);
     this.folds = new Float32Array(garment.count);
@@ -100,7 +100,9 @@ class Viewer {
     const {state, sequence} = this;
     const time = state.frame;
     this.poseBody(time);
-    smoothNormals(this.bodyMesh.positions, this.bodyMesh.faces, this.bodyMesh.normals);
+    smoothNormals(this.bodyMesh.positions, this.body ? this.body.smoothFaces : this.bodyMesh.faces,
+                  this.bodyMesh.normals);
+    if (this.body && this.body.same) spread(this.body.same, this.bodyMesh.normals);
     this.renderer.upload(this.bodyMesh);
     const truthTrack = sequence.tracks.get('truth');
     const names = state.split && truthTrack && state.variant !== 'truth' ? ['truth', state.variant] : [state.variant];

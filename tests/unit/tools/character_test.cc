@@ -28,10 +28,12 @@ CharacterFile Character() {
     file.nodes.push_back({names[i], i - 1, Moved(i == 0 ? 0 : 1), {}, false});
     if (i > 0) file.nodes.back().bind = Moved(i);
   }
-  file.meshes.push_back({"Body",
-                         {{0, 1, 0}, {1, 1, 0}, {0, 2, 0}},
-                         {0, 1, 2},
-                         {{0, 1, 1.0f}, {1, 1, 0.25f}, {1, 2, 0.75f}, {2, 2, 3.0f}}});
+  SkinnedMesh body;
+  body.name = "Body";
+  body.positions = {{0, 1, 0}, {1, 1, 0}, {0, 2, 0}};
+  body.triangles = {0, 1, 2};
+  body.influences = {{0, 1, 1.0f}, {1, 1, 0.25f}, {1, 2, 0.75f}, {2, 2, 3.0f}};
+  file.meshes.push_back(body);
   CharacterClip clip;
   clip.name = "go";
   clip.last_seconds = 1;
