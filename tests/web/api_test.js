@@ -104,14 +104,14 @@ test("a rig with axes of its own wears the garment once its bind pose is known",
   model.dispose();
 });
 
-/** A box of skin about a bone's upper end, of points all around, so that hips and waist have a girth. */
-function skinOf(model) {
+/** A tube of skin about the hips, of points all around, so that hips and waist have a girth. */
+function skinOf(model, girth) {
   const positions = [], joints = [], weights = [];
   const hips = model.jointNames.indexOf("Hips");
   const [, height] = model.bindMatrices.subarray(16 * hips + 12, 16 * hips + 15);
   for (let y = height - 0.3; y < height + 0.3; y += 0.01) {
     for (let turn = 0; turn < 2 * Math.PI; turn += 0.05) {
-      positions.push(0.15 * Math.sin(turn), y, 0.12 * Math.cos(turn));
+      positions.push(0.15 * girth * Math.sin(turn), y, 0.12 * girth * Math.cos(turn));
       joints.push(hips, 0);
       weights.push(1, 0);
     }
@@ -147,10 +147,12 @@ test("a character of other names, size and axes wears the garment after a fit", 
   assert.ok(off < 1e-4, `${off} m`);
   refused(() => worn.takeBindPose(), "ARGUMENT", /fit/);
 
-  const body = skinOf(model);
+  const body = skinOf(model, 1);
   const dressed = model.createCloth({ character: { ...character, body } });
   assert.ok(dressed.fit.waistRatio > 0 && dressed.fit.hipsRatio > 0 && dressed.fit.gapMm > 0);
-  assert.deepEqual(dressed.fit.warnings, ["penetration"]);      // a tube has no waist; the skirt has
+  assert.deepEqual(dressed.fit.warnings, []);
+  const stout = model.createCloth({ character: { ...character, body: skinOf(model, 1.8) } });
+  assert.deepEqual(stout.fit.warnings, ["girth", "penetration"]);
 
   const swapped = names.map((name) => name.replace("Left", "Rite").replace("Right", "Left").replace("Rite", "Right"));
   refused(() => model.createCloth({ character: { ...character, jointNames: swapped } }), "POSE", /left|right/i);
@@ -160,7 +162,7 @@ test("a character of other names, size and axes wears the garment after a fit", 
     /bindMatrices has 2 numbers; allowed: \d+/);
   assert.throws(() => model.createCloth({ character: { ...character, body: { ...body, weights: [1] } } }),
     /body\.weights has 1 numbers/);
-  for (const cloth of [plain, worn, dressed]) cloth.dispose();
+  for (const cloth of [plain, worn, dressed, stout]) cloth.dispose();
   model.dispose();
   assert.equal(engine.memory.blockCount, 0, "memory of a fit is still lent");
 });
