@@ -1,11 +1,12 @@
 // A page's code without the page: a rig as Mixamo's files come, in centimetres, Z up, below a node that turns and
-// scales it, wears the skirt and walks. three_test.js starts it. Arguments: SITE PAGE; prints one line of JSON.
+// scales it, wears the skirt and walks. Its skin is bound in that space or in the scene's, as exporters differ.
+// three_test.js starts it. Arguments: SITE PAGE SPACE; prints one line of JSON.
 import { readFileSync } from "node:fs";
 import * as THREE from "three";
 import { loadEngine } from "dcloth";
 import { ClothMesh } from "dcloth/three";
 
-const [site, page] = process.argv.slice(2);
+const [site, page, space] = process.argv.slice(2);
 const { readSafetensors } = await import(`${page}/safetensors.js`);
 const { Figure } = await import("./figure.js");
 const bytes = (path) => new Uint8Array(readFileSync(path)).buffer;      // exactly the file's
@@ -22,11 +23,12 @@ armature.updateMatrixWorld();
 const into = armature.matrixWorld.clone().invert();      // the scene -> centimetres, Z up
 const bones = names.map((name) =>
   Object.assign(new THREE.Bone(), { name: `mixamorig:${name}`, matrixAutoUpdate: false }));
+const bound = space === "scene" ? new THREE.Matrix4() : into;
 const inverses = names.map((name) => {
   const bind = figure.inverses[figure.jointNames.indexOf(name)].clone().invert();
-  return bind.premultiply(into).invert();
+  return bind.premultiply(bound).invert();
 });
-const geometry = figure.geometry.clone().applyMatrix4(into);
+const geometry = figure.geometry.clone().applyMatrix4(bound);
 const order = figure.jointNames.map((name) => names.indexOf(name));
 const index = geometry.getAttribute("skinIndex");
 for (let i = 0; i < index.array.length; ++i) index.array[i] = order[index.array[i]];

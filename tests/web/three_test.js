@@ -7,7 +7,7 @@ import { join } from "node:path";
 import test from "node:test";
 import { repository, site } from "./files.js";
 
-test("a rig in centimetres with Z up walks in the skirt", () => {
+for (const space of ["armature", "scene"]) test(`a rig in centimetres, bound in the ${space}'s space`, () => {
   const folder = mkdtempSync(join(tmpdir(), "dcloth-three-"));
   test.after(() => rmSync(folder, { recursive: true }));
   mkdirSync(join(folder, "node_modules"));
@@ -17,7 +17,7 @@ test("a rig in centimetres with Z up walks in the skirt", () => {
   copyFileSync(join(repository, "tests/web/three_host.js"), join(folder, "host.js"));
   copyFileSync(join(repository, "platforms/web/page/figure.js"), join(folder, "figure.js"));
   const done = spawnSync(process.execPath,
-      ["--preserve-symlinks", "host.js", site, join(repository, "platforms/web/page")],
+      ["--preserve-symlinks", "host.js", site, join(repository, "platforms/web/page"), space],
     { cwd: folder, encoding: "utf8" });
   assert.equal(done.status, 0, done.stderr);
   const said = JSON.parse(done.stdout);

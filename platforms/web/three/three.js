@@ -1,23 +1,40 @@
 import * as THREE from "three";
 
 /**
+ * From the space that a skeleton was bound in to the scene. Exporters choose that space: the mesh's own, above which the
+ * skeleton's parents stand, or the scene's. The size of a bone today over its size when bound tells which, in any pose.
+ * @param {THREE.Skeleton} skeleton
+ */
+function boundToScene({ bones, boneInverses }) {
+  const moved = bones.map((bone, j) => new THREE.Matrix4().multiplyMatrices(bone.matrixWorld, boneInverses[j]));
+  const size = Math.cbrt(Math.abs(moved[0].determinant()));
+  const top = bones.find((bone) => !bones.includes(bone.parent));
+  const above = top.parent ? top.parent.matrixWorld.clone() : new THREE.Matrix4();
+  const isSame = (a, b) => a.elements.every((x, i) => Math.abs(x - b.elements[i]) <= 1e-3 * Math.max(size, 1e-6));
+  if (moved.every((matrix) => isSame(matrix, moved[0]))) return moved[0];     // it stands as it was bound
+  const turnOf = (matrix) => new THREE.Quaternion().setFromRotationMatrix(new THREE.Matrix4().extractRotation(matrix));
+  const hips = turnOf(moved[bones.indexOf(top)]);
+  const turns = [turnOf(above), new THREE.Quaternion()];
+  const [turn] = turns.sort((a, b) => a.angleTo(hips) - b.angleTo(hips));
+  return new THREE.Matrix4().compose(new THREE.Vector3().setFromMatrixPosition(above), turn,
+    new THREE.Vector3().setScalar(size));
+}
+
+/**
  * The character of a skinned mesh as it was bound, whatever pose its bones are in: for `Model.createCloth`. The
- * matrices above the skeleton must be up to date (`updateMatrixWorld`).
+ * matrices of the scene must be up to date (`updateMatrixWorld`).
  * @param {THREE.SkinnedMesh} body
  */
 export function characterOf(body) {
   const { bones, boneInverses } = body.skeleton;
-  // Bones are bound in a space of their own; what stands above the skeleton brings it into the scene, with its size.
-  const top = bones.find((bone) => !bones.includes(bone.parent));
-  const above = top.parent ? top.parent.matrixWorld : new THREE.Matrix4();
-  const bind = new THREE.Matrix4();
-  const bindMatrices = bones.flatMap((_, j) => bind.copy(boneInverses[j]).invert().premultiply(above).toArray());
+  const toScene = boundToScene(body.skeleton), bind = new THREE.Matrix4(), point = new THREE.Vector3();
+  const bindMatrices = bones.flatMap((_, j) => bind.copy(boneInverses[j]).invert().premultiply(toScene).toArray());
+  const skinToScene = new THREE.Matrix4().multiplyMatrices(toScene, body.bindMatrix);
   const { position, skinIndex, skinWeight } = body.geometry.attributes;
-  const toScene = new THREE.Matrix4().multiplyMatrices(above, body.bindMatrix), point = new THREE.Vector3();
   const positions = new Float32Array(3 * position.count), joints = new Uint32Array(4 * position.count);
   const weights = new Float32Array(4 * position.count);
   for (let v = 0; v < position.count; ++v) {
-    point.fromBufferAttribute(position, v).applyMatrix4(toScene).toArray(positions, 3 * v);
+    point.fromBufferAttribute(position, v).applyMatrix4(skinToScene).toArray(positions, 3 * v);
     for (let k = 0; k < 4; ++k) {
       joints[4 * v + k] = skinIndex.getComponent(v, k);
       weights[4 * v + k] = skinWeight.getComponent(v, k);
