@@ -2,7 +2,7 @@
 use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
-use bevy::math::Mat4;
+use bevy::math::{Mat4, Quat, Vec3};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, VertexAttributeValues};
 use bevy::platform::collections::HashMap;
@@ -57,7 +57,7 @@ pub(crate) fn dress(
                     mesh,
                     positions: vec![[0.0; 3]; vertices],
                     normals: vec![[0.0; 3]; vertices],
-                    wind: bevy::math::Vec3::ZERO,
+                    wind: Vec3::ZERO,
                     drawn: false,
                     refused: None,
                 }));
@@ -106,38 +106,56 @@ impl Characters<'_, '_> {
             self.parents.get(**joint).is_ok_and(|parent| !index_of.contains_key(&parent.parent()))
                 || self.parents.get(**joint).is_err()
         })?;
-        let above = self.above(top, garment.wearer);
-        figure.binds = inverses.iter().map(|inverse| (above * inverse.inverse()).to_cols_array()).collect();
+        let bound = self.bound_to_wearer(&figure.joints, &inverses, top, garment.wearer);
+        figure.binds = inverses.iter().map(|inverse| (bound * inverse.inverse()).to_cols_array()).collect();
         if garment.fit == GarmentFit::Body {
             for (skin, mesh) in &skins {
-                figure.add_skin(meshes.get(&mesh.0)?, skin, &index_of, above);
+                figure.add_skin(meshes.get(&mesh.0)?, skin, &index_of, bound);
             }
         }
         Some(figure)
     }
 
-    /// From the space in which joints were bound to that of the wearer, at its size in the world. glTF files keep the
-    /// turn and the scale of whole skeletons in nodes above them.
-    fn above(&self, top: Entity, wearer: Entity) -> Mat4 {
-        let mut above = Mat4::IDENTITY;
-        let mut at = top;
-        while let Ok(parent) = self.parents.get(at) {
-            at = parent.parent();
-            if at == wearer {
-                break;
-            }
+    /// From the space in which joints were bound to that of the wearer, at its size in the world. Files choose that
+    /// space: the skeleton's, whose turn and scale stand in nodes above it, or the wearer's. The size of a joint today
+    /// over its size when bound tells which, in any pose.
+    fn bound_to_wearer(&self, joints: &[Entity], inverses: &[Mat4], top: Entity, wearer: Entity) -> Mat4 {
+        let moved: Vec<Mat4> =
+            joints.iter().zip(inverses).map(|(joint, inverse)| self.below(*joint, wearer).0 * *inverse).collect();
+        let size = moved[0].determinant().abs().cbrt();
+        let (above, under_wearer) =
+            self.parents.get(top).map_or((Mat4::IDENTITY, false), |parent| self.below(parent.parent(), wearer));
+        let own = if moved.iter().all(|matrix| matrix.abs_diff_eq(moved[0], 1e-3 * size.max(1e-6))) {
+            moved[0] // it stands as it was bound
+        } else {
+            let turn_of = |matrix: &Mat4| matrix.to_scale_rotation_translation().1;
+            let hips = joints.iter().position(|joint| *joint == top).map_or(Quat::IDENTITY, |at| turn_of(&moved[at]));
+            let above_turn = turn_of(&above);
+            let nearer = hips.angle_between(above_turn) <= hips.angle_between(Quat::IDENTITY);
+            let turn = if nearer { above_turn } else { Quat::IDENTITY };
+            Mat4::from_scale_rotation_translation(Vec3::splat(size), turn, above.w_axis.truncate())
+        };
+        let scale = self.globals.get(wearer).map_or(Vec3::ONE, GlobalTransform::scale);
+        if under_wearer { Mat4::from_scale(scale) * own } else { own }
+    }
+
+    /// From an entity's space to that of the wearer, and whether it stands below it; else to the world's.
+    fn below(&self, entity: Entity, wearer: Entity) -> (Mat4, bool) {
+        let (mut to, mut at) = (Mat4::IDENTITY, entity);
+        while at != wearer {
             if let Ok(local) = self.locals.get(at) {
-                above = local.to_matrix() * above;
+                to = local.to_matrix() * to;
             }
+            let Ok(parent) = self.parents.get(at) else { return (to, false) };
+            at = parent.parent();
         }
-        let size = self.globals.get(wearer).map_or(bevy::math::Vec3::ONE, GlobalTransform::scale);
-        if at == wearer { Mat4::from_scale(size) * above } else { above }
+        (to, true)
     }
 }
 
 impl Figure {
     /// Takes the skin of one mesh, if its vertices can be read.
-    fn add_skin(&mut self, mesh: &Mesh, skin: &SkinnedMesh, index_of: &HashMap<Entity, u32>, above: Mat4) {
+    fn add_skin(&mut self, mesh: &Mesh, skin: &SkinnedMesh, index_of: &HashMap<Entity, u32>, bound: Mat4) {
         let read = |attribute| mesh.try_attribute_option(attribute).ok().flatten();
         let (
             Some(VertexAttributeValues::Float32x3(positions)),
@@ -159,7 +177,7 @@ impl Figure {
             return;
         }
         let first = self.positions.len() as u32;
-        self.positions.extend(positions.iter().map(|point| above.transform_point3((*point).into()).to_array()));
+        self.positions.extend(positions.iter().map(|point| bound.transform_point3((*point).into()).to_array()));
         for (joints, weights) in joints.iter().zip(weights) {
             for (joint, weight) in joints.iter().zip(weights) {
                 // An index past the last joint goes to the engine, which refuses it.

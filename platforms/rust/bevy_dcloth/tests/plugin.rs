@@ -174,7 +174,17 @@ fn vertices_are_those_of_the_c_host() {
 }
 
 #[test]
-fn fits_to_the_skin() {
+fn fits_to_a_skin_that_was_bound_below_its_armature() {
+    fits_to_the_skin(true);
+}
+
+#[test]
+fn fits_to_a_skin_that_was_bound_beside_its_armature() {
+    fits_to_the_skin(false);
+}
+
+/// `below`: skin and joints are bound in the space of the armature; else in the wearer's, as exporters differ.
+fn fits_to_the_skin(below: bool) {
     let mut stage = Stage::new();
     // A node above the skeleton that turns and scales, as files of Blender have, and a wearer of its own size and
     // place.
@@ -192,8 +202,9 @@ fn fits_to_the_skin() {
         (skin.inverse_bindposes.clone(), mesh.0.clone())
     };
     let mut binds = world.resource_mut::<Assets<SkinnedMeshInverseBindposes>>();
+    let bound = if below { above } else { Mat4::IDENTITY };
     let moved: Vec<Mat4> =
-        binds.get(&handle).expect("binds").iter().map(|inverse| *inverse * above.inverse()).collect();
+        binds.get(&handle).expect("binds").iter().map(|inverse| *inverse * bound.inverse()).collect();
     binds.insert(&handle, moved.into()).expect("a place");
     let mut meshes = world.resource_mut::<Assets<Mesh>>();
     let mut mesh = meshes.get_mut(&mesh).expect("the skin");
@@ -201,7 +212,7 @@ fn fits_to_the_skin() {
         panic!("points")
     };
     for point in points {
-        *point = above.transform_point3(Vec3::from(*point)).to_array();
+        *point = bound.transform_point3(Vec3::from(*point)).to_array();
     }
     drop(mesh);
     stage.frames.truncate(20);
