@@ -1,8 +1,8 @@
 import * as THREE from "three";
 
 /**
- * From the space that a skeleton was bound in to the scene. Exporters choose that space: the mesh's own, above which the
- * skeleton's parents stand, or the scene's. The size of a bone today over its size when bound tells which, in any pose.
+ * From the space that a skeleton was bound in to the scene. Exporters choose that space: the one below the skeleton's
+ * parents, or the scene's. The size of a bone today over its size when bound tells which, in any pose.
  * @param {THREE.Skeleton} skeleton
  */
 function boundToScene({ bones, boneInverses }) {
