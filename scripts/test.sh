@@ -31,7 +31,8 @@ step build scripts/build.sh build "${options[@]}" || { closing_line; exit 1; }
 step lint scripts/lint.sh || true
 # No job runs beside another where times are measured; the rest shares the cores.
 step release ctest --test-dir build --output-on-failure --no-tests=error -j "$(nproc)" || true
+# The bundled garments' own attacks, a minute, run without sanitizers above and with them in scripts/test_long.sh.
 step build_sanitized scripts/build_sanitized.sh build-sanitize untrusted_tests &&
   { step sanitized ctest --test-dir build-sanitize --output-on-failure --no-tests=error -j "$(nproc)" \
-    -L "kernels|engine|readers|platforms|attack" || true; }
+    -L "kernels|engine|readers|platforms|attack" -E attack_bundled_model || true; }
 closing_line
