@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Clang's integer checks: `test_integers.sh [TEST...]` builds the tests of kernels, engine and attacks with
 # -fsanitize=integer, which also stops where unsigned numbers wrap or a conversion loses bits, and runs them, or those
-# named (ctest -R). Sums that wrap on purpose are listed in scripts/integers.ignore. Half an hour on two cores:
+# named (ctest -R). Sums that wrap on purpose are listed in scripts/integers.ignore. Five minutes on two cores:
 # scripts/test_long.sh runs it.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -61,7 +61,7 @@ bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* di
   if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
     return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
   const bool counting = head.idle_ticks != 0 && head.idle_ticks != kIdleTicks;
-  if (counting ? head.idle_floats - 1 >= kMostIdleFloats : head.idle_floats != 0)
+  if (counting ? head.idle_floats == 0 || head.idle_floats > kMostIdleFloats : head.idle_floats != 0)
     return FailCount(DCLOTH_FIELD(idle_floats), head.idle_floats, "1 to 2^24 while idle ticks are counted, else 0",
                      diagnostic);
   const TickPlan plan = {head.stages, static_cast<MeshPace>(head.mesh_pace)};

@@ -55,7 +55,9 @@ void* __wrap_realloc(void* block, size_t size) {
 
 #else
 
-// glibc's own names, so that the replaced functions have something to call. operator new goes through malloc.
+// glibc's own names, so that the replaced functions have something to call. operator new goes through malloc, in a
+// library that must see these: clang would hide them as it hides the rest.
+#pragma GCC visibility push(default)
 extern "C" {
 void* __libc_malloc(size_t size);
 void* __libc_calloc(size_t count, size_t size);
@@ -84,6 +86,7 @@ int posix_memalign(void** block, size_t alignment, size_t size) {
   return *block == nullptr ? 12 : 0;  // ENOMEM
 }
 }
+#pragma GCC visibility pop
 
 #endif
 
