@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # 32-bit x86: `test_32bit.sh [TEST...]` builds the tests of kernels, engine, ABI and attacks with g++ -m32 under
 # UndefinedBehaviorSanitizer and runs them, or those named (ctest -R). Sizes and addresses have 32 bits there, as in
-# WebAssembly and on small Arm devices: what wraps shows. Half an hour on two cores: scripts/test_long.sh
+# WebAssembly and on small Arm devices: what wraps shows. Five minutes on two cores: scripts/test_long.sh
 # runs it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
