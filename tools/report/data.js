@@ -68,9 +68,13 @@ async function loadGarment() {
 
 // Null for what the browser cannot show.
 async function loadPicture(index) {
-  const image = new Image();
-  image.src = URL.createObjectURL(new Blob([await readBlob(index)]));
-  return image.decode().then(() => image, () => null);
+  const url = URL.createObjectURL(new Blob([await readBlob(index)]));
+  return new Promise((resolve) => {
+    const image = new Image();
+    image.onload = () => resolve(image);
+    image.onerror = () => resolve(null);
+    image.src = url;
+  });
 }
 
 async function loadBody() {
