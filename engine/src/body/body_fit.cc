@@ -648,6 +648,7 @@ void FindSkin(const ModelView& model, const dcloth_character& character, const S
   });
 }
 
+// Heights, which FindPushes has read, are used up.
 Tangle TangleOf(const format::BodyView& body, const BodyFitMemory& memory) {
   return {body.faces,    body.face_count,     body.vertex_count, memory.body.normals, memory.body.positions,
           memory.turned, memory.body.heights, memory.sums,       memory.counts};
