@@ -3,6 +3,7 @@
 # FOLDER [aarch64|windows]`. They are the same on every processor and system. Where a platform is named, zlib for it
 # goes beside them; the command line links it, the library does not. FOLDER then goes to cmake as CMAKE_FIND_ROOT_PATH.
 set -euo pipefail
+. "$(dirname "$0")/debian_files.sh"
 [ $# -ge 1 ] && [[ ${2:-aarch64} =~ ^(aarch64|windows)$ ]] ||
   { echo "cross_headers: allowed: FOLDER [aarch64|windows]" >&2; exit 2; }
 folder=$1 platform=${2:-}
@@ -18,24 +19,16 @@ for header in hwy/highway.h flatbuffers/flatbuffers.h nlohmann/json.hpp CLI/CLI.
     { echo "cross_headers: none of ${packages[*]} holds $header; scripts/install_dependencies.sh build" >&2; exit 1; }
 done
 
-# Debian has no package of zlib for cross builds. Its own package for Arm is unpacked here, by lists that this system's
-# package manager does not see.
+# Debian has no package of zlib for cross builds; its own package for Arm is unpacked.
 zlib_aarch64() {
-  local lists unpacked=$1
-  lists=$(mktemp -d)
-  local -a apt=(apt-get -qq -o APT::Architectures::=amd64 -o APT::Architectures::=arm64 -o APT::Sandbox::User=
-    -o Dir::State::lists="$lists" -o Dir::Cache="$lists" -o Acquire::Languages=none -o Debug::NoLocking=1)
-  mkdir -p "$lists"/{partial,archives/partial} "$unpacked"
-  { "${apt[@]}" update && cd "$unpacked" && "${apt[@]}" download zlib1g-dev:arm64; } >"$lists/log" 2>&1 ||
-    { cat "$lists/log" >&2; return 1; }
-  rm -rf "$lists"
-  dpkg-deb -x zlib1g-dev_*_arm64.deb .
+  debian_files "$1" download zlib1g-dev:arm64
+  (cd "$1" && dpkg-deb -x zlib1g-dev_*_arm64.deb .)
 }
 
 from=$folder/zlib
 case $platform in
   "") exit 0 ;;
-  aarch64) [ -f "$from/usr/include/zlib.h" ] || (zlib_aarch64 "$from") ;;
+  aarch64) [ -f "$from/usr/include/zlib.h" ] || zlib_aarch64 "$from" ;;
   windows) from=/usr/x86_64-w64-mingw32 ;;
 esac
 find "$from" -path '*/include/z*' \( -name zlib.h -o -name zconf.h \) -exec cp {} "$folder/usr/include/" \;

@@ -87,10 +87,14 @@ build() {
   esac
   [[ $1 = *-library ]] || targets+=(dcloth_cli)
   echo "building $folder" >&2
+  if [[ $1 != *-library ]]; then
+    quiet "$folder/assimp.log" scripts/package_assimp.sh build-package-assimp "$1" "${options[@]}"
+    options+=(-Dassimp_DIR="$(find "$PWD/build-package-assimp/$1/installed" -name assimpConfig.cmake -printf %h)")
+  fi
   # The tools' own folder of models is this machine's.
   quiet "$folder/configure.log" cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Release -DDCLOTH_BUILD_TESTS=OFF \
     -DDCLOTH_BUILD_CLOTH_SOLVER=OFF -DDCLOTH_BUILD_MAPPED_FILE=OFF -DDCLOTH_WARNINGS_AS_ERRORS=ON \
-    -DDCLOTH_IMPORT=OFF -DDCLOTH_SOURCE_MODELS= -DCMAKE_INSTALL_LIBDIR=lib "${options[@]}"
+    -DDCLOTH_SOURCE_MODELS= -DCMAKE_INSTALL_LIBDIR=lib "${options[@]}"
   quiet "$folder/build.log" cmake --build "$folder" --target "${targets[@]}"
 }
 
@@ -119,7 +123,7 @@ native_tool() {
   tool=$PWD/$folder/dcloth
 }
 
-# An int8 model of every garment, and a walk for each.
+# An int8 model of every garment and a walk for each, and the figure that walks.
 models=$stage/models
 convert_garments() {
   local garment
@@ -135,6 +139,7 @@ convert_garments() {
     scripts/package_files.py sequence "models/$garment/sequences/walk_turn.safetensors" \
       "$models.part/sequences/$garment-walk_turn.safetensors"
   done
+  scripts/figure_glb.py models/skirt/{skirt,sequences/walk_turn}.safetensors "$models.part/figure.glb"
   mv "$models.part" "$models"
 }
 
@@ -200,6 +205,7 @@ archive() {
   scripts/package_files.py examples "$into.part/examples"
   cp LICENSE "$into.part/"
   licences "$into.part/licenses" engine tools $system
+  cp build-package-assimp/licences/* "$into.part/licenses/"
   gcc=$("$triple-gcc" -dumpfullversion | sed 's/-win32$//')
   sed -e "s/@VERSION@/$version/; s/@PROCESSOR@/${name#*-}/; s/@COMPILER@/$gcc/" "platforms/archive/$system.md" \
     >"$into.part/README.md"

@@ -142,11 +142,14 @@ no_paths() {
 
 # What the README of an archive for Linux says, typed: typed_linux FOLDER SCRIPT.
 typed_linux() {
-  local here=$1 said
-  [ "$(grep -c . "$2")" -ge 8 ] || fail "README.md: hardly any command"
+  local here=$1 said page
+  [ "$(grep -c . "$2")" -ge 9 ] || fail "README.md: hardly any command"
   said=$(cd "$here" && bare bash -euo pipefail "$2" 2>&1) || fail "README.md: $said"
   holds "the host by CMake and by pkg-config" "(skirt on [a-z0-9]+: [0-9]+ vertices.*){2}" "$(tr '\n' ' ' <<<"$said")"
-  [ "$(stat -c %s "$here/skirt.html")" -gt 100000 ] || fail "skirt.html is too small"
+  holds "dress" "skirt drawn at 1\.00[0-9]* times.*skin at most 0\.0 mm out of it" "$(tr '\n' ' ' <<<"$said")"
+  for page in skirt hero; do
+    [ "$(stat -c %s "$here/$page.html")" -gt 100000 ] || fail "$page.html is too small"
+  done
   rm -rf "$here/game"
 }
 
@@ -157,7 +160,7 @@ test_linux_x86_64() {
   said=$(ldd "$here/bin/dcloth" 2>&1 || true)
   holds "ldd bin/dcloth" "not a dynamic executable|statically linked" "$said"
   no_paths "$here/bin/dcloth" "$here/lib/libdcloth.a"
-  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen zlib gcc glibc
+  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc glibc
   blocks "$here/README.md" sh >"$work/typed.sh"
   typed_linux "$here" "$work/typed.sh"
   play "$here" "$here/bin/dcloth"
@@ -181,7 +184,7 @@ test_linux_aarch64() {
   holds "bin/dcloth" "Machine: +AArch64" "$said"
   if grep INTERP <<<"$said"; then fail "bin/dcloth: needs a loader, expected a static program"; fi
   no_paths "$here/bin/dcloth" "$here/lib/libdcloth.a"
-  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen zlib gcc glibc
+  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc glibc
   for walk in "$here"/share/dcloth/sequences/*; do
     scripts/package_files.py clip "$walk" "$walk.part" 30
     mv "$walk.part" "$walk"
@@ -203,20 +206,23 @@ needs_only() {
 
 # The README's lines, typed at Windows' own prompt; those of CMake here, with a compiler for Windows.
 test_windows_x86_64() {
-  local here said
+  local here said page
   here=$(unpack windows-x86_64)
   needs_only "$here/bin/dcloth.dll" KERNEL32 msvcrt
   needs_only "$here/bin/dcloth.exe" ADVAPI32 KERNEL32 SHELL32 msvcrt
   no_paths "$here"/bin/* "$here/lib/libdcloth.dll.a"
-  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen zlib gcc mingw-w64
+  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc mingw-w64
   bare wine wineboot --init >/dev/null 2>&1 </dev/null
   blocks "$here/README.md" bat | sed 's/$/\r\nif errorlevel 1 exit \/b 1\r/' >"$work/typed.txt"
-  [ "$(grep -c . "$work/typed.txt")" -ge 14 ] || fail "README.md: hardly any command"
+  [ "$(grep -c . "$work/typed.txt")" -ge 16 ] || fail "README.md: hardly any command"
   { echo "@echo off"; sed '/^cmake/,$d' "$work/typed.txt"; } >"$here/before.bat"
   { echo "@echo off"; sed '1,/^cmake --build/d' "$work/typed.txt"; } >"$here/after.bat"
   cd "$here"
   said=$(bare wine cmd /c before.bat 2>&1) || fail "README.md: $said"
-  [ "$(stat -c %s skirt.html)" -gt 100000 ] || fail "skirt.html is too small"
+  holds "dress" "skirt drawn at 1\.00[0-9]* times.*skin at most 0\.0 mm out of it" "$(tr '\r\n' ' ' <<<"$said")"
+  for page in skirt hero; do
+    [ "$(stat -c %s "$page.html")" -gt 100000 ] || fail "$page.html is too small"
+  done
   said=$({ bare cmake -S examples -B game -DCMAKE_PREFIX_PATH="$PWD" -DCMAKE_FIND_ROOT_PATH="$PWD" \
     -DCMAKE_TOOLCHAIN_FILE="$root/platforms/cmake/x86_64_windows.cmake" && bare cmake --build game; } 2>&1) ||
     fail "cmake: $said"
@@ -363,8 +369,11 @@ test_python() {
     fail "pip: $(cat pip.log)"
   said=$(bare venv/bin/dcloth --version)
   holds "dcloth --version" "$version" "$said"
+  "$root/scripts/figure_glb.py" "$root"/models/skirt/{skirt,sequences/walk_turn}.safetensors figure.glb
+  said=$(bare venv/bin/dcloth dress figure.glb --garment skirt -o hero.html 2>&1) || fail "dcloth dress: $said"
+  holds "dcloth dress" "hero.html: 1 clip" "$said"
   licences_are_there venv/lib/python3*/site-packages/dcloth-"$version".dist-info/licenses \
-    dcloth highway flatbuffers cli11 nlohmann-json eigen zlib gcc glibc nanobind robin-map
+    dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc glibc nanobind robin-map
   no_paths venv/lib/python3*/site-packages/dcloth/{_engine*.so,bin/dcloth}
   said=$(readelf -W -d -V venv/lib/python3*/site-packages/dcloth/_engine*.so)
   if grep NEEDED <<<"$said" | grep -vE '\[lib[cm]\.so\.6\]|ld-linux'; then fail "the module needs these libraries"; fi

@@ -54,7 +54,7 @@ for name in "${steps[@]}"; do
       echo "drawing with bevy_dcloth" >&2
       rm -rf "$folder/pictures"
       quiet rust build -p bevy_dcloth --examples
-      quiet "$CARGO_TARGET_DIR/debug/examples/figure_glb" models/skirt/skirt.safetensors "$play" "$folder/figure.glb"
+      quiet scripts/figure_glb.py models/skirt/skirt.safetensors "$play" "$folder/figure.glb"
       # Software always, on machines with a GPU too. Mesa asks for a runtime folder that it does not use.
       VK_ICD_FILENAMES=$(echo /usr/share/vulkan/icd.d/lvp_icd.*.json) XDG_RUNTIME_DIR=$folder quiet \
         "$CARGO_TARGET_DIR/debug/examples/pictures" "$folder/skirt.dcloth" "$folder/figure.glb" "$folder/pictures" \

@@ -12,13 +12,26 @@
 #include "converter/file.h"
 #include "converter/safetensors.h"
 
+#if defined(_WIN32)
+#include <windows.h>
+
+#include <array>
+#endif
+
 namespace dcloth::tools {
 namespace {
 
+// Empty where the system does not say.
 std::filesystem::path ProgramFolder() {
+#if defined(_WIN32)
+  std::array<wchar_t, 4096> name;
+  const DWORD length = GetModuleFileNameW(nullptr, name.data(), static_cast<DWORD>(name.size()));
+  return std::filesystem::path(name.data(), name.data() + (length < name.size() ? length : 0)).parent_path();
+#else
   std::error_code failed;
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", failed);
   return failed ? std::filesystem::path() : program.parent_path();
+#endif
 }
 
 converter::OpenModel Open(const std::filesystem::path& path) {
@@ -38,7 +51,8 @@ converter::OpenModel OpenGarment(const std::string& garment) {
     const std::filesystem::path program = ProgramFolder(), file = garment + ".dcloth";
     if (!program.empty()) {
       places.push_back(program / file);
-      places.push_back(program.parent_path() / "share" / "dcloth" / file);
+      places.push_back(program.parent_path() / "share" / "dcloth" / file);  // an archive
+      places.push_back(program.parent_path() / "garments" / file);          // the Python package
     }
     const std::filesystem::path models = DCLOTH_SOURCE_MODELS;
     if (!models.empty()) places.push_back(models / garment / (garment + ".safetensors"));
