@@ -126,15 +126,16 @@ std::vector<float> SkinMatrices(const Hero& hero, const HeroClip& clip) {
   return out;
 }
 
-// The hero's skin with its pictures. Triangles go by their material; a corner is a vertex of its own where its
-// neighbours show another place of the picture.
+// The hero's skin with its pictures and colours. Triangles go by their material; a corner is a vertex of its own where
+// its neighbours show another place of the picture or another colour.
 ReportBody PicturedBody(const CharacterFile& file, const Hero& hero) {
   ReportBody body;
   body.pictures = file.pictures;
   std::vector<size_t> order(hero.materials.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::ranges::stable_sort(order, {}, [&](size_t t) { return hero.materials[t]; });
-  std::map<std::tuple<uint32_t, float, float>, uint32_t> corners;
+  constexpr std::array<uint8_t, 3> kWhite = {UINT8_MAX, UINT8_MAX, UINT8_MAX};
+  std::map<std::tuple<uint32_t, float, float, std::array<uint8_t, 3>>, uint32_t> corners;
   std::vector<uint32_t> first(hero.positions.size() / 3, UINT32_MAX);
   for (const size_t t : order) {
     const Material material =
@@ -145,8 +146,10 @@ ReportBody PicturedBody(const CharacterFile& file, const Hero& hero) {
     for (size_t k = 0; k < 3; ++k) {
       const uint32_t v = hero.triangles[3 * t + k];
       const float* at = hero.texture_coordinates.data() + 2 * (3 * t + k);
+      std::array<uint8_t, 3> colour = kWhite;
+      if (!hero.colours.empty()) std::copy_n(hero.colours.data() + 3 * (3 * t + k), 3, colour.begin());
       const auto next = static_cast<uint32_t>(body.same.size());
-      const auto [known, fresh] = corners.try_emplace({v, at[0], at[1]}, next);
+      const auto [known, fresh] = corners.try_emplace({v, at[0], at[1], colour}, next);
       body.faces.push_back(known->second);
       if (!fresh) continue;
       if (first[v] == UINT32_MAX) first[v] = next;
@@ -157,6 +160,7 @@ ReportBody PicturedBody(const CharacterFile& file, const Hero& hero) {
         body.weights.push_back(hero.weights[4 * size_t{v} + i]);
       }
       body.texture_coordinates.insert(body.texture_coordinates.end(), at, at + 2);
+      if (!hero.colours.empty()) body.colours.insert(body.colours.end(), colour.begin(), colour.end());
     }
   }
   return body;

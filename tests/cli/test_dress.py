@@ -137,6 +137,33 @@ def test_the_page_shows_the_characters_pictures(webp, importing, dcloth, files, 
     assert blue.sum() > 2000, "the skin does not show the lower left of its picture"
 
 
+def test_the_page_shows_the_colours_of_vertices(importing, dcloth, files, tmp_path):
+    """Of glTF, where they are linear by definition; as bytes here."""
+    data = WALKER.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    document, binary = json.loads(data[20:20 + length]), bytearray(data[20 + length + 8:])
+    primitive = document["meshes"][0]["primitives"][0]
+    count = document["accessors"][primitive["attributes"]["POSITION"]]["count"]
+    painted_rows = np.tile(np.array([0, 55, 255, 255], "u1"), (count, 1))
+    binary.extend(bytes(-len(binary) % 4))
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": painted_rows.nbytes})
+    binary.extend(painted_rows.tobytes())
+    document["accessors"].append({"bufferView": len(document["bufferViews"]) - 1, "componentType": 5121,
+                                  "count": count, "type": "VEC4", "normalized": True})
+    primitive["attributes"]["COLOR_0"] = len(document["accessors"]) - 1
+    document["buffers"][0]["byteLength"] = len(binary)
+    hero, out = tmp_path / "hero.glb", tmp_path / "out.html"
+    hero.write_bytes(gltf_file.glb(document, bytes(binary)))
+    result = dcloth("dress", hero, "--garment", files.model, "-o", out)
+    assert result.returncode == 0, result.stderr
+    _, page, blobs = test_report.page_parts(out)
+    colours = np.frombuffer(blobs[page["body"]["colours"]], "u1").reshape(-1, 3)
+    assert len(colours) == page["body"]["count"]
+    shown = round(255 * (55 / 255) ** (1 / 2.2))
+    rest = (colours == 255).all(1)  # of other meshes
+    assert (colours[~rest] == [0, shown, 255]).all() and (~rest).any()
+
+
 def test_what_is_no_picture_is_left_out(importing, dcloth, files, tmp_path):
     hero, out = tmp_path / "hero.glb", tmp_path / "out.html"
     hero.write_bytes(painted((0.25, 0.75), b"<svg onload=alert(1)>"))

@@ -153,6 +153,8 @@ void AssimpReader::ReadMesh(const aiMesh& mesh) {
   out.name = mesh.mName.C_Str();
   if (mesh.mMaterialIndex < file_.materials.size()) out.material = mesh.mMaterialIndex;
   const aiVector3D* const coordinates = mesh.mTextureCoords[0];
+  // By definition linear and times the material's in glTF; what other formats keep there is often no colour.
+  const aiColor4D* const colours = file_.format == "glTF" ? mesh.mColors[0] : nullptr;
   if (mesh.mNumVertices > (1u << 24) || mesh.mNumFaces > (1u << 25))
     Refuse("a mesh '" + out.name + "' of more than 2^24 vertices", "at most 2^24");
   const Eigen::Matrix4d to_world = MeshToWorld(mesh);
@@ -183,6 +185,13 @@ void AssimpReader::ReadMesh(const aiMesh& mesh) {
       // assimp counts from the lower left.
       out.texture_coordinates.push_back(sound ? static_cast<float>(at.x) : 0);
       out.texture_coordinates.push_back(sound ? static_cast<float>(1 - at.y) : 0);
+    }
+    for (unsigned k = 0; colours != nullptr && k < 3; ++k) {
+      const aiColor4D& at = colours[face.mIndices[k]];
+      for (const ai_real part : {at.r, at.g, at.b}) {
+        const float sound = std::isfinite(part) ? std::clamp(static_cast<float>(part), 0.0f, 1.0f) : 1.0f;
+        out.colours.push_back(static_cast<uint8_t>(std::lround(255 * std::pow(sound, 1 / 2.2f))));
+      }
     }
   }
   std::map<std::pair<uint32_t, uint32_t>, float> weights;  // (vertex, node): copies of a vertex agree

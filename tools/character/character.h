@@ -55,6 +55,7 @@ struct SkinnedMesh {
   std::string name;
   uint32_t material = 0;
   std::vector<float> texture_coordinates;  // [c, 3, 2] of the triangles' corners, from the upper left; or empty
+  std::vector<uint8_t> colours;            // [c, 3, 3] of the corners, sRGB; or empty
   std::vector<Eigen::Vector3d> positions;  // world, in the bind pose
   std::vector<uint32_t> triangles;         // [c, 3]
   std::vector<SkinInfluence> influences;

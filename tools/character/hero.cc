@@ -100,11 +100,14 @@ void AddMesh(const CharacterFile& file, const SkinnedMesh& mesh, const std::vect
       hero->weights.push_back(sum > 0 ? best[v][k].first / sum : k == 0 ? 1.0f : 0.0f);
     }
   }
+  if (!mesh.colours.empty() || !hero->colours.empty()) hero->colours.resize(3 * hero->triangles.size(), UINT8_MAX);
   for (const uint32_t corner : mesh.triangles) hero->triangles.push_back(static_cast<uint32_t>(first) + corner);
   hero->materials.resize(hero->triangles.size() / 3, mesh.material);
   hero->texture_coordinates.insert(hero->texture_coordinates.end(), mesh.texture_coordinates.begin(),
                                    mesh.texture_coordinates.end());
   hero->texture_coordinates.resize(2 * hero->triangles.size());
+  hero->colours.insert(hero->colours.end(), mesh.colours.begin(), mesh.colours.end());
+  if (!hero->colours.empty()) hero->colours.resize(3 * hero->triangles.size(), UINT8_MAX);
 }
 
 // Names without prefix, case and separators, so that clips of one maker fit all of its characters; and roles.

@@ -29,6 +29,7 @@ struct Hero {
   std::vector<uint32_t> triangles;         // [c, 3]
   std::vector<uint32_t> materials;         // [c] of the file's
   std::vector<float> texture_coordinates;  // [c, 3, 2], 0 where a mesh has none
+  std::vector<uint8_t> colours;            // [c, 3, 3] sRGB, white where a mesh has none; empty where all have none
 };
 
 // Keys of `map` are joints of the garment or names of roles ("Hips", "left upper leg"). Throws converter::Error.
