@@ -168,6 +168,16 @@ void AddCoarseMesh(const CoarseMesh& mesh, ModelParts* parts) {
                                     {static_cast<uint32_t>(mesh.faces.size() / 3), 3}, mesh.faces);
 }
 
+void AddTexture(const TextureMesh& mesh, ModelParts* parts) {
+  if (mesh.empty()) return;
+  parts->texture_coordinates = PackFloats("garment.texture_coordinates", mesh.coordinates);
+  if (mesh.seam_vertices.empty()) return;
+  parts->seam_vertices = PackIndices("garment.seam_vertices", StoredType::kU16,
+                                     {static_cast<uint32_t>(mesh.seam_vertices.size())}, mesh.seam_vertices);
+  parts->textured_faces = PackIndices("garment.textured_faces", StoredType::kU16,
+                                      {static_cast<uint32_t>(mesh.faces.size() / 3), 3}, mesh.faces);
+}
+
 }  // namespace
 
 FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body_influences) {
@@ -180,6 +190,7 @@ FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body
   }
   folded.surface = MakeBodySurface(bundle, body_influences);
   folded.coarse = MakeCoarseMesh(bundle.template_positions, bundle.template_faces, bundle.vertex_count() / 2);
+  folded.texture = MakeTextureMesh(bundle);
   folded.joints = ChooseJoints(bundle, folded.body, folded.surface.skin);
   return folded;
 }
@@ -218,6 +229,7 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const Prec
   parts.faces =
       PackIndices("garment.faces", StoredType::kU16, {static_cast<uint32_t>(bundle.template_faces.rows()), 3}, corners);
   AddCoarseMesh(folded.coarse, &parts);
+  AddTexture(folded.texture, &parts);
   parts.inverse_bind = PackFloats("character.inverse_bind", InverseBinds(bundle, folded.joints.joints));
   parts.mean = PackFloats("features.mean", bundle.feature_mean);
   parts.inverse_deviation = PackFloats("features.inverse_deviation", Reciprocal(bundle.feature_deviation));

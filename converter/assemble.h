@@ -13,6 +13,7 @@
 #include "converter/precision.h"
 #include "converter/prune.h"
 #include "converter/reduce.h"
+#include "converter/texture_mesh.h"
 #include "converter/write_model.h"
 
 namespace dcloth::converter {
@@ -25,6 +26,7 @@ struct FoldedBundle {
   PrunedWeights body;    // columns index bundle.joint_names; empty without a mesh stage
   BodySurface surface;   // empty where no skin collides
   CoarseMesh coarse;     // empty where no vertex could be left out
+  TextureMesh texture;   // empty where the bundle says no places in a texture
   JointSubset joints;
   std::optional<ReducedBasis> reduced;  // stored in place of the stacked basis
 };

@@ -186,6 +186,10 @@ Bundle BundleFrom(const SafeFile& file) {
     reader.Refuse("template.positions", std::to_string(n) + " vertices", "3 to 65535");
   }
   bundle.template_faces = reader.TakeFaces("template.faces", n);
+  if (reader.Has("template.texture_coordinates")) {
+    bundle.texture_coordinates =
+        reader.TakeCorners("template.texture_coordinates", static_cast<uint64_t>(bundle.template_faces.rows()));
+  }
   ReadBind(&reader, file, &bundle);
   ReadBody(&reader, &bundle);
   ReadFeatures(&reader, &bundle);

@@ -68,6 +68,7 @@ struct Bundle {
 
   Matrix template_positions;  // [n, 3]
   Faces template_faces;
+  Matrix texture_coordinates;         // [3 c, 2] of the faces' corners; empty where the bundle does not say
   std::vector<Eigen::Matrix4f> bind;  // [J] joint to world
   Matrix body_positions;              // [b, 3]
   Faces body_faces;

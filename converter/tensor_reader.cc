@@ -74,6 +74,10 @@ Matrix TensorReader::TakeGeometry(const std::string& name, uint64_t rows, uint64
   return TakeMatrix(name, rows, columns, names);
 }
 
+Matrix TensorReader::TakeCorners(const std::string& name, uint64_t faces) {
+  return ToMatrix(Take(name, {faces, 3, 2}, "[c, 3, 2]"), 3 * faces, 2);
+}
+
 LinearWeights TensorReader::TakeLinear(const std::string& name, uint64_t out, uint64_t in, const char* names) {
   LinearWeights linear;
   linear.weight = TakeMatrix(name + ".weight", out, in, names);

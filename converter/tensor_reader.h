@@ -36,6 +36,7 @@ class TensorReader {
                                 const char* names);                                            // 0 or more
   std::vector<uint32_t> TakeMasks(const std::string& name, uint64_t size, const char* names);  // I32, bits 0 to 30
   Faces TakeFaces(const std::string& name, uint64_t vertices);
+  Matrix TakeCorners(const std::string& name, uint64_t faces);  // [c, 3, 2] as [3 c, 2]
   // F32, nonnegative, rows sum to 1 within kRowSumTolerance.
   Matrix TakeSkinWeights(const std::string& name, uint64_t rows, uint64_t columns, const char* names);
 

@@ -19,11 +19,12 @@ namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
 constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4, kFormatMinorOfOrders = 5,
-                   kFormatMinorNewest = 6;
+                   kFormatMinorOfCoarse = 6, kFormatMinorNewest = 7;
 
 // The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
 uint16_t FormatMinor(const ModelParts& parts) {
-  if (parts.coarse_vertices) return kFormatMinorNewest;
+  if (parts.texture_coordinates) return kFormatMinorNewest;
+  if (parts.coarse_vertices) return kFormatMinorOfCoarse;
   const bool orders = parts.body && parts.body->garment_order;
   if (parts.root_motion == RootMotion::kAir || orders || !parts.parents.empty()) return kFormatMinorOfOrders;
   if (parts.body && parts.body->touch_classes) return kFormatMinorOfTouch;
@@ -123,7 +124,11 @@ class Writer {
     const auto faces = Tensor(parts_.faces);
     const auto coarse_vertices = Tensor(parts_.coarse_vertices);
     const auto coarse_faces = Tensor(parts_.coarse_faces);
-    return format::CreateGarment(builder_, name, parts_.vertices, positions, faces, coarse_vertices, coarse_faces);
+    const auto texture_coordinates = Tensor(parts_.texture_coordinates);
+    const auto seam_vertices = Tensor(parts_.seam_vertices);
+    const auto textured_faces = Tensor(parts_.textured_faces);
+    return format::CreateGarment(builder_, name, parts_.vertices, positions, faces, coarse_vertices, coarse_faces,
+                                 texture_coordinates, seam_vertices, textured_faces);
   }
 
   fb::Offset<format::Character> Character() {
@@ -258,7 +263,8 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
   if (parts.head) add_linear(*parts.head);
   if (parts.basis) add_linear(*parts.basis);
   add(parts.template_positions, parts.influence_bones, parts.influence_weights, parts.faces);
-  add_present(parts.coarse_vertices, parts.coarse_faces);
+  add_present(parts.coarse_vertices, parts.coarse_faces, parts.texture_coordinates, parts.seam_vertices,
+              parts.textured_faces);
   if (parts.body) {
     const BodyParts& body = *parts.body;
     add(body.positions, body.joints, body.weights, body.faces, body.row_starts, body.columns);

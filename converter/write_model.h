@@ -55,6 +55,7 @@ struct ModelParts {
 
   PackedTensor template_positions, faces, inverse_bind;
   std::optional<PackedTensor> coarse_vertices, coarse_faces;
+  std::optional<PackedTensor> texture_coordinates, seam_vertices, textured_faces;
   PackedTensor mean, inverse_deviation, low, high;
   PackedTensor pivots, influence_bones, influence_weights;
   PackedLinear static_hidden, static_increments;

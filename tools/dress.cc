@@ -214,11 +214,15 @@ Report PageOf(const Options& options, const converter::OpenModel& model, const C
 }
 
 GlbScene SceneOf(const Hero& hero, const converter::OpenModel& model, const Played& played) {
+  const dcloth_model_info& info = model.info();
+  const size_t drawn = info.textured_vertex_count, corners = size_t{3} * info.triangle_count;
   return {.name = played.clip.name,
           .fps = played.clip.fps,
           .frame_count = played.clip.frames,
           .garment = played.garment,
-          .garment_triangles = model.triangles(),
+          .garment_triangles = drawn == 0 ? model.triangles() : std::span(info.textured_triangles, corners),
+          .seam_vertices = {info.seam_vertices, info.seam_vertex_count},
+          .texture_coordinates = {info.texture_coordinates, 2 * drawn},
           .joints = hero.joints,
           .bind = hero.bind,
           .poses = played.clip.matrices,

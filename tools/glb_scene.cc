@@ -132,14 +132,26 @@ std::string GlbBytes(const GlbScene& scene) {
 
   // The first frame is the mesh; target f takes it to frame f + 1.
   const size_t frame_size = scene.garment.size() / frames;
-  const auto first = scene.garment.first(frame_size);
+  const auto drawn = [&](size_t frame) {
+    const auto positions = scene.garment.subspan(frame * frame_size, frame_size);
+    std::vector<float> all(positions.begin(), positions.end());
+    for (const uint16_t vertex : scene.seam_vertices) {
+      const auto repeated = positions.subspan(size_t{3} * vertex, 3);
+      all.insert(all.end(), repeated.begin(), repeated.end());
+    }
+    return all;
+  };
+  const std::vector<float> first = drawn(0);
   Json targets = Json::array();
   for (size_t f = 1; f < frames; ++f) {
-    std::vector<float> moved(frame_size);
-    for (size_t i = 0; i < frame_size; ++i) moved[i] = scene.garment[f * frame_size + i] - first[i];
+    std::vector<float> moved = drawn(f);
+    for (size_t i = 0; i < moved.size(); ++i) moved[i] -= first[i];
     targets.push_back({{"POSITION", arrays.Floats(moved, "VEC3", 3, true)}});
   }
-  Json primitive = {{"attributes", {{"POSITION", arrays.Floats(first, "VEC3", 3, true)}}},
+  Json attributes = {{"POSITION", arrays.Floats(first, "VEC3", 3, true)}};
+  if (!scene.texture_coordinates.empty())
+    attributes["TEXCOORD_0"] = arrays.Floats(scene.texture_coordinates, "VEC2", 2);
+  Json primitive = {{"attributes", attributes},
                     {"indices", arrays.Add(scene.garment_triangles, kUnsignedShort, "SCALAR", 1)},
                     {"material", 1}};
   if (frames > 1) primitive["targets"] = targets;

@@ -15,8 +15,10 @@ struct GlbScene {
   std::string name;
   double fps = 0;
   size_t frame_count = 0;
-  std::span<const float> garment;  // [frames, n, 3]
-  std::span<const uint16_t> garment_triangles;
+  std::span<const float> garment;               // [frames, n, 3]
+  std::span<const uint16_t> garment_triangles;  // indices of the n vertices and of those that repeat a seam's
+  std::span<const uint16_t> seam_vertices;      // [s], of the n: what each of those repeats
+  std::span<const float> texture_coordinates;   // [n + s, 2], v down; or empty
   std::span<const std::string> joints;
   std::span<const float> bind;           // [joints, 16] rows contiguous, joint to world
   std::span<const float> poses;          // [frames, joints, 16]

@@ -45,6 +45,7 @@ Json Describe(const converter::OpenModel& model, const Options& options) {
           {"triangles", info.triangle_count},
           {"coarse_vertices", info.coarse_vertex_count},
           {"coarse_triangles", info.coarse_triangle_count},
+          {"textured_vertices", info.textured_vertex_count},
           {"stages", stages},
           {"joints", model.joint_names()},
           {"joint_parents", JointParents(model)}};
@@ -64,6 +65,10 @@ int Inspect(const Options& options) {
   if (model.info().coarse_vertex_count != 0) {
     std::printf("  coarse     %u vertices, %u triangles, for characters far away\n", model.info().coarse_vertex_count,
                 model.info().coarse_triangle_count);
+  }
+  if (model.info().textured_vertex_count != 0) {
+    std::printf("  texture    %u vertices, %u of them repeated at seams\n", model.info().textured_vertex_count,
+                model.info().seam_vertex_count);
   }
   std::printf("  precision  %s, format %s\n", text("precision").c_str(), text("format").c_str());
   std::printf("  model      %.3f MB (%zu bytes), shared by all instances\n",

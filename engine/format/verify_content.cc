@@ -37,6 +37,34 @@ bool VerifyCoarseMesh(const Garment& garment, const Path& path, Checker* check, 
          check->Indices(faces, triangles, {coarse->triangle_count, 3}, coarse->vertex_count, &coarse->faces);
 }
 
+bool VerifyTexture(const Garment& garment, const Path& path, Checker* check, ModelView* view) {
+  view->texture = {};
+  const Path coordinates = {&path, "texture_coordinates"}, seams = {&path, "seam_vertices"},
+             faces = {&path, "textured_faces"};
+  const Tensor *const places = garment.texture_coordinates(), *const repeated = garment.seam_vertices(),
+                      *const triangles = garment.textured_faces();
+  if ((repeated == nullptr) != (triangles == nullptr) || (places == nullptr && repeated != nullptr)) {
+    return check->Fail(places == nullptr     ? coordinates
+                       : repeated == nullptr ? seams
+                                             : faces,
+                       &garment, "nothing", "texture_coordinates, and both seam_vertices and textured_faces or neither",
+                       "convert the bundle again");
+  }
+  if (places == nullptr) return true;
+  TextureView* const texture = &view->texture;
+  const uint32_t n = view->vertex_count;
+  uint32_t seam_count = 0;
+  if (repeated != nullptr && (!check->Dimension(seams, repeated, 0, 1, kMaxVertices - n, &seam_count) ||
+                              !check->Indices(seams, repeated, {seam_count}, n, &texture->seam_vertices))) {
+    return false;
+  }
+  texture->vertex_count = n + seam_count;
+  texture->faces = view->faces;
+  return check->Floats(coordinates, places, {texture->vertex_count, 2}, &texture->coordinates) &&
+         (triangles == nullptr ||
+          check->Indices(faces, triangles, {view->triangle_count, 3}, texture->vertex_count, &texture->faces));
+}
+
 bool VerifyGarment(const Garment& garment, Checker* check, ModelView* view) {
   const Path path = {nullptr, "garment"};
   const uint32_t n = garment.vertices();
@@ -51,7 +79,7 @@ bool VerifyGarment(const Garment& garment, Checker* check, ModelView* view) {
                        &view->template_positions) &&
          check->Dimension(faces, garment.faces(), 0, 1, kMaxTriangles, &view->triangle_count) &&
          check->Indices(faces, garment.faces(), {view->triangle_count, 3}, n, &view->faces) &&
-         VerifyCoarseMesh(garment, path, check, view);
+         VerifyCoarseMesh(garment, path, check, view) && VerifyTexture(garment, path, check, view);
 }
 
 bool SameName(const flatbuffers::String& a, const flatbuffers::String& b) {

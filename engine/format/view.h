@@ -125,6 +125,14 @@ struct CoarseMeshView {
   uint32_t triangle_count;
 };
 
+// Where the garment's surface lies in a texture; all null and zero where the model does not say.
+struct TextureView {
+  const float* coordinates;       // [vertex_count, 2]
+  const uint16_t* seam_vertices;  // [vertex_count - n]: the garment's vertex that vertex n + i repeats; null for none
+  const uint16_t* faces;          // [triangle_count, 3], indices of drawn vertices
+  uint32_t vertex_count;          // n and the seams'
+};
+
 struct ModelView {
   const char* name;
   const char* precision;
@@ -140,6 +148,7 @@ struct ModelView {
   DisplacementView displacement;
   BodyView body;
   CoarseMeshView coarse;  // since 1.6
+  TextureView texture;    // since 1.7
   uint32_t joint_count;
   uint32_t hips;
   uint32_t vertex_count;  // n

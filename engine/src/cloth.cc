@@ -135,7 +135,8 @@ void SkinFrame(Cloth* cloth, const SkinPose& skin, double behind, const dcloth_o
     watch->Lap(DCLOTH_STEP_PENETRATION, "penetration");
   }
   RunNormals(kernels, mesh, surface);
-  RunTangents(kernels, mesh, space.mirrored, output, surface);
+  RepeatSeams(model, output, surface);
+  RunTangents(kernels, TexturedMeshOf(model, output, mesh), space.mirrored, model.texture.coordinates, output, surface);
   watch->Lap(DCLOTH_STEP_NORMALS, "normals");
   // To the host's floats and back is exact but for the unit, whose error a float does not see.
   float origin[3];

@@ -322,8 +322,8 @@ class Cloth {
 
 // An array in the model's own bytes, which `model` keeps alive.
 template <typename T>
-nb::ndarray<nb::numpy, const T> View(nb::handle model, const T* data, size_t rows) {
-  return nb::ndarray<nb::numpy, const T>(data, {rows, 3}, model);
+nb::ndarray<nb::numpy, const T> View(nb::handle model, const T* data, size_t rows, size_t columns = 3) {
+  return nb::ndarray<nb::numpy, const T>(data, {rows, columns}, model);
 }
 
 void Translate(const std::exception_ptr& thrown, void*) {
@@ -396,6 +396,21 @@ NB_MODULE(_engine, m) {
            [](nb::handle_t<Model> self) {
              const dcloth_model_info& info = nb::cast<const Model&>(self).info();
              return View(self, info.triangles, info.triangle_count);
+           })
+      .def("texture_coordinates",
+           [](nb::handle_t<Model> self) {
+             const dcloth_model_info& info = nb::cast<const Model&>(self).info();
+             return View(self, info.texture_coordinates, info.textured_vertex_count, 2);
+           })
+      .def("textured_triangles",
+           [](nb::handle_t<Model> self) {
+             const dcloth_model_info& info = nb::cast<const Model&>(self).info();
+             return View(self, info.textured_triangles, info.textured_vertex_count == 0 ? 0 : info.triangle_count);
+           })
+      .def("seam_vertices",
+           [](nb::handle_t<Model> self) {
+             const dcloth_model_info& info = nb::cast<const Model&>(self).info();
+             return View(self, info.seam_vertices, info.seam_vertex_count, 1);
            })
       .def("positions", [](nb::handle_t<Model> self) {
         const dcloth_model_info& info = nb::cast<const Model&>(self).info();

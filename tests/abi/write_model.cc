@@ -7,6 +7,7 @@ int main(int argc, char** argv) {
   if (argc != 2) return 2;
   dcloth::testing::ModelSpec spec;
   spec.precision = dcloth::format::DType_I8;
+  spec.texture = true;
   const dcloth::AlignedBytes bytes = dcloth::testing::BuildModel(spec).Bytes();
   std::FILE* file = std::fopen(argv[1], "wb");
   if (file == nullptr) return 1;

@@ -11,6 +11,7 @@ TestModel Sound(const Corruption& corruption) {
   spec.integer_layers = corruption.integer_layers;
   spec.body = spec.touch = corruption.touch;
   spec.coarse = corruption.coarse;
+  spec.texture = corruption.texture;
   spec.rank = corruption.rank;
   return BuildModel(spec);
 }

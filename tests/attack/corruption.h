@@ -27,6 +27,7 @@ struct Corruption {
   bool integer_layers = false;           // in it
   bool touch = false;                    // a body in parts in it
   bool coarse = false;                   // a coarse mesh in it
+  bool texture = false;                  // texture coordinates in it
   uint32_t rank = 0;                     // of its basis, where that is reduced
 };
 

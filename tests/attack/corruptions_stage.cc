@@ -269,6 +269,38 @@ std::vector<Corruption> CoarseMesh() {
   };
 }
 
+// 60 vertices, the six of the seam once more.
+std::vector<Corruption> Texture() {
+  using G = format::GarmentT;
+  using Spoil = std::function<void(M*, G*)>;
+  const auto spoil = [](const char* name, const char* field, const char* reason, const Spoil& how) {
+    Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->garment.get()); }};
+    corruption.texture = true;
+    return corruption;
+  };
+  static constexpr char kAll[] = "allowed: texture_coordinates, and both seam_vertices and textured_faces or neither";
+  return {
+      spoil("texture_not_finite", "garment.texture_coordinates[131]: ", "allowed: finite numbers",
+            [](M* m, G* g) { *Data<float>(m, *g->texture_coordinates, 131) = kInfinity; }),
+      spoil("texture_short", "garment.texture_coordinates.shape: ", "found [65, 2]; allowed: [66, 2]",
+            [](M*, G* g) { g->texture_coordinates->shape[0] = 65; }),
+      spoil("texture_without_coordinates", "garment.texture_coordinates: ", kAll,
+            [](M*, G* g) { g->texture_coordinates.reset(); }),
+      spoil("texture_without_seam", "garment.seam_vertices: ", kAll, [](M*, G* g) { g->seam_vertices.reset(); }),
+      spoil("texture_without_faces", "garment.textured_faces: ", kAll, [](M*, G* g) { g->textured_faces.reset(); }),
+      spoil("seam_beyond", "garment.seam_vertices[5]: ", "found 60; allowed: indices below 60",
+            [](M* m, G* g) { *Data<uint16_t>(m, *g->seam_vertices, 5) = 60; }),
+      spoil("seam_none", "garment.seam_vertices.shape[0]: ", "found 0; allowed: 1 to 65475",
+            [](M*, G* g) { g->seam_vertices->shape[0] = 0; }),
+      spoil("seam_too_long", "garment.seam_vertices.shape[0]: ", "found 65476; allowed: 1 to 65475",
+            [](M*, G* g) { g->seam_vertices->shape[0] = 65476; }),
+      spoil("textured_face_beyond", "garment.textured_faces[299]: ", "found 66; allowed: indices below 66",
+            [](M* m, G* g) { *Data<uint16_t>(m, *g->textured_faces, 299) = 66; }),
+      spoil("textured_faces_few", "garment.textured_faces.shape: ", "found [99, 3]; allowed: [100, 3]",
+            [](M*, G* g) { g->textured_faces->shape[0] = 99; }),
+  };
+}
+
 // Of the egg's 17 vertices and the garment's 60; the body's other fields are in format_body_test.cc.
 std::vector<Corruption> BodyParts() {
   using B = format::BodyT;
@@ -324,7 +356,8 @@ std::vector<Corruption> BodyParts() {
 
 std::vector<Corruption> StageCorruptions() {
   std::vector<Corruption> all = IndicesAndWeights();
-  for (const auto& more : {GraphRows(), Layers(), IntegerLayers(), CoarseMesh(), BodyParts(), StagesThatDoNotFit()})
+  for (const auto& more :
+       {GraphRows(), Layers(), IntegerLayers(), CoarseMesh(), Texture(), BodyParts(), StagesThatDoNotFit()})
     all.insert(all.end(), more.begin(), more.end());
   return all;
 }

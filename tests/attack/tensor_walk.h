@@ -34,6 +34,7 @@ class TensorWalk {
  public:
   explicit TensorWalk(format::ModelT* m) {
     Add(m->garment->template_positions, m->garment->faces, m->garment->coarse_vertices, m->garment->coarse_faces,
+        m->garment->texture_coordinates, m->garment->seam_vertices, m->garment->textured_faces,
         m->character->inverse_bind);
     Add(m->features->mean, m->features->inverse_deviation, m->features->low, m->features->high);
     Add(m->static_stage->pivots, m->static_stage->influence_bones, m->static_stage->influence_weights);

@@ -67,7 +67,7 @@ inline std::vector<Variant> Variants() {
   small.body = true;
   variants.push_back({"I8_body", small});
   small.touch = true;
-  small.coarse = true;
+  small.coarse = small.texture = true;
   variants.push_back({"I8_touch", small});
   small.body = small.touch = false;
   small.root_motion = format::RootMotion_Air;

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gltf_file
+import safetensors_file
 import small_garment
 import test_report
 from checks import leftovers, refused
@@ -48,7 +49,7 @@ def read_glb(path):
     def accessor(index):
         a = document["accessors"][index]
         view = document["bufferViews"][a["bufferView"]]
-        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[a["type"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}[a["type"]]
         kind = {5123: "<u2", 5125: "<u4", 5126: "<f4"}[a["componentType"]]
         values = np.frombuffer(binary, kind, a["count"] * width, view["byteOffset"]).reshape(-1, width)
         assert view["byteOffset"] % 4 == 0 and np.isfinite(values).all()
@@ -194,6 +195,31 @@ def test_the_gltf_moves_body_and_cloth(dressed):
     for frame, target in enumerate([np.zeros_like(positions), *targets]):
         waist = (positions + target)[:small_garment.COLUMNS].mean(0)
         assert np.linalg.norm(waist - ways[nodes["Hips"]][frame]) < 0.2
+
+
+def test_the_gltf_has_the_models_texture(dressed, dcloth, files, tmp_path):
+    """A seam along the first column of the tube: its vertices come twice, and move as one."""
+    folder, _ = dressed
+    tensors, metadata = safetensors_file.read(files.bundle)
+    faces = tensors["template.faces"]
+    u, v = faces % small_garment.COLUMNS / small_garment.COLUMNS, faces // small_garment.COLUMNS / 100
+    u = np.where((u == 0) & (u.max(1, keepdims=True) > 0.5), 1, u)
+    bundle, model = tmp_path / "textured.safetensors", tmp_path / "textured.dcloth"
+    safetensors_file.write(bundle, {**tensors, "template.texture_coordinates": np.stack([u, v], -1).astype("f4")},
+                           metadata)
+    assert dcloth("convert", bundle, "-o", model).returncode == 0
+    result = dcloth("dress", WALKER, "--garment", model, "-o", tmp_path / "out.glb")
+    assert result.returncode == 0, result.stderr
+    plain, textured = (read_glb(path / "out.glb") for path in (folder, tmp_path))
+    own, given = (document["meshes"][1]["primitives"][0] for document, _ in (plain, textured))
+    corners = textured[1](given["indices"])[:, 0]
+    coordinates = textured[1](given["attributes"]["TEXCOORD_0"])
+    assert np.allclose(coordinates[corners], np.stack([u, v], -1).reshape(-1, 2), atol=1e-6)
+    assert len(coordinates) == small_garment.VERTICES + small_garment.VERTICES // small_garment.COLUMNS
+    for frame in (None, 0, -1):
+        moves = [read(p["attributes"]["POSITION"] if frame is None else p["targets"][frame]["POSITION"])
+                 for p, read in ((own, plain[1]), (given, textured[1]))]
+        assert np.array_equal(moves[0][plain[1](own["indices"])[:, 0]], moves[1][corners])
 
 
 def test_vrm_is_gltf(dressed, dcloth, files, tmp_path):

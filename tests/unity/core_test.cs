@@ -52,6 +52,36 @@ internal static unsafe class CoreTest
         }
     }
 
+    // The garment's vertices to the bit, then those of the seam once more.
+    public static void TexturedVerticesRepeatTheSeam()
+    {
+        using (ClothModel model = ClothModel.Open(file))
+        {
+            float[] uv = model.TextureCoordinates(), plainUv = new float[2 * model.VertexCount];
+            Check(model.TexturedVertexCount > model.VertexCount && uv.Length == 2 * model.TexturedVertexCount, "counts");
+            Array.Copy(uv, plainUv, plainUv.Length);
+            ushort[] triangles = model.Triangles(true), textured = model.TexturedTriangles(true);
+            using (ClothPlayer plain = NewPlayer(model, plainUv), player = NewPlayer(model, uv))
+            {
+                Check(player.Textured && !plain.Textured && player.VertexCount == model.TexturedVertexCount, "textured");
+                foreach (ClothPlayer each in new[] { plain, player })
+                {
+                    Turn(each);
+                    Check(each.Advance(1 / 30f) == ClothStatus.Ok, "frame");
+                }
+                byte[] expected = Drawn(plain), drawn = Drawn(player);
+                int seams = 0;
+                for (int i = 0; i < textured.Length; ++i)
+                {
+                    int at = player.VertexBytes * textured[i], from = plain.VertexBytes * triangles[i];
+                    if (textured[i] != triangles[i]) ++seams;
+                    for (int b = 0; b < 24; ++b) Check(drawn[at + b] == expected[from + b], "vertex " + textured[i]);
+                }
+                Check(seams > 0, "seams");
+            }
+        }
+    }
+
     // Axes x, y, z of each bone called y, z, x, and twice as long.
     private static void Turn(ClothPlayer player)
     {

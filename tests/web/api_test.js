@@ -358,6 +358,33 @@ test("a scene keeps to its budget", () => {
   assert.equal(engine.memory.blockCount, 0);
 });
 
+test("a texture's vertices are the garment's and those of its seams", () => {
+  const model = engine.openModel(file), n = model.texturedVertexCount, uv = model.textureCoordinates;
+  assert.ok(n > model.vertexCount && uv.length === 2 * n && uv.every((x) => x >= 0 && x <= 1));
+  const [plain, textured] = [model.createCloth({ jointNames }), model.createCloth({ jointNames, uv, textured: true })];
+  assert.equal(textured.vertexCount, n);
+  for (let f = 0; f < 5; ++f) {
+    for (const each of [plain, textured]) {
+      pose(each, f);
+      each.update(1 / 30);
+    }
+  }
+  let seams = 0;
+  for (let i = 0; i < model.triangles.length; ++i) {
+    const [from, at] = [model.triangles[i], model.texturedTriangles[i]];
+    if (from !== at) ++seams;
+    for (const of of ["positions", "normals"]) {
+      for (let c = 0; c < 3; ++c) assert.equal(textured[of][3 * at + c], plain[of][3 * from + c]);
+    }
+  }
+  assert.ok(seams > 0);
+  for (let i = 0; i < n; ++i) {
+    assert.ok(Math.abs(Math.hypot(...textured.tangents.slice(4 * i, 4 * i + 3)) - 1) < 1e-5);
+  }
+  assert.throws(() => model.createCloth({ jointNames, uv }), /texture coordinates; allowed/);
+  for (const each of [plain, textured, model]) each.dispose();
+});
+
 test("less of a frame is drawn", () => {
   const model = engine.openModel(file);
   const uv = Float32Array.from({ length: 2 * model.vertexCount }, (_, i) => (i % 2 ? 0.37 * i : 0.11 * i) % 1);

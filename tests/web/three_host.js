@@ -70,4 +70,5 @@ skirt.dispose();
 plain.dispose();
 model.dispose();
 console.log(JSON.stringify({ mm: 1000 * sum / count, scale: fit.scale, warnings: fit.warnings, shared, radius,
-  height: center.y, blocks: engine.memory.blockCount, vertices: attribute.count }));
+  height: center.y, blocks: engine.memory.blockCount, vertices: attribute.count,
+  uv: skirt.geometry.attributes.uv.count, of_seams: attribute.count - model.vertexCount }));

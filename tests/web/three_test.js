@@ -24,6 +24,7 @@ for (const space of ["armature", "scene"]) test(`a rig in centimetres, bound in 
   assert.ok(said.mm < 3, `${said.mm} mm from the skirt of the same poses without a fit`);
   assert.ok(Math.abs(said.scale - 1) < 0.01, `scale ${said.scale}`);
   assert.deepEqual(said.warnings, []);
-  assert.ok(said.shared && said.vertices === 8170 && said.blocks === 0, done.stdout);
+  assert.ok(said.shared && said.blocks === 0, done.stdout);
+  assert.ok(said.vertices === said.uv && said.of_seams > 0 && said.of_seams < 1000, done.stdout);
   assert.ok(said.radius > 0.3 && said.radius < 1 && said.height > 0.5 && said.height < 1, done.stdout);
 });

@@ -68,6 +68,8 @@ def write(path, net, fitted, character, training, garment=None, half=True):
     with np.errstate(over="ignore"):    # an overflow is reported below, by name
         tensors = {f"{stage.name}.{name}": _array(value).astype(np.float16 if half else np.float32)
                    for stage, module in _held(net) for name, value in module.trained().items()}
+    if character.texture is not None:    # halves: within a texel of a picture 4,096 wide
+        tensors["template.texture_coordinates"] = character.texture.astype(np.float16 if half else np.float32)
     for name, value in tensors.items():
         if not np.isfinite(value).all():
             raise BundleError(f"{path}: tensor '{name}' is not finite as {value.dtype}; "

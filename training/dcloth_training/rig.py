@@ -39,6 +39,7 @@ class Character:
     touches: np.ndarray = field(repr=False, default=None)       # [n]
     body_parts: np.ndarray = field(repr=False, default=None)    # [b]
     body_colours: np.ndarray = field(repr=False, default=None)  # [b, 3] sRGB, 0 to 1, for pictures; None: one for all
+    texture: np.ndarray = field(repr=False, default=None)       # [c, 3, 2] u right, v down of the faces' corners
 
 
 def mirrored_joints(names):
@@ -59,6 +60,15 @@ def _masks(tensors):
             raise ValueError(f"{name}: {masks.dtype} {list(masks.shape)}, allowed is a bit mask from 0 up for each of "
                              f"{count} vertices")
     return tuple(tensors[name] for name in names)
+
+
+def _texture(tensors):
+    """cloth_texture [c, 3, 2], or None: not every garment has one."""
+    texture = tensors.get("cloth_texture")
+    expected = (*tensors["cloth_faces"].shape, 2)
+    if texture is not None and (texture.shape != expected or not np.isfinite(texture).all()):
+        raise ValueError(f"cloth_texture: {list(texture.shape)}, allowed are finite numbers {list(expected)}")
+    return texture
 
 
 def read_character(path):
@@ -86,7 +96,7 @@ def read_character(path):
             json.loads(metadata["parents"]) if "parents" in metadata else None,
             metadata.get("hips", "Hips"),
             tuple(json.loads(metadata["feature_joints"])) if "feature_joints" in metadata else skeleton.LOWER_BODY,
-            *_masks(tensors), tensors.get("body_colours"))
+            *_masks(tensors), tensors.get("body_colours"), _texture(tensors))
     except (KeyError, ValueError) as error:
         raise safetensors_io.SafetensorsError(
             f"{path}: not a character: {error}; expected what simulate/run.py writes") from None

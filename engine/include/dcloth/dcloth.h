@@ -120,6 +120,15 @@ typedef struct dcloth_model_info {
   const uint16_t* coarse_triangles; /* [coarse_triangle_count, 3], in the model bytes: indices of coarse vertices */
   uint32_t coarse_vertex_count;
   uint32_t coarse_triangle_count;
+  /* Where the garment lies in a texture, for DCLOTH_OUTPUT_TEXTURED: the first vertex_count vertices are the garment's,
+   * the others repeat those at seams. All are null and 0 where the model holds no texture coordinates. Since 0.2 */
+  const float* texture_coordinates;   /* [textured_vertex_count, 2], in the model bytes: u right, v down from the upper
+                                         left, as in glTF */
+  const uint16_t* textured_triangles; /* [triangle_count, 3], in the model bytes: indices of textured vertices */
+  const uint16_t* seam_vertices;      /* [seam_vertex_count], in the model bytes: the garment's vertex that each of the
+                                         others repeats; null without seams */
+  uint32_t textured_vertex_count;     /* vertex_count + seam_vertex_count */
+  uint32_t seam_vertex_count;
 } dcloth_model_info;
 
 /* The host's axes and unit, as the character stands in its bind pose. Conversion costs no time per vertex.
@@ -244,7 +253,12 @@ enum {
   /* Writes the coarse mesh instead: vertex_count is dcloth_model_info.coarse_vertex_count, vertex i is vertex
    * coarse_vertices[i] of the garment, and normals and tangents are those of coarse_triangles. It costs half of the
    * drawing; the ticks are the same. Not together with DCLOTH_OUTPUT_OUTSIDE_BODY. Since 0.2 */
-  DCLOTH_OUTPUT_COARSE = 2
+  DCLOTH_OUTPUT_COARSE = 2,
+  /* Writes the vertices that a texture is drawn on, for dcloth_model_info.textured_triangles: vertex_count is
+   * textured_vertex_count. The first are the garment's; a seam's others get the same position and normal, and a tangent
+   * of their own. Where dcloth_output.texture_coordinates is null, tangents follow the model's. It costs a copy of the
+   * seams. Not together with DCLOTH_OUTPUT_COARSE. Since 0.2 */
+  DCLOTH_OUTPUT_TEXTURED = 4
 };
 
 /* Where the vertices are written. Each attribute has the address of the first vertex, the distance to the next one and
@@ -256,14 +270,16 @@ enum {
  * that is slow to read. */
 typedef struct dcloth_output {
   uint32_t struct_size;          /* set to sizeof(dcloth_output) */
-  uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count, or coarse_vertex_count */
+  uint32_t vertex_count;         /* must equal dcloth_model_info.vertex_count; with a flag, coarse_ or
+                                    textured_vertex_count */
   void* positions;               /* 3 numbers each: world, host's unit */
   uint32_t position_stride_bytes;
   uint32_t normal_stride_bytes;
   void* normals;                 /* 3 numbers each: unit length, outward; or null */
   void* tangents;                /* 4 numbers each: a unit vector along growing u, and w = 1 or -1, where the bitangent
                                     is w cross(normal, tangent). Needs normals and texture_coordinates. Or null */
-  const float* texture_coordinates; /* u, v of each vertex; read only for tangents */
+  const float* texture_coordinates; /* u, v of each vertex; read only for tangents; with
+                                       DCLOTH_OUTPUT_TEXTURED the model's where null */
   uint32_t tangent_stride_bytes;
   uint32_t texture_stride_bytes; /* at least 8 */
   uint32_t position_format;      /* DCLOTH_FORMAT_* */

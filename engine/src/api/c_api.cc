@@ -175,6 +175,11 @@ dcloth_status dcloth_model_describe(const dcloth_model* model, dcloth_model_info
   filled.coarse_triangles = view.coarse.faces;
   filled.coarse_vertex_count = view.coarse.vertex_count;
   filled.coarse_triangle_count = view.coarse.triangle_count;
+  filled.texture_coordinates = view.texture.coordinates;
+  filled.textured_triangles = view.texture.faces;
+  filled.seam_vertices = view.texture.seam_vertices;
+  filled.textured_vertex_count = view.texture.vertex_count;
+  filled.seam_vertex_count = view.texture.vertex_count == 0 ? 0 : view.texture.vertex_count - view.vertex_count;
   dcloth::engine::WriteStruct(filled, info);
   return DCLOTH_OK;
 }

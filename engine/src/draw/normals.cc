@@ -15,16 +15,17 @@ void RunNormals(const kernels::KernelTable& kernels, const DrawnMesh& mesh, cons
   kernels.normals(job);
 }
 
-void RunTangents(const kernels::KernelTable& kernels, const DrawnMesh& mesh, bool mirrored, const dcloth_output& output,
-                 const Surface& surface) {
+void RunTangents(const kernels::KernelTable& kernels, const DrawnMesh& mesh, bool mirrored, const float* texture,
+                 const dcloth_output& output, const Surface& surface) {
   if (surface.tangents == nullptr) return;
   kernels::TangentsJob job = {};
   job.positions = surface.positions;
   job.position_stride_bytes = surface.position_stride_bytes;
   job.normals = surface.normals;
   job.normal_stride_bytes = surface.normal_stride_bytes;
-  job.texture = output.texture_coordinates;
-  job.texture_stride_bytes = output.texture_stride_bytes;
+  const bool given = output.texture_coordinates != nullptr;
+  job.texture = given ? output.texture_coordinates : texture;
+  job.texture_stride_bytes = given ? output.texture_stride_bytes : 2 * sizeof(float);
   job.tangents = surface.tangents;
   job.tangent_stride_bytes = surface.tangent_stride_bytes;
   job.triangles = mesh.faces;

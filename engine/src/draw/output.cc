@@ -60,26 +60,49 @@ DrawnMesh MeshOf(const format::ModelView& model, const dcloth_output& output) {
   return {model.coarse.vertices, model.coarse.faces, model.coarse.vertex_count, model.coarse.triangle_count};
 }
 
+DrawnMesh TexturedMeshOf(const format::ModelView& model, const dcloth_output& output, const DrawnMesh& mesh) {
+  if ((output.flags & DCLOTH_OUTPUT_TEXTURED) == 0) return mesh;
+  return {nullptr, model.texture.faces, model.texture.vertex_count, model.triangle_count};
+}
+
+void RepeatSeams(const format::ModelView& model, const dcloth_output& output, const Surface& surface) {
+  if ((output.flags & DCLOTH_OUTPUT_TEXTURED) == 0) return;
+  for (uint32_t i = model.vertex_count; i < model.texture.vertex_count; ++i) {
+    const uint16_t from = model.texture.seam_vertices[i - model.vertex_count];
+    std::memcpy(surface.PositionOf(i), surface.PositionOf(from), kPositionElements * sizeof(float));
+    if (surface.normals == nullptr) continue;
+    std::memcpy(At(surface.normals, surface.normal_stride_bytes, i),
+                At(surface.normals, surface.normal_stride_bytes, from), kNormalElements * sizeof(float));
+  }
+}
+
 bool CheckOutput(const dcloth_output& output, const format::ModelView& model, format::Diagnostic* diagnostic) {
   const auto refuse = [diagnostic](const char* field, const char* found, const char* allowed) {
     const format::Path parent = {nullptr, "output"}, path = {&parent, field};
     return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, found, allowed, "");
   };
-  constexpr uint32_t kFlags = DCLOTH_OUTPUT_OUTSIDE_BODY | DCLOTH_OUTPUT_COARSE;
+  constexpr uint32_t kNotCoarse = DCLOTH_OUTPUT_OUTSIDE_BODY | DCLOTH_OUTPUT_TEXTURED,
+                     kFlags = kNotCoarse | DCLOTH_OUTPUT_COARSE;
   if ((output.flags & ~kFlags) != 0) return refuse("flags", "an unknown flag", "DCLOTH_OUTPUT_* or 0");
   const bool coarse = (output.flags & DCLOTH_OUTPUT_COARSE) != 0;
   if (coarse && model.coarse.vertex_count == 0)
     return refuse("flags", "DCLOTH_OUTPUT_COARSE, for a model without a coarse mesh",
                   "a model of format 1.6 that has one");
-  if (output.flags == kFlags)
-    return refuse("flags", "DCLOTH_OUTPUT_COARSE with DCLOTH_OUTPUT_OUTSIDE_BODY", "one of the two");
-  const uint32_t vertex_count = MeshOf(model, output).vertex_count;
+  if (coarse && (output.flags & kNotCoarse) != 0)
+    return refuse("flags", "DCLOTH_OUTPUT_COARSE with another flag", "DCLOTH_OUTPUT_COARSE alone, or the others");
+  const bool textured = (output.flags & DCLOTH_OUTPUT_TEXTURED) != 0;
+  if (textured && model.texture.vertex_count == 0)
+    return refuse("flags", "DCLOTH_OUTPUT_TEXTURED, for a model without texture coordinates",
+                  "a model of format 1.7 that has some");
+  const uint32_t vertex_count = TexturedMeshOf(model, output, MeshOf(model, output)).vertex_count;
   if (output.vertex_count != vertex_count) {
     const format::Path parent = {nullptr, "output"}, path = {&parent, "vertex_count"};
     char allowed[48];
     format::Text(allowed, sizeof(allowed))
         .Add(uint64_t{vertex_count})
-        .Add(coarse ? ", of the model's coarse mesh" : ", the model's");
+        .Add(coarse     ? ", of the model's coarse mesh"
+             : textured ? ", of the model's texture"
+                        : ", the model's");
     return diagnostic->FailCount(DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path, output.vertex_count, "", allowed, "");
   }
   constexpr char kAttribute[] = "an invalid pointer, stride or format";
@@ -92,8 +115,11 @@ bool CheckOutput(const dcloth_output& output, const format::ModelView& model, fo
   if (output.tangents != nullptr) {
     if (output.normals == nullptr) return refuse("tangents", "tangents without normals", "both, or normals alone");
     if (!IsUsable(Tangents(output))) return refuse("tangents", kAttribute, kAttributes);
-    if (output.texture_coordinates == nullptr || !IsAligned(output.texture_coordinates, sizeof(float)) ||
-        output.texture_stride_bytes < 2 * sizeof(float) || output.texture_stride_bytes % sizeof(float) != 0) {
+    const bool given = output.texture_coordinates != nullptr;
+    const bool usable = given && IsAligned(output.texture_coordinates, sizeof(float)) &&
+                        output.texture_stride_bytes >= 2 * sizeof(float) &&
+                        output.texture_stride_bytes % sizeof(float) == 0;
+    if (!usable && (given || !textured)) {
       return refuse("texture_coordinates", "none, or off their alignment",
                     "two floats per vertex, aligned to 4 bytes; tangents need them");
     }

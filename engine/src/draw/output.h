@@ -37,6 +37,12 @@ struct DrawnMesh {
 };
 DrawnMesh MeshOf(const format::ModelView& model, const dcloth_output& output);
 
+// What tangents are computed on: `mesh`, or the one that a texture is drawn on.
+DrawnMesh TexturedMeshOf(const format::ModelView& model, const dcloth_output& output, const DrawnMesh& mesh);
+
+// Copies positions and normals to the vertices that repeat a seam's, where the output wants those.
+void RepeatSeams(const format::ModelView& model, const dcloth_output& output, const Surface& surface);
+
 // Tells the first thing that is wrong with an output; `output` is not touched.
 bool CheckOutput(const dcloth_output& output, const format::ModelView& model, format::Diagnostic* diagnostic);
 

@@ -109,6 +109,23 @@ class Model:
         """[c, 3] uint16, read-only: counter-clockwise seen from outside."""
         return self._model.triangles()
 
+    @property
+    def texture_coordinates(self) -> NDArray[np.float32]:
+        """[d, 2] float32, read-only: u right and v down of the garment's vertices, then of those that `seam_vertices`
+        repeats. Empty where the model holds none."""
+        return self._model.texture_coordinates()
+
+    @property
+    def textured_triangles(self) -> NDArray[np.uint16]:
+        """[c, 3] uint16, read-only: the triangles by the d vertices; draw them on
+        `np.concatenate([positions, positions[model.seam_vertices]])`."""
+        return self._model.textured_triangles()
+
+    @property
+    def seam_vertices(self) -> NDArray[np.uint16]:
+        """[d - vertex_count] uint16, read-only: the garment's vertex that each of the others repeats."""
+        return self._model.seam_vertices()[:, 0]
+
     def __repr__(self) -> str:
         return (f"<dcloth.Model {self.name!r}, {self.precision}, {self.vertex_count} vertices, "
                 f"{len(self.joint_names)} joints, {self.tick_rate:g} Hz>")

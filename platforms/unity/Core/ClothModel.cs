@@ -50,6 +50,10 @@ namespace DCloth
         public int VertexCount { get; private set; }
         public int TriangleCount { get; private set; }
 
+        /// <summary>Vertices of the mesh that a texture is drawn on: the garment's, then those repeated at seams. 0
+        /// where the model holds no texture coordinates.</summary>
+        public int TexturedVertexCount { get; private set; }
+
         /// <summary>The last stage that the model holds.</summary>
         public ClothStages Stages { get; private set; }
 
@@ -95,16 +99,27 @@ namespace DCloth
         /// right-handed spaces, clockwise in left-handed ones.</summary>
         public ushort[] Triangles(bool leftHanded)
         {
+            return Turned(Describe(Handle).triangles, leftHanded);
+        }
+
+        /// <summary>The same triangles by textured vertices; empty where TexturedVertexCount is 0.</summary>
+        public ushort[] TexturedTriangles(bool leftHanded)
+        {
+            return TexturedVertexCount == 0 ? new ushort[0] : Turned(Describe(Handle).textured_triangles, leftHanded);
+        }
+
+        /// <summary>[TexturedVertexCount, 2] u to the right, v up as in Unity.</summary>
+        public float[] TextureCoordinates()
+        {
             dcloth_model_info info = Describe(Handle);
-            var indices = new ushort[3 * TriangleCount];
-            for (int i = 0; i < indices.Length; i += 3)
+            var uv = new float[2 * TexturedVertexCount];
+            for (int i = 0; i < uv.Length; i += 2)
             {
-                indices[i] = info.triangles[i];
-                indices[i + 1] = info.triangles[i + (leftHanded ? 2 : 1)];
-                indices[i + 2] = info.triangles[i + (leftHanded ? 1 : 2)];
+                uv[i] = info.texture_coordinates[i];
+                uv[i + 1] = 1 - info.texture_coordinates[i + 1];
             }
             GC.KeepAlive(this);
-            return indices;
+            return uv;
         }
 
         /// <summary>[JointNames.Length, 16] joint to world in the bind pose of training: columns contiguous, metres, in
@@ -139,6 +154,19 @@ namespace DCloth
             bytes.Dispose();
         }
 
+        private ushort[] Turned(ushort* triangles, bool leftHanded)
+        {
+            var indices = new ushort[3 * TriangleCount];
+            for (int i = 0; i < indices.Length; i += 3)
+            {
+                indices[i] = triangles[i];
+                indices[i + 1] = triangles[i + (leftHanded ? 2 : 1)];
+                indices[i + 2] = triangles[i + (leftHanded ? 1 : 2)];
+            }
+            GC.KeepAlive(this);
+            return indices;
+        }
+
         private static dcloth_model_info Describe(dcloth_model* model)
         {
             var info = new dcloth_model_info { struct_size = (uint)sizeof(dcloth_model_info) };
@@ -153,6 +181,7 @@ namespace DCloth
             Precision = Utf8.Text(info.precision);
             VertexCount = (int)info.vertex_count;
             TriangleCount = (int)info.triangle_count;
+            TexturedVertexCount = (int)info.textured_vertex_count;
             Stages = (ClothStages)info.stages;
             TickSeconds = info.tick_seconds;
             ReadsWind = Native.dcloth_model_reads_wind(model) != 0;

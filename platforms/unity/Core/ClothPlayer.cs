@@ -21,8 +21,9 @@ namespace DCloth
 
         /// <summary>`boneNames` are the host's skeleton in any order, with more bones than the model needs; each name's
         /// `prefix` is taken off before it is compared ("mixamorig:" for instance). `uv`, two floats a vertex in the
-        /// model's order, or null for vertices without tangents. Errors: Joints, with the names that are
-        /// missing.</summary>
+        /// model's order, or null for vertices without tangents. Where they are those of
+        /// ClothModel.TextureCoordinates, the player draws the textured vertices. Errors: Joints, with the names that
+        /// are missing.</summary>
         public ClothPlayer(ClothModel model, dcloth_space space, IReadOnlyList<string> boneNames,
                            string prefix = "", float[] uv = null)
             : this(model, space, boneNames, prefix, null, uv)
@@ -42,9 +43,17 @@ namespace DCloth
             cloth = new ClothInstance(model);
             try
             {
-                if (uv != null && uv.Length != 2 * model.VertexCount)
+                VertexCount = model.VertexCount;
+                if (uv != null && uv.Length == 2 * model.TexturedVertexCount)
+                {
+                    VertexCount = model.TexturedVertexCount;
+                    Textured = true;
+                }
+                if (uv != null && uv.Length != 2 * VertexCount)
                 {
                     string allowed = 2 * model.VertexCount + ", u and v of each vertex in the model's order";
+                    if (model.TexturedVertexCount > 0)
+                        allowed += ", or " + 2 * model.TexturedVertexCount + " of its textured ones";
                     throw new ClothException(ClothStatus.Argument, ulong.MaxValue, model.Name + ": " + uv.Length +
                                              " texture coordinates; allowed: " + allowed);
                 }
@@ -62,13 +71,12 @@ namespace DCloth
                 VertexBytes = uv == null ? PlainVertexBytes : TangentVertexBytes;
                 long floats = (long)MatrixFloats * Bones.Length + BoundsFloats + (uv == null ? 0 : uv.Length);
                 memory = new AlignedMemory(floats * sizeof(float));
-                ownVertices = new AlignedMemory((long)model.VertexCount * VertexBytes);
+                ownVertices = new AlignedMemory((long)VertexCount * VertexBytes);
                 JointMatrices = (float*)memory.Start;
                 Bounds = JointMatrices + (long)MatrixFloats * Bones.Length;
                 textureCoordinates = uv == null ? null : Bounds + BoundsFloats;
                 Vertices = ownVertices.Start;
                 for (int i = 0; uv != null && i < uv.Length; ++i) textureCoordinates[i] = uv[i];
-                VertexCount = model.VertexCount;
                 Stages = model.Stages;
                 HasBody = model.BodyVertexCount > 0;
             }
@@ -100,7 +108,12 @@ namespace DCloth
         /// <summary>[6] least x, y, z, then greatest, of the last frame drawn.</summary>
         public float* Bounds { get; private set; }
 
+        /// <summary>The model's, or its textured ones.</summary>
         public int VertexCount { get; }
+
+        /// <summary>Whether vertices are those of ClothModel.TexturedTriangles.</summary>
+        public bool Textured { get; }
+
         public int VertexBytes { get; }
 
         /// <summary>Whether OutsideBody does anything.</summary>
@@ -215,7 +228,8 @@ namespace DCloth
             output.normals = Vertices + 3 * sizeof(float);
             output.position_stride_bytes = output.normal_stride_bytes = (uint)VertexBytes;
             output.bounds = Bounds;
-            output.flags = OutsideBody ? Native.DCLOTH_OUTPUT_OUTSIDE_BODY : 0;
+            output.flags = (OutsideBody ? Native.DCLOTH_OUTPUT_OUTSIDE_BODY : 0) |
+                           (Textured ? Native.DCLOTH_OUTPUT_TEXTURED : 0);
             if (textureCoordinates == null) return output;
             output.tangents = Vertices + 6 * sizeof(float);
             output.tangent_stride_bytes = (uint)VertexBytes;

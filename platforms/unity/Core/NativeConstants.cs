@@ -46,6 +46,7 @@ namespace DCloth
         public const uint DCLOTH_FORMAT_FLOAT16 = 1;
         public const uint DCLOTH_OUTPUT_OUTSIDE_BODY = 1;
         public const uint DCLOTH_OUTPUT_COARSE = 2;
+        public const uint DCLOTH_OUTPUT_TEXTURED = 4;
 
         public const int DCLOTH_STEP_POSE = 0;
         public const int DCLOTH_STEP_STATIC = 1;

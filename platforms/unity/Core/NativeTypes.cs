@@ -59,6 +59,11 @@ namespace DCloth
         public ushort* coarse_triangles;
         public uint coarse_vertex_count;
         public uint coarse_triangle_count;
+        public float* texture_coordinates;
+        public ushort* textured_triangles;
+        public ushort* seam_vertices;
+        public uint textured_vertex_count;
+        public uint seam_vertex_count;
     }
 
     [StructLayout(LayoutKind.Sequential)]

@@ -25,7 +25,7 @@ namespace DCloth
             Mesh = new Mesh { name = model.Name, hideFlags = HideFlags.DontSave };
             Mesh.MarkDynamic();
             SetVertexLayout(uv);
-            ushort[] triangles = model.Triangles(true);
+            ushort[] triangles = player.Textured ? model.TexturedTriangles(true) : model.Triangles(true);
             Mesh.SetIndexBufferParams(triangles.Length, IndexFormat.UInt16);
             Mesh.SetIndexBufferData(triangles, 0, 0, triangles.Length, Trusted);
             Mesh.subMeshCount = 1;

@@ -29,7 +29,7 @@ namespace DCloth
         private float boneScale = 1;
         [SerializeField] private Material material;
         [SerializeField] private ShadowCastingMode shadows = ShadowCastingMode.TwoSided;
-        [SerializeField, Tooltip("Optional, for its uv: a mesh with the model's vertices in the model's order.")]
+        [SerializeField, Tooltip("Optional, in place of the model's uv: a mesh with its vertices in its order.")]
         private Mesh textureSource;
         [SerializeField, Tooltip("Optional: what carries the character, a train for instance. Must not be scaled.")]
         private Transform carrier;
@@ -201,7 +201,7 @@ namespace DCloth
             if (!(boneScale > 0))
                 throw new InvalidOperationException("Bone Scale is " + boneScale + "; allowed: above 0");
             ClothModel model = garment.Model;
-            Vector2[] uv = textureSource == null ? null : textureSource.uv;
+            Vector2[] uv = textureSource != null ? textureSource.uv : OwnCoordinates(model);
             if (fitted && character.sharedMesh != null)
             {
                 player = new ClothPlayer(model, ClothSpace.Unity, CharacterOf(character, boneScale), Flat(uv));
@@ -346,6 +346,15 @@ namespace DCloth
             Debug.LogError("dcloth: " + name + ": " + why, this);
             End();
             enabled = false;
+        }
+
+        private static Vector2[] OwnCoordinates(ClothModel model)
+        {
+            if (model.TexturedVertexCount == 0) return null;
+            float[] flat = model.TextureCoordinates();
+            var uv = new Vector2[model.TexturedVertexCount];
+            for (int i = 0; i < uv.Length; ++i) uv[i] = new Vector2(flat[2 * i], flat[2 * i + 1]);
+            return uv;
         }
 
         private static float[] Flat(Vector2[] uv)

@@ -40,6 +40,7 @@ export const DCLOTH_FORMAT_FLOAT32 = 0;
 export const DCLOTH_FORMAT_FLOAT16 = 1;
 export const DCLOTH_OUTPUT_OUTSIDE_BODY = 1;
 export const DCLOTH_OUTPUT_COARSE = 2;
+export const DCLOTH_OUTPUT_TEXTURED = 4;
 export const DCLOTH_STEP_POSE = 0;
 export const DCLOTH_STEP_STATIC = 1;
 export const DCLOTH_STEP_SKELETON = 2;
@@ -165,7 +166,7 @@ export const dcloth_frame = Object.freeze({
 });
 
 export const dcloth_model_info = Object.freeze({
-  bytes: 64,
+  bytes: 84,
   struct_size: 0,
   joint_count: 4,
   vertex_count: 8,
@@ -182,6 +183,11 @@ export const dcloth_model_info = Object.freeze({
   coarse_triangles: 52,
   coarse_vertex_count: 56,
   coarse_triangle_count: 60,
+  texture_coordinates: 64,
+  textured_triangles: 68,
+  seam_vertices: 72,
+  textured_vertex_count: 76,
+  seam_vertex_count: 80,
 });
 
 export const dcloth_output = Object.freeze({

@@ -24,7 +24,8 @@ import { fitCloth } from "./fit.js";
  * @property {Space} [space]
  * @property {boolean} [rowMajor] rows of matrices are contiguous; three.js has columns
  * @property {boolean} [normals] true where not said
- * @property {ArrayLike<number>} [uv] [vertexCount, 2]; asks for tangents
+ * @property {boolean} [textured] draws the vertices of `Model.textureCoordinates`
+ * @property {ArrayLike<number>} [uv] [vertexCount, 2], or [texturedVertexCount, 2]; asks for tangents
  */
 
 const MATRIX_FLOATS = 16;
@@ -47,6 +48,7 @@ export class Cloth {
   #output = 0;
   #info = 0;
   #normals = false;
+  #textured = false;
   #jumped = false;
   #held = false;
   /** @type {{ start: number, floats: number, view: Float32Array }[]} */
@@ -62,8 +64,10 @@ export class Cloth {
     const { memory, exports } = engine;
     const normals = options.normals ?? true;
     const { uv } = options;
-    if (uv !== undefined && (uv.length !== 2 * model.vertexCount || !normals)) {
-      throw new Error(`dcloth: ${model.name}: ${uv.length} texture coordinates; allowed: ${2 * model.vertexCount}, ` +
+    const n = options.textured ? model.texturedVertexCount : model.vertexCount;
+    if (n === 0) throw new Error(`dcloth: ${model.name} holds no texture coordinates; leave out "textured"`);
+    if (uv !== undefined && (uv.length !== 2 * n || !normals)) {
+      throw new Error(`dcloth: ${model.name}: ${uv.length} texture coordinates; allowed: ${2 * n}, ` +
         "u and v of each vertex, and with normals");
     }
     model.retain();
@@ -77,7 +81,9 @@ export class Cloth {
     this.jointCount = (options.character ?? options).jointNames?.length ?? model.jointCount;
     /** @type {Fit | null} how the garment fits the character of the options */
     this.fit = null;
-    const n = model.vertexCount;
+    /** Of `positions` and `normals`. */
+    this.vertexCount = n;
+    this.#textured = options.textured ?? false;
     const coarse = model.coarseVertices;
     const floats = [this.jointCount * MATRIX_FLOATS, 3 * n, normals ? 3 * n : 0, uv ? 4 * n : 0, BOUNDS_FLOATS,
       uv ? 2 * n : 0, 3, uv ? 2 * coarse.length : 0];
@@ -301,8 +307,9 @@ export class Cloth {
     const positionsAlone = draw === abi.DCLOTH_DRAW_POSITIONS;
     const tangents = this.#views[3].floats !== 0 && !positionsAlone;
     u32[(this.#output + o.flags) / 4] = coarse ? abi.DCLOTH_OUTPUT_COARSE
-      : this.outsideBody ? abi.DCLOTH_OUTPUT_OUTSIDE_BODY : 0;
-    u32[(this.#output + o.vertex_count) / 4] = coarse ? this.model.coarseVertices.length : this.model.vertexCount;
+      : (this.outsideBody ? abi.DCLOTH_OUTPUT_OUTSIDE_BODY : 0) |
+        (this.#textured ? abi.DCLOTH_OUTPUT_TEXTURED : 0);
+    u32[(this.#output + o.vertex_count) / 4] = coarse ? this.model.coarseVertices.length : this.vertexCount;
     u32[(this.#output + o.normals) / 4] = this.#normals && !positionsAlone ? this.#views[2].start : 0;
     u32[(this.#output + o.tangents) / 4] = tangents ? this.#views[3].start : 0;
     u32[(this.#output + o.texture_coordinates) / 4] = tangents ? this.#views[coarse ? 7 : 5].start : 0;

@@ -30,6 +30,12 @@ export class Model {
   coarseVertices = new Uint16Array();
   /** [t, 3], indices into coarseVertices, a copy. */
   coarseTriangles = new Uint16Array();
+  /** [texturedVertexCount, 2] u right, v down as in glTF: of the garment's vertices, then of those repeated at seams.
+   * Empty where the model holds none. A copy. */
+  textureCoordinates = new Float32Array();
+  /** [triangleCount, 3] by textured vertices, a copy. */
+  texturedTriangles = new Uint16Array();
+  texturedVertexCount = 0;
 
   /**
    * Use Engine.openModel.
@@ -120,6 +126,11 @@ export class Model {
       this.triangles = halfWords(word(info.triangles), 3 * this.triangleCount);
       this.coarseVertices = halfWords(word(info.coarse_vertices), word(info.coarse_vertex_count));
       this.coarseTriangles = halfWords(word(info.coarse_triangles), 3 * word(info.coarse_triangle_count));
+      this.texturedVertexCount = word(info.textured_vertex_count);
+      if (this.texturedVertexCount === 0) return;
+      const places = word(info.texture_coordinates);
+      this.textureCoordinates = new Float32Array(memory.buffer.slice(places, places + 8 * this.texturedVertexCount));
+      this.texturedTriangles = halfWords(word(info.textured_triangles), 3 * this.triangleCount);
     });
   }
 

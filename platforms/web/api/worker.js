@@ -171,6 +171,12 @@ export class WorkerModel {
     this.triangleCount = described.triangleCount;
     /** @type {Uint16Array} [triangleCount, 3] */
     this.triangles = described.triangles;
+    /** @type {Float32Array} [texturedVertexCount, 2] */
+    this.textureCoordinates = described.textureCoordinates;
+    /** @type {Uint16Array} [triangleCount, 3] */
+    this.texturedTriangles = described.texturedTriangles;
+    /** @type {number} */
+    this.texturedVertexCount = described.texturedVertexCount;
     /** @type {number} */
     this.stages = described.stages;
     /** @type {number} */

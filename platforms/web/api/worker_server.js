@@ -27,10 +27,11 @@ export function createServer(send) {
     const id = next++;
     models.set(id, model);
     const { name, precision, format, jointNames, jointParents, bindMatrices, jointCount, vertexCount, triangleCount,
-      triangles, stages, tickSeconds, hasBody, readsWind, clothBytes } = model;
+      triangles, textureCoordinates, texturedTriangles, texturedVertexCount, stages, tickSeconds, hasBody, readsWind,
+      clothBytes } = model;
     return { id, name, precision, format, jointNames, jointParents, bindMatrices, jointCount, vertexCount,
-      triangleCount,
-      triangles, stages, tickSeconds, hasBody, readsWind, clothBytes };
+      triangleCount, triangles, textureCoordinates, texturedTriangles, texturedVertexCount, stages, tickSeconds,
+      hasBody, readsWind, clothBytes };
   };
 
   /** @type {(id: number) => Cloth} */

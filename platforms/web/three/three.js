@@ -45,7 +45,8 @@ export function characterOf(body) {
 }
 
 /**
- * A garment on the skeleton of a skinned mesh, fitted to it. Vertices are in the scene's space: add it to the scene
+ * A garment on the skeleton of a skinned mesh, fitted to it, with the model's texture coordinates where it holds some
+ * (as glTF's: `texture.flipY = false`). Vertices are in the scene's space: add it to the scene
  * itself, not to the character. It shares the engine's memory with the GPU's buffers.
  * Errors: DClothError where the rig would crumple the garment. Cost: `update` makes no garbage.
  */
@@ -59,10 +60,13 @@ export class ClothMesh extends THREE.Mesh {
    * @param {THREE.Material} [material] draws both sides: skirts are seen from inside
    */
   constructor(model, body, material = new THREE.MeshStandardMaterial({ side: THREE.DoubleSide })) {
-    const cloth = model.createCloth({ character: characterOf(body) });
+    const textured = model.texturedVertexCount > 0;
+    const cloth = model.createCloth({ character: characterOf(body), textured });
     const attribute = (array) => new THREE.BufferAttribute(array, 3).setUsage(THREE.DynamicDrawUsage);
-    const geometry = new THREE.BufferGeometry().setIndex(new THREE.BufferAttribute(model.triangles, 1))
+    const triangles = textured ? model.texturedTriangles : model.triangles;
+    const geometry = new THREE.BufferGeometry().setIndex(new THREE.BufferAttribute(triangles, 1))
       .setAttribute("position", attribute(cloth.positions)).setAttribute("normal", attribute(cloth.normals));
+    if (textured) geometry.setAttribute("uv", new THREE.BufferAttribute(model.textureCoordinates, 2));
     geometry.boundingSphere = new THREE.Sphere();   // else three.js keeps that of the first frame
     super(geometry, material);
     /** The engine's cloth: wind, stages, jumps, save games; `cloth.fit` says how it fits. */

@@ -80,6 +80,9 @@ TEST(WriteModelTest, MinorVersionIsThatOfItsParts) {
   ModelParts integers = Assemble(bundle, folded, {Precision::kInt8, {}});
   for (ModelParts* parts : {&floats, &integers}) {
     EXPECT_EQ(minor(*parts), 6) << "a coarse mesh";
+    ModelParts textured = *parts;
+    textured.texture_coordinates = PackFloats("garment.texture_coordinates", Matrix(Matrix::Zero(parts->vertices, 2)));
+    EXPECT_EQ(minor(textured), 7);
     parts->coarse_vertices.reset();
     parts->coarse_faces.reset();
   }

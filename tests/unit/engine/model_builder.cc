@@ -21,6 +21,32 @@ void AddCoarseMesh(uint32_t n, TensorWriter* writer, format::GarmentT* garment) 
   garment->coarse_faces = writer->Add(format::DType_U16, {static_cast<uint32_t>(faces.size() / 3), 3}, faces);
 }
 
+void AddTexture(const Numbers& numbers, TensorWriter* writer, format::GarmentT* garment) {
+  const uint32_t segments = numbers.spec.segments, rings = numbers.spec.rings, n = rings * segments;
+  std::vector<float> places;
+  std::vector<uint16_t> seam, faces = numbers.faces;
+  const auto place = [&](uint32_t ring, uint32_t segment) {  // leaning, so that neither axis runs along the mesh
+    places.push_back((static_cast<float>(segment) + 0.2f * static_cast<float>(ring)) / static_cast<float>(segments));
+    places.push_back((static_cast<float>(ring) - 0.3f * static_cast<float>(segment)) / static_cast<float>(rings));
+  };
+  for (uint32_t v = 0; v < n; ++v) place(v / segments, v % segments);
+  for (uint32_t ring = 0; ring < rings; ++ring) {
+    seam.push_back(static_cast<uint16_t>(ring * segments));
+    place(ring, segments);
+  }
+  for (size_t t = 0; t < faces.size(); t += 3) {
+    const auto last = [&](uint16_t v) { return v % segments == segments - 1; };
+    if (std::none_of(&faces[t], &faces[t] + 3, last)) continue;
+    for (size_t k = t; k < t + 3; ++k) {
+      if (faces[k] % segments == 0) faces[k] = static_cast<uint16_t>(n + faces[k] / segments);
+    }
+  }
+  const auto triangles = static_cast<uint32_t>(faces.size() / 3);
+  garment->texture_coordinates = writer->Add(format::DType_F32, {n + rings, 2}, places);
+  garment->seam_vertices = writer->Add(format::DType_U16, {rings}, seam);
+  garment->textured_faces = writer->Add(format::DType_U16, {triangles, 3}, faces);
+}
+
 // A tube of 1 m around the hips, open at both ends.
 void AddTube(const ModelSpec& spec, Numbers* numbers) {
   numbers->n = size_t{spec.rings} * spec.segments;
@@ -255,6 +281,7 @@ TestModel BuildModel(const ModelSpec& spec) {
   tables.garment->faces =
       writer.Add(format::DType_U16, {static_cast<uint32_t>(numbers.faces.size() / 3), 3}, numbers.faces);
   if (spec.coarse) AddCoarseMesh(n, &writer, tables.garment.get());
+  if (spec.texture) AddTexture(numbers, &writer, tables.garment.get());
   tables.character = std::make_unique<format::CharacterT>();
   AddSkeleton(spec, &writer, &numbers, tables.character.get());
   tables.features = std::make_unique<format::FeaturesT>();

@@ -40,9 +40,10 @@ struct ModelSpec {
   format::RootMotion root_motion = format::RootMotion_Hips;
   bool skeleton = true;
   bool mesh = true;
-  bool body = false;    // the egg of test_body.h, small
-  bool touch = false;   // with a body: three classes that touch all, its upper half and nothing of it
-  bool coarse = false;  // a coarse mesh: every second vertex
+  bool body = false;     // the egg of test_body.h, small
+  bool touch = false;    // with a body: three classes that touch all, its upper half and nothing of it
+  bool coarse = false;   // a coarse mesh: every second vertex
+  bool texture = false;  // around the tube once, with a seam at segment 0
   uint32_t seed = 1;
   // Names and places of the joints in the bind pose, in place of `joints` random ones; the first is the hips.
   std::vector<std::pair<std::string, std::array<double, 3>>> skeleton_joints = {};

@@ -336,11 +336,9 @@ def make(path, hero, fabric, pin=None, unit="m", up="y", refine=0):
     if spacing > COARSE:
         warnings.append(f"vertices are {1e3 * spacing:.0f} mm apart: folds need 10 to {1e3 * COARSE:.0f}; --refine 1 "
                         "cuts every triangle in four")
-    uv = np.zeros((len(mesh.vertices), 2), np.float32)
-    if mesh.uv is not None:
-        uv[mesh.faces.reshape(-1)] = mesh.uv.reshape(-1, 2)
+    texture = None if mesh.uv is None else mesh.uv.astype(np.float32)
     worn = garment.Garment(_name(path), fabric, mesh.vertices, Fabric(mesh.faces.astype(np.int32), corners), None,
-                           pinned, masks, uv, felt(hero, masks, mesh.vertices), {"thickness": thickness})
+                           pinned, masks, texture, felt(hero, masks, mesh.vertices), {"thickness": thickness})
     return Made(worn, number if refine == 0 else None, told, warnings)
 
 

@@ -17,8 +17,8 @@ _COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 @dataclass
 class Mesh:
-    """vertices [n, 3] m, +Y up; faces [c, 3]; uv [c, 3, 2] of the faces' corners, or None; colours [n, 3] 0 to 1, or
-    None."""
+    """vertices [n, 3] m, +Y up; faces [c, 3]; uv [c, 3, 2] of the faces' corners, v down as in glTF, or
+    None; colours [n, 3] 0 to 1, or None."""
     vertices: np.ndarray
     faces: np.ndarray
     uv: np.ndarray = None
@@ -42,7 +42,8 @@ def read_obj(path, metres, axes):
                     if len(words) >= 7:
                         colours.append([float(x) for x in words[4:7]])
                 elif words[:1] == ["vt"]:
-                    textures.append([float(x) for x in words[1:3]])
+                    u, v = (float(x) for x in words[1:3])
+                    textures.append([u, 1 - v])
                 elif words[:1] == ["f"]:
                     polygon = []
                     for word in words[1:]:

@@ -85,7 +85,8 @@ class Own:
             "body_faces": self.body.faces.astype(np.int32), "body_weights": self.body.weights.astype(np.float32),
             "body_collider": (masks > 0).astype(np.uint8), "cloth_template": worn.vertices.astype(np.float32),
             "cloth_faces": worn.faces, "cloth_rest_length": cloth_job.rest_lengths(worn).astype(np.float32),
-            "cloth_uv": worn.uv, "pinned": worn.pinned.astype(np.uint8), "cloth_touches": worn.touches.astype(np.int32),
+            **({} if worn.texture is None else {"cloth_texture": worn.texture}),
+            "pinned": worn.pinned.astype(np.uint8), "cloth_touches": worn.touches.astype(np.int32),
             "body_parts": masks.astype(np.int32)},
             {"joint_names": json.dumps(self.body.names), "parents": json.dumps(self.body.parents.tolist()),
              "hips": self.body.names[0], "feature_joints": json.dumps(worn.felt)})
@@ -135,8 +136,13 @@ def write_obj(path, worn):
     with open(path + ".part", "w", encoding="ascii") as file:
         for point in worn.vertices:
             file.write("v {:.6f} {:.6f} {:.6f}\n".format(*point))
-        for pair in worn.uv:
-            file.write("vt {:.6f} {:.6f}\n".format(*pair))
-        for face in worn.faces + 1:
-            file.write("f {0}/{0} {1}/{1} {2}/{2}\n".format(*face))
+        if worn.texture is None:
+            for face in worn.faces + 1:
+                file.write("f {} {} {}\n".format(*face))
+        else:
+            places, corner = np.unique(worn.texture.reshape(-1, 2), axis=0, return_inverse=True)
+            for u, v in places:
+                file.write(f"vt {u:.6f} {1 - v:.6f}\n")
+            for face, at in zip(worn.faces + 1, corner.reshape(-1, 3) + 1, strict=True):
+                file.write("f " + " ".join(f"{vertex}/{place}" for vertex, place in zip(face, at, strict=True)) + "\n")
     os.replace(path + ".part", path)

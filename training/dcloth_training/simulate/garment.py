@@ -17,9 +17,9 @@ from .solver import Fabric
 @dataclass
 class Garment:
     """vertices [n, 3] m where the simulation of the bind pose starts, cloth: faces, pattern, hems, creases,
-    mirror [n] permutation or None, pinned [n] bool, touches [n] bit masks of body.PARTS, uv [n, 2] (a seam's vertex has
-    those of its first panel), fabric: its name in settings.FABRICS, felt: joints whose motion moves it (the network's
-    features).
+    mirror [n] permutation or None, pinned [n] bool, touches [n] bit masks of body.PARTS, texture [c, 3, 2] u and v of
+    the faces' corners, v down as in glTF, or None, fabric: its name in settings.FABRICS, felt: joints whose motion
+    moves it (the network's features).
     """
     name: str
     fabric: str
@@ -28,7 +28,7 @@ class Garment:
     mirror: np.ndarray
     pinned: np.ndarray
     touches: np.ndarray
-    uv: np.ndarray
+    texture: np.ndarray
     felt: tuple
     settings: dict = dataclasses.field(default_factory=dict)    # of the solver, where they are not the fabric's
 
@@ -54,20 +54,24 @@ def _both_sides(panels, seams, folds):
     return sewn, mirror
 
 
-def _layout(sewn, panels, gap=0.05):
-    """uv [n, 2]: the panels laid side by side, in metres, scaled to the unit square."""
-    uv, at = np.zeros((sewn.count, 2)), 0.0
-    done = np.zeros(sewn.count, bool)
-    count = len(panels)
-    for p in range(2 * count):
-        points = panels[p % count][0] * ([1, 1] if p < count else [-1, 1])
-        low, high = points.min(0), points.max(0)
-        own = sewn.vertex[p]
-        new = (own >= 0) & ~done[np.maximum(own, 0)]
-        uv[own[new]] = (points - low + [at, 0])[new]
-        done[own[new]] = True
+def _layout(sewn, gap=0.05):
+    """[c, 3, 2] u right and v down of the faces' corners: each panel beside its reflection, joined where it is cut on
+    the fold, and the pairs side by side; the cloth's right side up, with one scale for both, in the unit square."""
+    placed, at = np.zeros(sewn.pattern.shape), 0.0
+    count = (sewn.panel.max() + 1) // 2
+    for panel in range(count):
+        pair = sewn.panel % count == panel
+        flat, right = sewn.pattern[pair], sewn.panel[pair] >= count
+        if np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]).sum() < 0:    # cut with the wrong side up
+            flat = flat * [-1, 1]
+        left_low, left_high = flat[~right, :, 0].min(), flat[~right, :, 0].max()
+        if left_low < -1e-9 < 1e-9 < left_high:    # they overlap where the garment opens
+            flat[right, :, 0] += left_high - left_low + gap
+        low, high = flat.min((0, 1)), flat.max((0, 1))
+        placed[pair] = flat - low + [at, 0]
         at += high[0] - low[0] + gap
-    return (uv / uv.max()).astype(np.float32)
+    scale = placed.max()
+    return np.stack([placed[..., 0] / scale, 1 - placed[..., 1] / scale], -1).astype(np.float32)
 
 
 # The skirt ----------------------------------------------------------------------------------------------------------
@@ -152,7 +156,7 @@ def skirt(figure, **changes):
     cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5, crease)
     return Garment("skirt", "wool", start, cloth, mirror, slant <= cut["band"] + 1e-6,
                    np.full(sewn.count, parts.TRUNK | parts.LEFT_LEG | parts.RIGHT_LEG, np.uint32),
-                   _layout(sewn, panels), LOWER_BODY)
+                   _layout(sewn), LOWER_BODY)
 
 
 # The robe ------------------------------------------------------------------------------------------------------------
@@ -289,7 +293,7 @@ def robe(figure, **changes):
         crease[own[seam]] = -np.radians(cut["pressed"]) * pressed
     factor = np.where(height < cut["hem_height"] + cut["turned_up"], cut["hem_layers"], 1.0)
     cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5, crease)
-    return Garment("robe", "cotton", start, cloth, mirror, pinned, sleeved, _layout(sewn, panels), WHOLE_BODY,
+    return Garment("robe", "cotton", start, cloth, mirror, pinned, sleeved, _layout(sewn), WHOLE_BODY,
                    {"thickness": cut["clear"]})
 
 

@@ -58,7 +58,7 @@ def put_on(folder, name):
         "body_weights": body.weights.astype(np.float32), "body_colours": body.colours.astype(np.float32),
         "body_collider": (masks > 0).astype(np.uint8),
         "cloth_template": worn.vertices.astype(np.float32), "cloth_faces": worn.faces,
-        "cloth_rest_length": cloth_job.rest_lengths(worn).astype(np.float32), "cloth_uv": worn.uv,
+        "cloth_rest_length": cloth_job.rest_lengths(worn).astype(np.float32), "cloth_texture": worn.texture,
         "mirror": worn.mirror, "pinned": worn.pinned.astype(np.uint8), "cloth_touches": worn.touches.astype(np.int32),
         "body_parts": masks.astype(np.int32),
     }, {"joint_names": json.dumps(list(skeleton.NAMES)), "parents": json.dumps([int(p) for p in skeleton.PARENTS]),

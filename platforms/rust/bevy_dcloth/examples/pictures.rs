@@ -107,6 +107,8 @@ fn main() {
         cull_mode: None,
         ..default()
     });
+    let loaded = app.world().resource::<Assets<ClothModel>>().get(&model).expect("it was loaded");
+    let garment_vertices = loaded.0.vertex_count();
     let garment = Garment { fit: options.fit, ..Garment::new(model, wearer) };
     let garment = app.world_mut().spawn((garment, MeshMaterial3d(material))).id();
 
@@ -128,7 +130,7 @@ fn main() {
             }
         }
         let vertices = vertices(&app, garment);
-        recorded.add(&app, state.joints(), &vertices);
+        recorded.add(&app, state.joints(), &vertices[..garment_vertices]); // the others repeat a seam's
         if frame % options.every == 0 {
             aim(&mut app, camera, &vertices);
             let path = options.folder.join(format!("frame_{frame:04}.png"));

@@ -47,7 +47,7 @@ pub(crate) fn dress(
                 }
                 let mesh = meshes.add(mesh_of(&model.0));
                 commands.entity(entity).insert(Mesh3d(mesh.clone()));
-                let vertices = model.0.vertex_count();
+                let vertices = model.0.texture().map_or(model.0.vertex_count(), |texture| texture.coordinates.len());
                 state.0 = State::Dressed(Box::new(Dressed {
                     made_for: wanted,
                     cloth,
@@ -57,6 +57,7 @@ pub(crate) fn dress(
                     mesh,
                     positions: vec![[0.0; 3]; vertices],
                     normals: vec![[0.0; 3]; vertices],
+                    textured: model.0.texture().is_some(),
                     wind: Vec3::ZERO,
                     drawn: false,
                     refused: None,
@@ -210,9 +211,18 @@ fn put_on(model: &Model, garment: &Garment, figure: &Figure) -> Result<(Cloth, O
 }
 
 fn mesh_of(model: &Model) -> Mesh {
-    let triangles: Vec<u16> = model.triangles().iter().flatten().copied().collect();
-    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, model.positions().to_vec())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0_f32, 1.0, 0.0]; model.vertex_count()])
-        .with_inserted_indices(Indices::U16(triangles))
+    let texture = model.texture();
+    let mut positions = model.positions().to_vec();
+    positions.extend(
+        texture.iter().flat_map(|texture| texture.seam_vertices).map(|vertex| model.positions()[usize::from(*vertex)]),
+    );
+    let triangles = texture.map_or(model.triangles(), |texture| texture.triangles);
+    let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0_f32, 1.0, 0.0]; positions.len()])
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+        .with_inserted_indices(Indices::U16(triangles.iter().flatten().copied().collect()));
+    match texture {
+        Some(texture) => mesh.with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, texture.coordinates.to_vec()),
+        None => mesh,
+    }
 }

@@ -98,6 +98,7 @@ pub(crate) struct Dressed {
     pub matrices: Vec<[f32; 16]>,
     pub positions: Vec<[f32; 3]>,
     pub normals: Vec<[f32; 3]>,
+    pub textured: bool, // vertices are those of the model's texture
     pub wind: Vec3,
     pub drawn: bool,            // `positions` and `normals` are new
     pub refused: Option<Error>, // of the last update
@@ -182,7 +183,10 @@ fn step(dressed: &mut Dressed, garment: &Garment, seconds: f32) -> Result<(), Er
         dressed.wind = garment.wind;
     }
     let frame = Frame::new(seconds).stages(garment.stages).pipelined(garment.pipelined).jumped(garment.jumped);
-    let output = Output::new(&mut dressed.positions).normals(&mut dressed.normals).outside_body(garment.outside_body);
+    let output = Output::new(&mut dressed.positions)
+        .normals(&mut dressed.normals)
+        .outside_body(garment.outside_body)
+        .textured(dressed.textured);
     dressed.cloth.update(&Pose::columns(&dressed.matrices), &frame, output)
 }
 

@@ -210,7 +210,7 @@ impl Cloth {
     /// slices that do not fit. State and slices are then untouched.
     pub fn update(&mut self, pose: &Pose, frame: &Frame, output: Output) -> Result<(), Error> {
         let mut output = output;
-        let raw = output.raw(self.model.vertex_count())?;
+        let raw = output.raw(&self.model)?;
         self.run(pose, frame, &raw)
     }
 

@@ -110,6 +110,11 @@ structs! {
         coarse_triangles: *const u16,
         coarse_vertex_count: u32,
         coarse_triangle_count: u32,
+        texture_coordinates: *const f32,
+        textured_triangles: *const u16,
+        seam_vertices: *const u16,
+        textured_vertex_count: u32,
+        seam_vertex_count: u32,
     }
     struct dcloth_space {
         struct_size: u32,
@@ -223,6 +228,7 @@ constants! {
     DCLOTH_FRAME_FREEZE_IDLE: u32 = 16;
     DCLOTH_OUTPUT_OUTSIDE_BODY: u32 = 1;
     DCLOTH_OUTPUT_COARSE: u32 = 2;
+    DCLOTH_OUTPUT_TEXTURED: u32 = 4;
     DCLOTH_JOINT_TOP: i32 = -1;
     DCLOTH_JOINT_UNKNOWN: i32 = -2;
     DCLOTH_RESTORE_OTHER_MODEL: u32 = 1;

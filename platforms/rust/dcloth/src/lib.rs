@@ -17,6 +17,6 @@ pub use cloth::{Cloth, ClothInfo};
 pub use error::{Error, Status};
 pub use frame::Frame;
 pub use library::{isa_name, select_isa, version};
-pub use model::{Model, Parent, Stages};
+pub use model::{Model, Parent, Stages, Texture};
 pub use output::Output;
 pub use pose::{Axis, Pose, Space};

@@ -69,6 +69,18 @@ unsafe impl Send for Open {}
 // SAFETY: as above.
 unsafe impl Sync for Open {}
 
+/// The mesh that a texture is drawn on: the garment's vertices, then those that repeat a vertex at a seam.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct Texture<'a> {
+    /// u to the right and v down from the upper left, as in glTF, of each vertex.
+    pub coordinates: &'a [[f32; 2]],
+    /// The garment's triangles by these vertices.
+    pub triangles: &'a [[u16; 3]],
+    /// The garment's vertex that each of the others repeats.
+    pub seam_vertices: &'a [u16],
+}
+
 impl Model {
     /// Checks the bytes of a `.dcloth` file and opens them. The bytes are copied and need no alignment. They may come
     /// from anywhere: every build checks all that playing relies on.
@@ -159,6 +171,25 @@ impl Model {
         let info = &self.0.info;
         // SAFETY: as above.
         unsafe { numbers(info.positions.cast(), info.vertex_count) }
+    }
+
+    /// Where the garment lies in a texture; none where the model holds no texture coordinates.
+    pub fn texture(&self) -> Option<Texture<'_>> {
+        let info = &self.0.info;
+        if info.textured_vertex_count == 0 {
+            return None;
+        }
+        // SAFETY: as above.
+        unsafe {
+            Some(Texture {
+                coordinates: numbers(info.texture_coordinates.cast(), info.textured_vertex_count),
+                triangles: numbers(info.textured_triangles.cast(), info.triangle_count),
+                seam_vertices: match info.seam_vertex_count {
+                    0 => &[],
+                    count => numbers(info.seam_vertices, count),
+                },
+            })
+        }
     }
 
     /// Names of the model's joints, in the order of its poses.

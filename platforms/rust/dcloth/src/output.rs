@@ -2,6 +2,7 @@ use std::ptr::null_mut;
 
 use crate::error::Error;
 use crate::ffi::*;
+use crate::model::Model;
 
 /// Where the vertices of a frame are written: slices of the host, as long as the garment has vertices. They are also
 /// read, so do not give memory of a GPU that is slow to read.
@@ -18,6 +19,7 @@ pub struct Output<'a> {
     tangents: Option<Tangents<'a>>,
     bounds: Option<&'a mut [[f32; 3]; 2]>,
     outside_body: bool,
+    textured: bool,
 }
 
 #[derive(Debug)]
@@ -62,7 +64,7 @@ impl<'a> Output<'a> {
     }
 
     fn of(positions: Positions<'a>) -> Self {
-        Self { positions, normals: None, tangents: None, bounds: None, outside_body: false }
+        Self { positions, normals: None, tangents: None, bounds: None, outside_body: false, textured: false }
     }
 
     /// Writes normals too: unit length, outward.
@@ -91,15 +93,29 @@ impl<'a> Output<'a> {
         self
     }
 
+    /// Writes the vertices of [`Texture`](crate::Texture): all slices are as long as its coordinates.
+    pub fn textured(mut self, on: bool) -> Self {
+        self.textured = on;
+        self
+    }
+
     /// The description that the engine reads. Its pointers are good while `self` is borrowed.
-    pub(crate) fn raw(&mut self, vertex_count: usize) -> Result<dcloth_output, Error> {
+    pub(crate) fn raw(&mut self, model: &Model) -> Result<dcloth_output, Error> {
+        let vertex_count = match model.texture() {
+            Some(texture) if self.textured => texture.coordinates.len(),
+            None if self.textured => {
+                return Err(Error::argument("texture coordinates of the model", "none", "some, for a textured output"));
+            }
+            _ => model.vertex_count(),
+        };
         let same = |what: &str, found: usize| {
             let allowed = format_args!("{vertex_count}, one for each vertex");
             if found == vertex_count { Ok(()) } else { Err(Error::argument(what, found, allowed)) }
         };
         let mut output = dcloth_output::new();
         output.vertex_count = vertex_count as u32;
-        output.flags = if self.outside_body { DCLOTH_OUTPUT_OUTSIDE_BODY } else { 0 };
+        output.flags = if self.outside_body { DCLOTH_OUTPUT_OUTSIDE_BODY } else { 0 }
+            | if self.textured { DCLOTH_OUTPUT_TEXTURED } else { 0 };
         match &mut self.positions {
             Positions::Packed(positions) => {
                 same("positions", positions.len())?;

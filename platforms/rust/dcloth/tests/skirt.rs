@@ -80,6 +80,33 @@ fn vertices_are_those_of_the_c_host() {
 }
 
 #[test]
+fn a_texture_repeats_vertices_at_seams() {
+    let (model, walk) = (skirt(), walk());
+    let texture = model.texture().expect("texture coordinates");
+    let (n, drawn) = (model.vertex_count(), texture.coordinates.len());
+    assert!(drawn > n && drawn == n + texture.seam_vertices.len());
+    assert!(texture.coordinates.iter().flatten().all(|place| (0.0..=1.0).contains(place)));
+    let expected = play(&mut bound(&model, &walk), &walk, 0..5);
+    let mut cloth = bound(&model, &walk);
+    let (mut positions, mut normals, mut tangents) =
+        (vec![[0.0; 3]; drawn], vec![[0.0; 3]; drawn], vec![[0.0; 4]; drawn]);
+    for matrices in &walk.frames[0..5] {
+        let output = Output::new(&mut positions)
+            .normals(&mut normals)
+            .tangents(&mut tangents, texture.coordinates)
+            .textured(true);
+        cloth.update(&Pose::rows(matrices), &Frame::new(walk.seconds), output).expect("a frame");
+    }
+    for (plain, textured) in model.triangles().iter().flatten().zip(texture.triangles.iter().flatten()) {
+        assert_eq!(positions[usize::from(*textured)], expected[4][usize::from(*plain)]);
+    }
+    assert!(tangents.iter().all(|t| (t[..3].iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-3));
+    let output = Output::new(&mut positions[..n]).textured(true);
+    let error = cloth.update(&Pose::rows(&walk.frames[5]), &Frame::new(walk.seconds), output).unwrap_err();
+    assert_eq!(error.status(), Status::Argument);
+}
+
+#[test]
 fn the_comparison_sees_a_fault() {
     let (model, walk) = (skirt(), walk());
     let mut late = bound(&model, &walk);

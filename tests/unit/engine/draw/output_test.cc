@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <span>
 
 #include "kernels/half.h"
 #include "tests/unit/engine/cloth_fixture.h"
@@ -16,6 +17,75 @@ using kernels::Place;
 
 constexpr uint32_t kAll = DCLOTH_STAGES_MESH;
 constexpr uint32_t kHalf = DCLOTH_FORMAT_FLOAT16;
+
+// A drawn mesh and what was computed on it: rows of 3, 3, 4 and 2 floats.
+struct Drawn {
+  std::span<const uint16_t> faces;
+  std::span<const float> positions, normals, tangents, texture;
+};
+
+// Against the sums in double over the positions drawn. A float sum of k terms is off by at most gamma(k + 4)
+// of their magnitudes (Higham, lemma 3.1; four roundings a term, up to 20 triangles a vertex); where the sum
+// nearly cancels or stands on the surface, that is a large part of what is left, and the vertex says nothing.
+void ExpectTangentsFollowTheTexture(const Drawn& mesh) {
+  const size_t vertices = mesh.positions.size() / 3;
+  struct Sum {
+    double u[3] = {}, v[3] = {}, magnitude = 0, det = 0, det_magnitude = 0;
+  };
+  std::vector<Sum> sums(vertices);
+  for (size_t t = 0; t < mesh.faces.size(); t += 3) {
+    const uint16_t* corner = &mesh.faces[t];
+    double e[2][3], d[2][2];
+    for (size_t k = 0; k < 2; ++k) {
+      for (size_t c = 0; c < 3; ++c) {
+        e[k][c] = static_cast<double>(mesh.positions[3 * corner[k + 1] + c]) -
+                  static_cast<double>(mesh.positions[3 * corner[0] + c]);
+      }
+      for (size_t c = 0; c < 2; ++c) {
+        d[k][c] = static_cast<double>(mesh.texture[2 * corner[k + 1] + c]) -
+                  static_cast<double>(mesh.texture[2 * corner[0] + c]);
+      }
+    }
+    const double det = d[0][0] * d[1][1] - d[1][0] * d[0][1], sign = det < 0 ? -1 : 1;
+    for (size_t k = 0; k < 3; ++k) {
+      Sum& sum = sums[corner[k]];
+      for (size_t c = 0; c < 3; ++c) {
+        sum.u[c] += sign * (e[0][c] * d[1][1] - e[1][c] * d[0][1]);
+        sum.v[c] += sign * (e[1][c] * d[0][0] - e[0][c] * d[1][0]);
+        // World positions are rounded at up to 8 m, texture coordinates at up to 2; both differences cancel.
+        sum.magnitude +=
+            (8 + std::abs(e[0][c])) * (std::abs(d[1][1]) + 2e-1) + (8 + std::abs(e[1][c])) * (std::abs(d[0][1]) + 2e-1);
+      }
+      sum.det += det;
+      sum.det_magnitude += std::abs(d[0][0] * d[1][1]) + std::abs(d[1][0] * d[0][1]);
+    }
+  }
+  size_t checked = 0;
+  for (size_t i = 0; i < vertices; ++i) {
+    const float* normal = &mesh.normals[3 * i];
+    const float* tangent = &mesh.tangents[4 * i];
+    double along = 0, square = 0, flat[3], length = 0, dot = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      along += static_cast<double>(normal[c]) * static_cast<double>(tangent[c]);
+      square += static_cast<double>(tangent[c]) * static_cast<double>(tangent[c]);
+      dot += sums[i].u[c] * static_cast<double>(normal[c]);
+    }
+    EXPECT_NEAR(square, 1, 1e-6) << i;
+    EXPECT_TRUE(tangent[3] == 1 || tangent[3] == -1) << i;
+    for (size_t c = 0; c < 3; ++c) {
+      flat[c] = sums[i].u[c] - dot * static_cast<double>(normal[c]);
+      length += flat[c] * flat[c];
+    }
+    length = std::sqrt(length);
+    const double tolerance = 24 * 0x1p-24 * sums[i].magnitude / length + 1e-6;
+    EXPECT_NEAR(along, 0, tolerance) << i;
+    if (tolerance > 0.01 || std::abs(sums[i].det) < 1e-5 * sums[i].det_magnitude) continue;
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(static_cast<double>(tangent[c]), flat[c] / length, 2 * tolerance) << i;
+    EXPECT_EQ(tangent[3] > 0, sums[i].det > 0) << i;
+    ++checked;
+  }
+  EXPECT_GT(checked, vertices * 3 / 4);
+}
 
 class OutputTest : public ::testing::Test {
  protected:
@@ -57,7 +127,8 @@ class OutputTest : public ::testing::Test {
     return frame;
   }
 
-  TestModel model_ = BuildModel({.segments = 11, .coarse = true});  // 66 vertices: no whole groups of four
+  TestModel model_ =
+      BuildModel({.segments = 11, .coarse = true, .texture = true});  // 66 vertices: no whole groups of four
   OpenedModel opened_{model_};
   OwnedCloth cloth_{opened_};
   std::vector<float> texture_;
@@ -95,67 +166,9 @@ TEST_F(OutputTest, BoundsAreThoseOfThePositions) {
   }
 }
 
-// Against the sums in double over the positions drawn. A float sum of k terms is off by at most gamma(k + 4)
-// of their magnitudes (Higham, lemma 3.1; four roundings a term, up to 20 triangles a vertex); where the sum
-// nearly cancels or stands on the surface, that is a large part of what is left, and the vertex says nothing.
 TEST_F(OutputTest, TangentsFollowTheTexture) {
   const Frame frame = Floats();
-  struct Sum {
-    double u[3] = {}, v[3] = {}, magnitude = 0, det = 0, det_magnitude = 0;
-  };
-  std::vector<Sum> sums(n());
-  for (size_t t = 0; t < model_.numbers.faces.size(); t += 3) {
-    const uint16_t* corner = &model_.numbers.faces[t];
-    double e[2][3], d[2][2];
-    for (size_t k = 0; k < 2; ++k) {
-      for (size_t c = 0; c < 3; ++c) {
-        e[k][c] = static_cast<double>(frame.positions[3 * corner[k + 1] + c]) -
-                  static_cast<double>(frame.positions[3 * corner[0] + c]);
-      }
-      for (size_t c = 0; c < 2; ++c) {
-        d[k][c] =
-            static_cast<double>(texture_[2 * corner[k + 1] + c]) - static_cast<double>(texture_[2 * corner[0] + c]);
-      }
-    }
-    const double det = d[0][0] * d[1][1] - d[1][0] * d[0][1], sign = det < 0 ? -1 : 1;
-    for (size_t k = 0; k < 3; ++k) {
-      Sum& sum = sums[corner[k]];
-      for (size_t c = 0; c < 3; ++c) {
-        sum.u[c] += sign * (e[0][c] * d[1][1] - e[1][c] * d[0][1]);
-        sum.v[c] += sign * (e[1][c] * d[0][0] - e[0][c] * d[1][0]);
-        // World positions are rounded at up to 8 m, texture coordinates at up to 2; both differences cancel.
-        sum.magnitude +=
-            (8 + std::abs(e[0][c])) * (std::abs(d[1][1]) + 2e-1) + (8 + std::abs(e[1][c])) * (std::abs(d[0][1]) + 2e-1);
-      }
-      sum.det += det;
-      sum.det_magnitude += std::abs(d[0][0] * d[1][1]) + std::abs(d[1][0] * d[0][1]);
-    }
-  }
-  size_t checked = 0;
-  for (size_t i = 0; i < n(); ++i) {
-    const float* normal = &frame.normals[3 * i];
-    const float* tangent = &frame.tangents[4 * i];
-    double along = 0, square = 0, flat[3], length = 0, dot = 0;
-    for (size_t c = 0; c < 3; ++c) {
-      along += static_cast<double>(normal[c]) * static_cast<double>(tangent[c]);
-      square += static_cast<double>(tangent[c]) * static_cast<double>(tangent[c]);
-      dot += sums[i].u[c] * static_cast<double>(normal[c]);
-    }
-    EXPECT_NEAR(square, 1, 1e-6) << i;
-    EXPECT_TRUE(tangent[3] == 1 || tangent[3] == -1) << i;
-    for (size_t c = 0; c < 3; ++c) {
-      flat[c] = sums[i].u[c] - dot * static_cast<double>(normal[c]);
-      length += flat[c] * flat[c];
-    }
-    length = std::sqrt(length);
-    const double tolerance = 24 * 0x1p-24 * sums[i].magnitude / length + 1e-6;
-    EXPECT_NEAR(along, 0, tolerance) << i;
-    if (tolerance > 0.01 || std::abs(sums[i].det) < 1e-5 * sums[i].det_magnitude) continue;
-    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(static_cast<double>(tangent[c]), flat[c] / length, 2 * tolerance) << i;
-    EXPECT_EQ(tangent[3] > 0, sums[i].det > 0) << i;
-    ++checked;
-  }
-  EXPECT_GT(checked, n() * 3 / 4);
+  ExpectTangentsFollowTheTexture({model_.numbers.faces, frame.positions, frame.normals, frame.tangents, texture_});
 }
 
 // Texture coordinates in one point say nothing: a unit vector in the surface then, along +x or +y as far as the normal
@@ -308,6 +321,92 @@ TEST_F(OutputTest, CoarseMeshIsPartOfTheGarment) {
   ASSERT_EQ(output.scratch_size, 12 * coarse);
   ASSERT_EQ(Skin(output), DCLOTH_OK);
   for (size_t i = 0; i < halves.size(); ++i) ASSERT_EQ(halves[i], kernels::HalfFromFloat(positions[i])) << i;
+}
+
+// The garment to the bit, its seam once more, and what a host would get that repeats the seam itself.
+TEST_F(OutputTest, TexturedMeshRepeatsTheSeam) {
+  const dcloth_model_info info = opened_.info();
+  const size_t drawn = info.textured_vertex_count;
+  ASSERT_EQ(drawn, n() + model_.numbers.spec.rings);
+  const Frame frame = Floats();
+  const auto skin = [&](const float* texture, uint32_t half) {
+    constexpr size_t kStride = 40;
+    GuardedBuffer<uint8_t> vertices(kStride * drawn, Place::kAligned64);
+    std::memset(vertices.data(), 0, vertices.size());
+    std::vector<float> scratch(10 * drawn);
+    std::array<float, 6> bounds = {};
+    dcloth_output output = FloatOutput(drawn, nullptr, kStride, nullptr);
+    output.positions = vertices.data();
+    output.normals = vertices.data() + 12;
+    output.tangents = vertices.data() + 24;
+    output.tangent_stride_bytes = kStride;
+    output.texture_coordinates = texture;
+    output.texture_stride_bytes = texture == nullptr ? 0 : 8;
+    output.position_format = output.normal_format = output.tangent_format = half;
+    output.scratch = scratch.data();
+    output.scratch_size = 40 * drawn;
+    output.bounds = bounds.data();
+    output.flags = DCLOTH_OUTPUT_TEXTURED;
+    EXPECT_EQ(Skin(output), DCLOTH_OK);
+    EXPECT_TRUE(vertices.SlackUntouched());
+    EXPECT_EQ(0, std::memcmp(bounds.data(), frame.bounds.data(), sizeof(bounds)));
+    return std::vector<uint8_t>(vertices.data(), vertices.data() + vertices.size());
+  };
+  const std::vector<uint8_t> vertices = skin(nullptr, 0);
+  EXPECT_EQ(vertices, skin(info.texture_coordinates, 0)) << "the model's own coordinates";
+  for (size_t i = 0; i < drawn; ++i) {
+    const size_t from = i < n() ? i : info.seam_vertices[i - n()];
+    const uint8_t* vertex = &vertices[40 * i];
+    EXPECT_EQ(0, std::memcmp(vertex, &frame.positions[3 * from], 12)) << i;
+    EXPECT_EQ(0, std::memcmp(vertex + 12, &frame.normals[3 * from], 12)) << i;
+  }
+  std::vector<float> positions, normals, tangents;
+  for (size_t i = 0; i < drawn; ++i) {
+    const auto* vertex = reinterpret_cast<const float*>(&vertices[40 * i]);
+    positions.insert(positions.end(), vertex, vertex + 3);
+    normals.insert(normals.end(), vertex + 3, vertex + 6);
+    tangents.insert(tangents.end(), vertex + 6, vertex + 10);
+  }
+  const std::span<const uint16_t> faces(info.textured_triangles, size_t{3} * info.triangle_count);
+  ExpectTangentsFollowTheTexture({faces, positions, normals, tangents, {info.texture_coordinates, 2 * drawn}});
+  const std::vector<uint8_t> halves = skin(nullptr, kHalf);
+  for (size_t i = 0; i < drawn; ++i) {
+    for (const size_t place : {0, 12, 24}) {
+      for (size_t c = 0; c < (place == 24 ? 4u : 3u); ++c) {
+        float whole;
+        uint16_t half;
+        std::memcpy(&whole, &vertices[40 * i + place + 4 * c], 4);
+        std::memcpy(&half, &halves[40 * i + place + 2 * c], 2);
+        ASSERT_EQ(half, kernels::HalfFromFloat(whole)) << i;
+      }
+    }
+  }
+}
+
+TEST_F(OutputTest, RefusesATextureThatIsNone) {
+  const uint32_t drawn = opened_.info().textured_vertex_count;
+  std::vector<float> positions(3 * drawn);
+  dcloth_output output = FloatOutput(n(), positions.data(), 12, nullptr);
+  output.flags = DCLOTH_OUTPUT_TEXTURED;
+  EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT) << "the garment's count";
+  output.vertex_count = drawn;
+  EXPECT_EQ(Skin(output), DCLOTH_OK);
+  output.flags |= DCLOTH_OUTPUT_COARSE;
+  EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT) << "the coarse mesh";
+  output.flags = 0;
+  EXPECT_EQ(Skin(output), DCLOTH_ERROR_ARGUMENT) << "without the flag";
+  const TestModel plain = BuildModel({.segments = 11});
+  const OpenedModel opened(plain);
+  EXPECT_EQ(opened.info().textured_vertex_count, 0u);
+  EXPECT_EQ(opened.info().texture_coordinates, nullptr);
+  OwnedCloth cloth(opened);
+  output.flags = DCLOTH_OUTPUT_TEXTURED;
+  const std::vector<float> matrices = Pose(4);
+  const dcloth_pose pose = OwnedCloth::Pose(matrices);
+  for (const uint32_t count : {0u, drawn, 66u}) {
+    output.vertex_count = count;
+    EXPECT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &output, nullptr), DCLOTH_ERROR_ARGUMENT) << count;
+  }
 }
 
 TEST_F(OutputTest, RefusesACoarseMeshThatIsNone) {

@@ -137,7 +137,7 @@ DCLOTH_API size_t dcloth_fit_storage_size(const dcloth_model* model, const dclot
  * Thread: owner.
  * Errors: ARGUMENT, ALIGNMENT, MEMORY; JOINTS if the skeleton lacks parts that the garment needs; POSE for a bind pose
  *   with another stance or up axis, swapped sides or impossible lengths. Nothing changes then.
- * Cost: 50 us; with a body 0.2 to 0.8 s. */
+ * Cost: 50 us; with a body 0.2 to 1 s. */
 DCLOTH_API dcloth_status dcloth_cloth_fit(dcloth_cloth* cloth, const dcloth_character* character, void* storage,
                                           size_t storage_size, dcloth_fit* fit, dcloth_error* error);
 
