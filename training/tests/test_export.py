@@ -148,6 +148,21 @@ def test_what_cloth_touches_goes_from_the_data_into_the_bundle(tiny, trained, fi
     assert not {"template.touches", "body.parts"} & safetensors_io.read(files / "half")[0].keys()
 
 
+def test_a_texture_goes_from_the_data_into_the_bundle(tiny, trained, files, tmp_path):
+    def add(tensors):
+        tensors["cloth_texture"] = np.random.default_rng(1).random((*tensors["cloth_faces"].shape, 2), np.float32)
+    character = touching(tiny, tmp_path / "character.safetensors", add)
+    net, fitted, _, provenance = trained[0]
+    bundle.write(tmp_path / "b", net, fitted, character, provenance)
+    written = safetensors_io.read(tmp_path / "b")[0]["template.texture_coordinates"]
+    assert written.dtype == np.float16 and np.abs(written - character.texture).max() < 2.5e-4
+    assert "template.texture_coordinates" not in safetensors_io.read(files / "half")[0]
+    for spoilt in (lambda t: t.update(cloth_texture=t["cloth_texture"][:-1]),
+                   lambda t: t["cloth_texture"].__setitem__((0, 0, 0), np.nan)):
+        with pytest.raises(safetensors_io.SafetensorsError, match="not a character.*cloth_texture"):
+            touching(tiny, tmp_path / "character.safetensors", lambda t: (add(t), spoilt(t)))
+
+
 @pytest.mark.parametrize("name,change", [
     ("cloth_touches", lambda t: t.pop("cloth_touches")),
     ("body_parts", lambda t: t.pop("body_parts")),

@@ -438,6 +438,15 @@ def test_the_cost_is_told_first_and_the_plan_is_kept(begun, monkeypatch, capsys)
     assert "begun with --fabric wool, now cotton" in capsys.readouterr().err
 
 
+def test_drapes_that_catch_on_the_body_are_told_once():
+    drapes = run.Drapes()
+    assert drapes.add(20, 2) is None and drapes.add(20, 0) is None, "too few to tell"
+    assert "5 of 60 drapes" in drapes.add(20, 3)
+    assert drapes.add(20, 0) is None, "once"
+    good = run.Drapes()
+    assert all(good.add(20, 10) is None for _ in range(5))
+
+
 def test_a_refused_clip_is_replaced_and_too_few_end_the_way(tmp_path, monkeypatch):
     options = make.arguments(["--character", "h.glb", "--garment", "d.obj", "--out", str(tmp_path)])
     plan = {"held_out": ["procedural/demo_walk_turn"], "validation": ["walk"], "drapes": 14,

@@ -28,6 +28,28 @@ def worn(request, body):
     return garment.GARMENTS[request.param](body)
 
 
+def test_the_texture_is_the_pattern(worn):
+    """No stretch, no panel mirrored, none over another, and few seams."""
+    corners = worn.texture.astype(np.float64)
+    assert corners.shape == (*worn.faces.shape, 2) and corners.min() == 0 and corners.max() == 1
+
+    def edges(flat):
+        return np.stack([flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]], 1)
+    right_side_up = edges(corners * [1, -1])
+    assert (np.linalg.det(right_side_up) > 0).all()
+    lengths = [np.linalg.norm(edges(flat), axis=-1) for flat in (corners, worn.cloth.pattern)]
+    assert np.allclose(lengths[0] / lengths[1], np.median(lengths[0] / lengths[1]), rtol=1e-4)
+    square = 1 / np.median(lengths[1] / lengths[0]) ** 2
+    area = 0.5 * np.abs(np.linalg.det(edges(worn.cloth.pattern))).sum() * square
+    filled = np.zeros((500, 500), bool)
+    inside = np.random.default_rng(0).dirichlet((1, 1, 1), 60)
+    at = np.floor(np.einsum("ck,fkd->cfd", inside, corners).reshape(-1, 2) * 500).astype(int).clip(max=499)
+    filled[at[:, 1], at[:, 0]] = True
+    assert abs(filled.mean() - area) < 0.02, "overlapping panels fill less than their area"
+    drawn = np.unique(np.concatenate([worn.faces.reshape(-1, 1), worn.texture.reshape(-1, 2)], 1), axis=0)
+    assert len(worn.vertices) < len(drawn) < 1.04 * len(worn.vertices)
+
+
 def test_garments_are_exactly_mirror_symmetric(worn):
     count = len(worn.vertices)
     assert {"skirt": 7500 < count < 8500, "robe": 9200 < count < 10200}[worn.name]

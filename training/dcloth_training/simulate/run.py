@@ -236,6 +236,25 @@ def told_time(seconds):
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+class Drapes:
+    """Counts drapes, and says once that the cloth catches on the body in most of them: training would learn little."""
+    LOOK_AFTER = 60
+
+    def __init__(self):
+        self.tried = self.kept = 0
+        self.told = False
+
+    def add(self, tried, kept):
+        """-> a warning, or None."""
+        self.tried, self.kept = self.tried + tried, self.kept + kept
+        if self.told or self.tried < self.LOOK_AFTER or 2 * self.kept >= self.tried:
+            return None
+        self.told = True
+        return (f"warning: {self.kept} of {self.tried} drapes are cloth, the others catch on the body. Skin does that "
+                f"which is open or lies in layers, such as shorts over legs: name closed meshes with --body-meshes, or "
+                f"model the garment further away from it")
+
+
 def run(options, subjects=None):
     """-> how many clips were refused. subjects: Ours or subject.Own; made here when None."""
     options.out = os.path.abspath(options.out) if options.cluster else options.out
@@ -246,10 +265,13 @@ def run(options, subjects=None):
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)
     context = (options, *subjects.put_on())
-    refused, began = 0, time.time()
+    refused, began, drapes = 0, time.time(), Drapes()
     frames, done = sum(len(given[2]) for given in chosen), 0
     with pool_of(options, context) as (submit, shared):
-        lengths = {submit(run_clip, *given, shared): len(given[2]) for given in chosen}
+        lengths, asked = {}, {}
+        for given in chosen:
+            future = submit(run_clip, *given, shared)
+            lengths[future], asked[future] = len(given[2]), len(given[3])
         waiting = list(lengths)
         for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
             entry, _ = future.result()
@@ -263,6 +285,9 @@ def run(options, subjects=None):
             print(f"[{count}/{len(waiting)} {(time.time() - began) / 60:.1f} min, {left} left] {entry['clip']} "
                   f"{'REFUSED: ' + entry['refused'] if 'refused' in entry else 'done'} {numbers}",
                   flush=True)
+            warning = drapes.add(asked[future], numbers.get("frames", 0)) if entry["kind"] == "static" else None
+            if warning:
+                print(warning, flush=True)
     return refused
 
 
