@@ -36,7 +36,8 @@ std::shared_ptr<const GarmentModel> GarmentModel::Open(const void* bytes, size_t
 }
 
 std::vector<int32_t> GarmentModel::Triangles(Front front) const {
-  std::vector<int32_t> corners(info_.triangles, info_.triangles + 3 * size_t{info_.triangle_count});
+  const uint16_t* const from = is_textured() ? info_.textured_triangles : info_.triangles;
+  std::vector<int32_t> corners(from, from + 3 * size_t{info_.triangle_count});
   if (front == Front::kClockwise) {
     for (size_t i = 0; i < corners.size(); i += 3) std::swap(corners[i + 1], corners[i + 2]);
   }
@@ -60,7 +61,7 @@ Garment::Garment(std::shared_ptr<const GarmentModel> model, size_t joint_count)
     : model_(std::move(model)),
       memory_(dcloth_cloth_storage_size(model_->get())),
       matrices_(16 * joint_count),
-      positions_(3 * size_t{model_->info().vertex_count}),
+      positions_(3 * size_t{model_->vertex_count()}),
       normals_(positions_.size()) {
   for (size_t i = 0; i < matrices_.size(); ++i) matrices_[i] = i % 16 % 5 == 0 ? 1.0f : 0.0f;
 }
@@ -135,12 +136,13 @@ bool Garment::Update(const GarmentFrame& frame, std::string* error) {
   if (jumped_) step.flags |= DCLOTH_FRAME_JUMPED;
   dcloth_output output = {};
   output.struct_size = sizeof(output);
-  output.vertex_count = model_->info().vertex_count;
+  output.vertex_count = model_->vertex_count();
   output.positions = positions_.data();
   output.normals = normals_.data();
   output.position_stride_bytes = output.normal_stride_bytes = 3 * sizeof(float);
   output.bounds = bounds_;
   if (frame.outside_body) output.flags |= DCLOTH_OUTPUT_OUTSIDE_BODY;
+  if (model_->is_textured()) output.flags |= DCLOTH_OUTPUT_TEXTURED;
   const dcloth_status status = dcloth_cloth_update(cloth_, &pose, &step, frame.draw ? &output : nullptr, nullptr);
   if (!Done(status, why, error)) return false;
   jumped_ = false;

@@ -46,6 +46,12 @@ class GarmentModel {
   const dcloth_model* get() const { return model_; }
   const dcloth_model_info& info() const { return info_; }
 
+  // What garments draw: the model's vertices, and once more those at seams of its texture.
+  uint32_t vertex_count() const { return is_textured() ? info_.textured_vertex_count : info_.vertex_count; }
+  bool is_textured() const { return info_.textured_vertex_count != 0; }
+  // [vertex_count, 2] u right and v down from the upper left; null without a texture.
+  const float* texture_coordinates() const { return info_.texture_coordinates; }
+
   // Corners of the triangles, in the order that the engine takes for a front.
   enum class Front {
     kCounterClockwise,  // seen from outside: Unreal

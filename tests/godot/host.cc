@@ -689,7 +689,8 @@ void TryPlay(const char* path) {
     Run({scene.updated, {}});
     for (const Call& later : std::exchange(deferred, {})) Run(later);
     reference.Frame(world);
-    if (scene.vertices.size() != 16 * size_t{reference.info.vertex_count}) return Expect(false, "no vertices");
+    const uint32_t drawn = std::max(reference.info.vertex_count, reference.info.textured_vertex_count);
+    if (scene.vertices.size() != 16 * size_t{drawn}) return Expect(false, "no vertices");
     for (size_t i = 0; i < reference.positions.size(); ++i) {
       float value = 0;
       std::memcpy(&value, &scene.vertices[4 * i], 4);

@@ -106,7 +106,7 @@ class NodeTest : public ::testing::Test {
   // The octahedral map of the server, undone.
   Vector3 Normal(size_t v) const {
     uint16_t n[2];
-    std::memcpy(n, mesh().bytes.ptr() + 12 * vertex_count() + 4 * v, sizeof(n));
+    std::memcpy(n, mesh().bytes.ptr() + 12 * drawn_count() + 4 * v, sizeof(n));
     const float x = static_cast<float>(n[0]) / 65535 * 2 - 1, y = static_cast<float>(n[1]) / 65535 * 2 - 1;
     Vector3 normal(x, y, 1 - std::abs(x) - std::abs(y));
     if (normal.z < 0) {
@@ -116,6 +116,7 @@ class NodeTest : public ::testing::Test {
     return normal * (1 / std::sqrt(normal.dot(normal)));
   }
   size_t vertex_count() const { return static_cast<size_t>(model_->get_vertex_count()); }
+  size_t drawn_count() const { return model_->model()->vertex_count(); }
 
   Ref<DClothModel> model_;
   std::vector<Transform3D> binds_;
@@ -169,6 +170,18 @@ TEST_F(NodeTest, VerticesAreThoseOfTheCommandLine) {
   // Fronts turn clockwise in Godot: Plane(a, b, c) looks along (a - c) x (a - b). Normals look there too.
   const godot::Array arrays = mesh().surface_get_arrays(0);
   const godot::PackedInt32Array corners = arrays[godot::Mesh::ARRAY_INDEX];
+  const godot::PackedVector2Array places = arrays[godot::Mesh::ARRAY_TEX_UV];
+  ASSERT_GT(drawn_count(), vertex_count()) << "a texture with seams";
+  ASSERT_EQ(static_cast<size_t>(places.size()), drawn_count());
+  const dcloth_model_info& info = model_->model()->info();
+  for (size_t v = 0; v < drawn_count(); ++v) {
+    const auto at = static_cast<int64_t>(v);
+    EXPECT_EQ(places[at].x, info.texture_coordinates[2 * v]);
+    EXPECT_EQ(places[at].y, info.texture_coordinates[2 * v + 1]);
+    if (v < vertex_count()) continue;
+    const Vector3 apart = Position(v) + Position(info.seam_vertices[v - vertex_count()]) * -1;
+    EXPECT_EQ(apart.dot(apart), 0);
+  }
   int64_t outward = 0;
   for (int64_t t = 0; t < corners.size(); t += 3) {
     const Vector3 a = Position(static_cast<size_t>(corners[t])), b = Position(static_cast<size_t>(corners[t + 1])),

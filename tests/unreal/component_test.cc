@@ -181,8 +181,13 @@ TEST(UnrealComponentTest, VerticesAreThoseOfTheCommandLine) {
       stage.Pose(bones);
       stage.Frame();
       ASSERT_TRUE(stage.garment.IsDressed()) << stand_in::Narrow(*stage.garment.LastError);
-      ASSERT_EQ(static_cast<size_t>(stage.garment.vertices.Num()), floats / 3);
-      for (int32 v = 0; v < stage.garment.vertices.Num(); ++v) {
+      const dcloth_model_info info = Opened(bytes)->info();
+      ASSERT_EQ(static_cast<uint32_t>(stage.garment.vertices.Num()), info.textured_vertex_count);
+      for (uint32_t v = info.vertex_count; v < info.textured_vertex_count; ++v) {
+        const FVector at_seam = stage.garment.vertices[info.seam_vertices[v - info.vertex_count]];
+        ASSERT_EQ(stage.garment.vertices[static_cast<int32>(v)].X, at_seam.X);
+      }
+      for (int32 v = 0; v < static_cast<int32>(info.vertex_count); ++v) {
         const float* p = &expected[f * floats + 3 * static_cast<size_t>(v)];
         const FVector there = UnrealPoint(p[0], p[1], p[2]) + c.place;
         const FVector here = stage.garment.GetComponentTransform().TransformPosition(stage.garment.vertices[v]);
@@ -197,6 +202,8 @@ TEST(UnrealComponentTest, VerticesAreThoseOfTheCommandLine) {
     EXPECT_EQ(stage.garment.before, &stage.character);
     EXPECT_EQ(stage.garment.PrimaryComponentTick.TickGroup, TG_PostUpdateWork);
     EXPECT_EQ(static_cast<size_t>(stage.garment.corners.Num()), 3u * Opened(bytes)->info().triangle_count);
+    ASSERT_EQ(stage.garment.places.Num(), stage.garment.vertices.Num());
+    EXPECT_EQ(stage.garment.places[7].Y, static_cast<double>(Opened(bytes)->info().texture_coordinates[15]));
     EXPECT_NEAR(stage.garment.FitScale, c.fit == EDClothFit::Bones ? 1 : 0, 1e-3);
   }
 }

@@ -101,8 +101,8 @@ void DClothGarment::Prepare() {
   const std::vector<int32_t> corners = model.Triangles(GarmentModel::Front::kClockwise);
   PackedVector3Array points, normals;
   PackedInt32Array index;
-  points.resize(model.info().vertex_count);
-  normals.resize(model.info().vertex_count);
+  points.resize(model.vertex_count());
+  normals.resize(model.vertex_count());
   normals.fill(Vector3(0, 1, 0));
   index.resize(static_cast<int64_t>(corners.size()));
   std::copy(corners.begin(), corners.end(), index.ptrw());
@@ -111,6 +111,14 @@ void DClothGarment::Prepare() {
   arrays[Mesh::ARRAY_VERTEX] = points;
   arrays[Mesh::ARRAY_NORMAL] = normals;
   arrays[Mesh::ARRAY_INDEX] = index;
+  if (model.is_textured()) {
+    PackedVector2Array places;
+    for (uint32_t v = 0; v < model.vertex_count(); ++v) {
+      const float* const at = model.texture_coordinates() + 2 * size_t{v};
+      places.push_back(Vector2(at[0], at[1]));
+    }
+    arrays[Mesh::ARRAY_TEX_UV] = places;
+  }
   Ref<ArrayMesh> mesh;
   mesh.instantiate();
   mesh->add_surface_from_arrays(Mesh::PRIMITIVE_TRIANGLES, arrays, TypedArray<Array>(), Dictionary(),

@@ -61,6 +61,8 @@ class NodePath : public String {
 };
 
 struct Vector2 {
+  Vector2() = default;
+  Vector2(real_t a, real_t b) : x(a), y(b) {}
   real_t x = 0, y = 0;
 };
 struct Vector3 {
@@ -141,6 +143,7 @@ class PackedArray {
 using PackedByteArray = PackedArray<uint8_t>;
 using PackedInt32Array = PackedArray<int32_t>;
 using PackedFloat32Array = PackedArray<float>;
+using PackedVector2Array = PackedArray<Vector2>;
 using PackedVector3Array = PackedArray<Vector3>;
 using PackedStringArray = PackedArray<String>;
 
@@ -384,7 +387,16 @@ struct FileAccess {
 
 class Mesh : public Resource {
  public:
-  enum ArrayType { ARRAY_VERTEX, ARRAY_NORMAL, ARRAY_TANGENT, ARRAY_BONES = 10, ARRAY_WEIGHTS, ARRAY_INDEX, ARRAY_MAX };
+  enum ArrayType {
+    ARRAY_VERTEX,
+    ARRAY_NORMAL,
+    ARRAY_TANGENT,
+    ARRAY_TEX_UV = 4,
+    ARRAY_BONES = 10,
+    ARRAY_WEIGHTS,
+    ARRAY_INDEX,
+    ARRAY_MAX
+  };
   enum PrimitiveType { PRIMITIVE_TRIANGLES = 3 };
   enum ArrayFormat { ARRAY_FLAG_USE_DYNAMIC_UPDATE = 1 << 26 };
   int32_t get_surface_count() const { return static_cast<int32_t>(surfaces.size()); }

@@ -68,6 +68,7 @@ class GarmentTest : public ::testing::Test {
       : model_([&] {
           ModelSpec spec;
           spec.skeleton_joints = Figure();
+          spec.texture = true;
           spec.joints = spec.bones = static_cast<uint32_t>(spec.skeleton_joints.size());
           TestModel model = BuildModel(spec);
           egg_ = AddBody(&model, 28, 30);
@@ -145,7 +146,7 @@ class GarmentTest : public ::testing::Test {
 class Host {
  public:
   Host(const OpenedModel& model, const dcloth_space& space, const Wearer& wearer, Match match)
-      : cloth_(model), storage_(1), positions_(3 * model.info().vertex_count), normals_(positions_.size()) {
+      : cloth_(model), storage_(1), positions_(3 * model.info().textured_vertex_count), normals_(positions_.size()) {
     dcloth_error error = EmptyError();
     EXPECT_EQ(dcloth_cloth_set_space(cloth_.get(), &space, &error), DCLOTH_OK) << error.text;
     std::vector<const char*> names;
@@ -186,7 +187,7 @@ class Host {
     const dcloth_pose pose = {sizeof(pose), static_cast<uint32_t>(rig.size()), matrices.data(), 1, 0};
     const dcloth_frame frame = {sizeof(frame), stages, seconds, flags, nullptr};
     dcloth_output output = MakeOutput(positions_.data(), normals_.data(), static_cast<uint32_t>(positions_.size() / 3));
-    output.flags = outside ? DCLOTH_OUTPUT_OUTSIDE_BODY : 0;
+    output.flags = DCLOTH_OUTPUT_TEXTURED | (outside ? uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY} : 0);
     return dcloth_cloth_update(cloth_.get(), &pose, &frame, draw ? &output : nullptr, nullptr);
   }
 
@@ -354,6 +355,8 @@ TEST_F(GarmentTest, FrontsLookOutward) {
     const std::vector<int32_t> corners =
         shared_->Triangles(unreal ? GarmentModel::Front::kCounterClockwise : GarmentModel::Front::kClockwise);
     ASSERT_EQ(corners.size(), 3 * opened_.info().triangle_count);
+    EXPECT_EQ(static_cast<uint32_t>(*std::max_element(corners.begin(), corners.end())), shared_->vertex_count() - 1);
+    EXPECT_EQ(garment->positions().size(), 3 * size_t{shared_->vertex_count()});
     size_t outward = 0;
     for (size_t t = 0; t < corners.size(); t += 3) {
       const auto at = [&](size_t c, size_t i) {

@@ -122,6 +122,8 @@ struct FVector3f {
   float X = 0, Y = 0, Z = 0;
 };
 struct FVector2D {
+  FVector2D() = default;
+  FVector2D(double x, double y) : X(x), Y(y) {}
   double X = 0, Y = 0;
 };
 struct FColor {};
@@ -358,15 +360,16 @@ class UProceduralMeshComponent : public USceneComponent {
   int32 GetNumSections() const { return vertices.Num() != 0; }
   void ClearAllMeshSections() { vertices = {}; }
   void CreateMeshSection(int32, const TArray<FVector>& points, const TArray<int32>& triangles,
-                         const TArray<FVector>& directions, const TArray<FVector2D>&, const TArray<FColor>&,
+                         const TArray<FVector>& directions, const TArray<FVector2D>& uv, const TArray<FColor>&,
                          const TArray<FProcMeshTangent>&, bool) {
-    vertices = points, corners = triangles, normals = directions;
+    vertices = points, corners = triangles, normals = directions, places = uv;
   }
   void UpdateMeshSection(int32, const TArray<FVector>& points, const TArray<FVector>& directions,
                          const TArray<FVector2D>&, const TArray<FColor>&, const TArray<FProcMeshTangent>&) {
     vertices = points, normals = directions;
   }
   TArray<FVector> vertices, normals;
+  TArray<FVector2D> places;
   TArray<int32> corners;
 };
 

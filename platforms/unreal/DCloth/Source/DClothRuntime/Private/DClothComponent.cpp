@@ -131,10 +131,17 @@ void UDClothComponent::Upload() {
     Vertices[V] = FVector(Positions[I], Positions[I + 1], Positions[I + 2]);
     Normals[V] = FVector(Directions[I], Directions[I + 1], Directions[I + 2]);
   }
+  const GarmentModel& Drawn = Garment->model();
   if (GetNumSections() > 0) return UpdateMeshSection(0, Vertices, Normals, NoTexture, NoColors, NoTangents);
-  const std::vector<int32_t> Corners = Garment->model().Triangles(GarmentModel::Front::kCounterClockwise);
+  const std::vector<int32_t> Corners = Drawn.Triangles(GarmentModel::Front::kCounterClockwise);
   const TArray<int32> Triangles(Corners.data(), static_cast<int32>(Corners.size()));
-  CreateMeshSection(0, Vertices, Triangles, Normals, NoTexture, NoColors, NoTangents, false);
+  TArray<FVector2D> Places;
+  Places.SetNum(Drawn.is_textured() ? Count : 0);
+  for (int32 V = 0; V < Places.Num(); ++V) {
+    const float* const At = Drawn.texture_coordinates() + 2 * static_cast<size_t>(V);
+    Places[V] = FVector2D(At[0], At[1]);
+  }
+  CreateMeshSection(0, Vertices, Triangles, Normals, Places, NoColors, NoTangents, false);
 }
 
 void UDClothComponent::Fail(const std::string& Error) {
