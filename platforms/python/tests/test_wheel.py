@@ -47,6 +47,16 @@ def test_model_says_what_it_holds(skirt):
     np.testing.assert_array_equal(model.joint_binds[:, 3], [[0, 0, 0, 1]] * len(model.joint_names))
 
 
+def test_a_texture_repeats_vertices_at_seams(skirt):
+    model = dcloth.Model(skirt.model)
+    places, triangles, seam = model.texture_coordinates, model.textured_triangles, model.seam_vertices
+    assert places.shape == (8170 + len(seam), 2) and 0 < len(seam) < 400
+    assert (places >= 0).all() and (places <= 1).all()
+    drawn = np.concatenate([np.arange(8170), seam])
+    np.testing.assert_array_equal(drawn[triangles], model.triangles)
+    assert triangles.max() == len(places) - 1
+
+
 def test_views_outlive_the_model(skirt):
     positions = dcloth.Model(skirt.model).positions
     kept = positions.copy()
