@@ -17,9 +17,9 @@ struct TextureMesh {
   bool empty() const { return faces.empty(); }
 };
 
-// `corners` [3 c, 2], or empty for an empty mesh. The garment's n vertices come first, in their order, so that what
+// Empty where the bundle has no texture coordinates. The garment's n vertices come first, in their order, so that what
 // draws them draws this mesh by s copies more; each keeps the place of its first corner. Vertices without a face lie at
-// 0, 0. Throws Error where n + s passes 65535.
+// 0, 0. Throws Error where n + s passes 65535. Cost: c log of the places of a vertex.
 TextureMesh MakeTextureMesh(const Bundle& bundle);
 
 }  // namespace dcloth::converter

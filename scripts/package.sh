@@ -204,8 +204,8 @@ archive() {
   cp -r "$models" "$into.part/share/dcloth"
   scripts/package_files.py examples "$into.part/examples"
   cp LICENSE "$into.part/"
+  cp -r build-package-assimp/licences "$into.part/licenses"
   licences "$into.part/licenses" engine tools $system
-  cp build-package-assimp/licences/* "$into.part/licenses/"
   gcc=$("$triple-gcc" -dumpfullversion | sed 's/-win32$//')
   sed -e "s/@VERSION@/$version/; s/@PROCESSOR@/${name#*-}/; s/@COMPILER@/$gcc/" "platforms/archive/$system.md" \
     >"$into.part/README.md"

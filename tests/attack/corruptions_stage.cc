@@ -241,14 +241,21 @@ std::vector<Corruption> IntegerLayers() {
   };
 }
 
+using SpoilGarment = std::function<void(M*, format::GarmentT*)>;
+
+// Of a model with a part that not every garment has: Corruption::coarse or ::texture.
+Corruption SpoiltGarment(bool Corruption::*part, const char* name, const char* field, const char* reason,
+                         const SpoilGarment& how) {
+  Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->garment.get()); }};
+  corruption.*part = true;
+  return corruption;
+}
+
 // Of every second of 60 vertices.
 std::vector<Corruption> CoarseMesh() {
   using G = format::GarmentT;
-  using Spoil = std::function<void(M*, G*)>;
-  const auto spoil = [](const char* name, const char* field, const char* reason, const Spoil& how) {
-    Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->garment.get()); }};
-    corruption.coarse = true;
-    return corruption;
+  const auto spoil = [](const char* name, const char* field, const char* reason, const SpoilGarment& how) {
+    return SpoiltGarment(&Corruption::coarse, name, field, reason, how);
   };
   return {
       spoil("coarse_vertex_beyond", "garment.coarse_vertices[29]: ", "found 60; allowed: indices below 60",
@@ -272,11 +279,8 @@ std::vector<Corruption> CoarseMesh() {
 // 60 vertices, the six of the seam once more.
 std::vector<Corruption> Texture() {
   using G = format::GarmentT;
-  using Spoil = std::function<void(M*, G*)>;
-  const auto spoil = [](const char* name, const char* field, const char* reason, const Spoil& how) {
-    Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->garment.get()); }};
-    corruption.texture = true;
-    return corruption;
+  const auto spoil = [](const char* name, const char* field, const char* reason, const SpoilGarment& how) {
+    return SpoiltGarment(&Corruption::texture, name, field, reason, how);
   };
   static constexpr char kAll[] = "allowed: texture_coordinates, and both seam_vertices and textured_faces or neither";
   return {

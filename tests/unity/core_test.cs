@@ -58,12 +58,13 @@ internal static unsafe class CoreTest
         using (ClothModel model = ClothModel.Open(file))
         {
             float[] uv = model.TextureCoordinates(), plainUv = new float[2 * model.VertexCount];
-            Check(model.TexturedVertexCount > model.VertexCount && uv.Length == 2 * model.TexturedVertexCount, "counts");
+            int count = model.TexturedVertexCount;
+            Check(count > model.VertexCount && uv.Length == 2 * count, "counts");
             Array.Copy(uv, plainUv, plainUv.Length);
             ushort[] triangles = model.Triangles(true), textured = model.TexturedTriangles(true);
             using (ClothPlayer plain = NewPlayer(model, plainUv), player = NewPlayer(model, uv))
             {
-                Check(player.Textured && !plain.Textured && player.VertexCount == model.TexturedVertexCount, "textured");
+                Check(player.Textured && !plain.Textured && player.VertexCount == count, "textured");
                 foreach (ClothPlayer each in new[] { plain, player })
                 {
                     Turn(each);

@@ -250,9 +250,9 @@ class Drapes:
         if self.told or self.tried < self.LOOK_AFTER or 2 * self.kept >= self.tried:
             return None
         self.told = True
-        return (f"warning: {self.kept} of {self.tried} drapes are cloth, the others catch on the body. Skin does that "
-                f"which is open or lies in layers, such as shorts over legs: name closed meshes with --body-meshes, or "
-                f"model the garment further away from it")
+        return (f"warning: {self.kept} of {self.tried} drapes are cloth, the others catch on the body. This may happen "
+                f"where the skin is open or in layers, such as shorts over legs: name closed meshes with "
+                f"--body-meshes, or model the garment further away from the skin")
 
 
 def run(options, subjects=None):

@@ -109,6 +109,17 @@ class OutputTest : public ::testing::Test {
     return dcloth_cloth_skin(cloth_.get(), &pose, 0.5f, &output, nullptr);
   }
 
+  // By a cloth of another model, whatever the count says.
+  void ExpectRefused(const OpenedModel& opened, dcloth_output output, std::initializer_list<uint32_t> counts) const {
+    OwnedCloth cloth(opened);
+    const std::vector<float> matrices = Pose(4);
+    const dcloth_pose pose = OwnedCloth::Pose(matrices);
+    for (const uint32_t count : counts) {
+      output.vertex_count = count;
+      EXPECT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &output, nullptr), DCLOTH_ERROR_ARGUMENT) << count;
+    }
+  }
+
   // Everything, as floats.
   struct Frame {
     std::vector<float> positions, normals, tangents, bounds;
@@ -399,14 +410,8 @@ TEST_F(OutputTest, RefusesATextureThatIsNone) {
   const OpenedModel opened(plain);
   EXPECT_EQ(opened.info().textured_vertex_count, 0u);
   EXPECT_EQ(opened.info().texture_coordinates, nullptr);
-  OwnedCloth cloth(opened);
   output.flags = DCLOTH_OUTPUT_TEXTURED;
-  const std::vector<float> matrices = Pose(4);
-  const dcloth_pose pose = OwnedCloth::Pose(matrices);
-  for (const uint32_t count : {0u, drawn, 66u}) {
-    output.vertex_count = count;
-    EXPECT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &output, nullptr), DCLOTH_ERROR_ARGUMENT) << count;
-  }
+  ExpectRefused(opened, output, {0u, drawn, 66u});
 }
 
 TEST_F(OutputTest, RefusesACoarseMeshThatIsNone) {
@@ -422,14 +427,8 @@ TEST_F(OutputTest, RefusesACoarseMeshThatIsNone) {
   const OpenedModel opened(plain);
   EXPECT_EQ(opened.info().coarse_vertex_count, 0u);
   EXPECT_EQ(opened.info().coarse_vertices, nullptr);
-  OwnedCloth cloth(opened);
   output.flags = DCLOTH_OUTPUT_COARSE;
-  const std::vector<float> matrices = Pose(4);
-  const dcloth_pose pose = OwnedCloth::Pose(matrices);
-  for (const uint32_t count : {0u, 33u, 66u}) {
-    output.vertex_count = count;
-    EXPECT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 0.5f, &output, nullptr), DCLOTH_ERROR_ARGUMENT) << count;
-  }
+  ExpectRefused(opened, output, {0u, 33u, 66u});
 }
 
 }  // namespace
