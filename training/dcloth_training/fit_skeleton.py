@@ -38,6 +38,7 @@ VERTICES = 256
 MARGIN = 0.002      # m outside the body that the network should keep, where the truth does
 USUAL_STATE = 0.3   # deviation of a unit's state
 BASIS_EVERY = 4     # every fourth frame is enough for the principal components
+RIDGE = 1e-3        # of fitted_readout, beside the mean square of a state
 
 
 class Reduced(nn.Module):
@@ -128,13 +129,27 @@ def clip_errors(reduced, static, standardise, clips, every=8):
     return total / ticks
 
 
-def train(skeleton, static, standardise, training, validation, drapes, options, folder, log=print):
-    """-> history; leaves the trained GRU and basis in `skeleton`. drapes: clips of still poses.
+@torch.no_grad()
+def fitted_readout(gru, standardise, clips, components):
+    """Readout [k, R] by least squares: from the states of a GRU that has learned to what `clips` ask of `components`
+    [R, 3 n], past the first WARM_UP ticks."""
+    gram, right = 0.0, 0.0
+    for clip in clips:
+        states = gru(standardise(clip.pose.x.to(gru.weight_hh_l0.device))[None])[0][0, dataset.WARM_UP:]
+        states = states.double().cpu().numpy()
+        wanted = clip.wanted(slice(dataset.WARM_UP, None)).reshape(len(states), -1) @ components.T
+        gram, right = gram + states.T @ states, right + states.T @ wanted.astype(np.float64)
+    return np.linalg.solve(gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), right)
+
+
+def train(skeleton, static, standardise, training, validation, drapes, options, folder, log=print, kept=False):
+    """-> history; leaves the trained GRU and basis in `skeleton`. drapes: clips of still poses; kept: goes on with the
+    basis that `skeleton` has, which is for this stage 1.
 
     Windows are drawn on the CPU, the same on every device, and go to the device of the stages.
     """
     count, device = len(static.template), static.template.device
-    known = factors(skeleton.basis.detach().cpu().numpy()) if options.start else None
+    known = factors(skeleton.basis.detach().cpu().numpy()) if kept else None
     if known:
         components = known[1].reshape(len(known[1]), -1).astype(np.float32)
         deviations = USUAL_STATE * np.linalg.norm(components, axis=1)
@@ -148,6 +163,10 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
     if known:
         with torch.no_grad():
             reduced.readout.copy_(torch.from_numpy(known[0] / USUAL_STATE))
+    elif options.start:
+        found = workers.from_first(lambda: fitted_readout(skeleton.gru, standardise, training, components))
+        with torch.no_grad():
+            reduced.readout.copy_(torch.from_numpy(found / deviations))
     weights, frames = static.weights().detach(), options.window
     stills = [(clip, t) for clip in drapes for t in range(len(clip))
               if t % fit_static.HELD_EVERY != fit_static.HELD_EVERY - 1]
@@ -226,5 +245,6 @@ def train_stage(run):
         workers.divided(run.training + run.static_clips, lambda clips: dataset.add_planes(
             clips, run.character, os.path.join(run.options.out, "planes")))
         run.log("body found beside the truth")
+    kept = bool(run.before) and torch.equal(run.before.static.weights(), run.net.static.weights())
     return {"skeleton": train(run.net.skeleton, run.net.static, run.net.standardise, run.training, run.validation,
-                              run.static_clips, run.options, run.options.out, run.log)}
+                              run.static_clips, run.options, run.options.out, run.log, kept)}

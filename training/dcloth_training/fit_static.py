@@ -9,7 +9,10 @@ from . import dataset, features, losses, loop, shards
 
 # Its options of train: (default, least, what).
 OPTIONS = {
+    "static-base": ("learned", None, "learned from drapes, or rigid: the garment bolted to the hips, all of its motion "
+                    "left to stage 2. Loose skirts generalise better so"),
     "static-width": (256, 1, None), "static-epochs": (60, 0, None), "influences": (4, 1, "bones a vertex, at most")}
+BASES = ("learned", "rigid")
 BATCH = 8
 HELD_EVERY = 7    # one drape in seven validates, together with its mirror image
 
@@ -77,9 +80,17 @@ def train(static, standardise, drapes, options, folder, log=print):
 
 
 def train_stage(run):
-    """Stage 1 of a training -> {step: history}; {} where it goes on from a finished one."""
+    """Stage 1 of a training -> {step: history}; {} where it goes on from a finished one, or is rigid."""
     if run.before:
         run.net.static.load_state_dict(run.before.static.state_dict())
+    if run.options.static_base == "rigid":
+        rig = run.fitted.rig
+        if rig.hips not in rig.bones:
+            names = ", ".join(rig.joint_names[b] for b in rig.bones)
+            raise ValueError(f"--static-base rigid: the garment lies on {names}, not on the hips "
+                             f"({rig.joint_names[rig.hips]}); train with --static-base learned")
+        run.net.static.bolt(rig.bones.index(rig.hips))
+    if run.before or run.options.static_base == "rigid":
         return {}
     drapes = Drapes(run.static_clips, run.character, run.options.device)
     return train(run.net.static, run.net.standardise, drapes, run.options, run.options.out, run.log)

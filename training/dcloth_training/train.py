@@ -33,7 +33,8 @@ def arguments(argv=None):
     add("--data", required=True)
     add("--more-data", help="folder of more clips of the garment, such as those with the hips held in place")
     add("--out", required=True)
-    add("--start", help="folder of a finished training to go on from: its features and stage 1 stay, stage 2 learns on")
+    add("--start", help="bundle or folder of a finished training to go on from: its features and stage 1 stay, stage 2 "
+                        "learns on")
     add("--export", help="bundle to write at the end")
     add("--validation", default=",".join(dataset.VALIDATION + dataset.VALIDATION_TAKES),
         help="clips or takes that choose the epoch, comma separated")
@@ -162,10 +163,19 @@ def learned(provenance):
 
 def start_from(options, fitted):
     """The network of --start -> (network, its features' statistics, its provenance)."""
-    net, other, _, provenance = export.load_trained(options.start, options.data)
-    if net.skeleton is None or other.rig.feature_joints != fitted.rig.feature_joints or \
-            len(net.skeleton.basis) != options.skeleton_size or other.rig.root_motion != fitted.rig.root_motion:
-        found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)} over {told(other.rig)}"
+    if os.path.isfile(options.start):
+        net, other, _, metadata = bundle.read(options.start, torch.float32)
+        provenance = json.loads(metadata["training"])
+        there, here = tuple(net.static.initial_weights.shape), fitted.initial_weights.shape
+        if there != here:
+            raise ValueError(f"--start {options.start}: a garment of {there[0]} vertices on {there[1]} bones; "
+                             f"{options.data} holds one of {here[0]} on {here[1]}")
+    else:
+        net, worn, _, provenance = export.load_trained(options.start, options.data)
+        other = worn.rig
+    if net.skeleton is None or other.feature_joints != fitted.rig.feature_joints or \
+            len(net.skeleton.basis) != options.skeleton_size or other.root_motion != fitted.rig.root_motion:
+        found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)} over {told(other)}"
         raise ValueError(f"--start {options.start}: found {found}; expected k_S = {options.skeleton_size} over "
                          f"{told(fitted.rig)}; give the options it was trained with")
     known = sorted(learned(provenance) & set(dataset.clip_names(options.held_out)))

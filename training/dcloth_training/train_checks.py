@@ -1,7 +1,7 @@
 """What can be known before training of what would end it, or waste it."""
 import torch
 
-from . import dataset, fit_mesh, stages
+from . import dataset, fit_mesh, fit_static, stages
 
 def ranges(options, refuse):
     """refuse(text) of the first option that no training or no model takes."""
@@ -10,6 +10,8 @@ def ranges(options, refuse):
         value = getattr(options, name.replace("-", "_"))
         if least is not None and value < least:
             refuse(f"--{name} {value}: at least {least}")
+    if options.static_base not in fit_static.BASES:
+        refuse(f"--static-base {options.static_base}: allowed are {', '.join(fit_static.BASES)}")
     if options.mesh_width % 8 or options.mesh_width > 64:
         refuse(f"--mesh-width {options.mesh_width}: a multiple of 8 up to 64")
     if options.mesh_layers > 8:

@@ -68,7 +68,8 @@ def test_training_that_cannot_end_well_does_not_begin(tiny, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("more", [["--influences", "0"], ["--threads", "0"], ["--window", "12"], ["--chunk", "0"],
-                                  ["--skeleton-size", "-1"], ["--static-epochs", "-1"]])
+                                  ["--skeleton-size", "-1"], ["--static-epochs", "-1"],
+                                  ["--static-base", "soft"]])
 def test_options_out_of_range_are_bad_usage(more, capsys):
     with pytest.raises(SystemExit) as ended:
         train.arguments(["--data", "d", "--out", "o", *more])

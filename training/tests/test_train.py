@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from conftest import train_tiny as run
-from dcloth_training import augment, checkpoint, dataset, evaluate, fit_skeleton, loop, network, rig, sequence, train
+from dcloth_training import (augment, bundle, checkpoint, dataset, evaluate, fit_skeleton, loop, network, rig, sequence,
+                             train)
 
 
 def test_every_stage_lowers_the_error_on_unseen_motion(tiny, trained):
@@ -272,6 +273,43 @@ def test_goes_on_from_a_finished_training(tiny, trained, tmp_path):
     assert not torch.equal(learned.skeleton.gru.weight_hh_l0, before.skeleton.gru.weight_hh_l0)
     with pytest.raises(ValueError, match="k_S = 16"):
         run(tiny, tmp_path / "other", "--start", str(trained[1]), "--skeleton-size", "8")
+
+
+def test_goes_on_from_a_bundle(tiny, trained, tmp_path):
+    """As from the folder that it was written of, but for the rounding to halves."""
+    net, fitted, character, provenance = trained[0]
+    path = tmp_path / "a.safetensors"
+    bundle.write(str(path), net, fitted, character, provenance)
+    again, _, _, told = run(tiny, tmp_path, "--start", str(path), "--skeleton-epochs", "0", "--settle-epochs", "0",
+                            "--stages", "skeleton")
+    for name in ("static.mlp.0.weight", "standardise.mean", "skeleton.gru.weight_hh_l0", "skeleton.basis"):
+        assert torch.allclose(again.state_dict()[name], net.state_dict()[name].float(), atol=2e-3), name
+    assert told["started_from"] == json.loads(json.dumps(provenance))
+    with pytest.raises(ValueError, match="--start.* vertices on .* bones; .* holds one of"):
+        train.start_from(type("O", (), {"start": str(path), "data": "data"}), rig.Fit(
+            fitted.rig, fitted.nearest_points, fitted.nearest_weights, fitted.initial_weights[:-1]))
+
+
+def test_a_rigid_base_is_bolted_to_the_hips(tiny, trained, tmp_path):
+    """Stage 2 then learns all of the motion, also from where a network with a learned stage 1 had come."""
+    net, fitted, character, provenance = run(tiny, tmp_path / "new", "--static-base", "rigid", "--stages", "skeleton")
+    clip = dataset.load(dataset.find(str(tiny), "dynamic", ()), fitted.rig, character)[0]
+    hips = list(fitted.rig.bones).index(fitted.rig.hips)
+    linear, posed = clip.pose.linear[:, hips], clip.pose.posed[:, hips]
+    arm = torch.from_numpy(character.template - character.bind[fitted.rig.hips, :3, 3]).float()
+    expected = torch.einsum("tab,nb->tna", linear, arm) + posed[:, None]
+    with torch.no_grad():
+        found = net.static(net.standardise(clip.pose.x), clip.pose.linear, clip.pose.posed)
+    assert torch.allclose(found, expected, atol=1e-5)
+    assert "static" not in provenance["validation_mm"]
+
+    run(tiny, tmp_path / "on", "--static-base", "rigid", "--stages", "skeleton", "--start", str(trained[1]),
+        "--skeleton-epochs", "0", "--settle-epochs", "0")
+    text = (tmp_path / "on" / "train.log").read_text()
+    begins = float(text.partition("skeleton: before training ")[2].partition(" mm")[0])
+    dataset.add_residuals([clip], net.static, net.standardise, character)
+    rigid = 1e3 * float(np.linalg.norm(clip.wanted(), axis=-1).mean())
+    assert begins < 0.8 * rigid    # what its states know is read anew; a readout of before would be for another stage 1
 
 
 def test_kept_is_the_best_epoch_or_the_last_where_asked():

@@ -53,6 +53,15 @@ class StaticStage(nn.Module):
         below = -(self.initial_weights + PRUNED_DEPTH) / len(self.residual_weights)
         self.residual_weights.copy_(torch.where(dropped, below, self.residual_weights))
 
+    @torch.no_grad()
+    def bolt(self, bone):
+        """Every vertex on `bone` alone, with D = 0: the template, rigid."""
+        wanted = torch.nn.functional.one_hot(torch.tensor(bone), self.initial_weights.shape[1])
+        self.residual_weights.copy_((wanted - self.initial_weights) / len(self.residual_weights))
+        self.prune(1)
+        nn.init.zeros_(self.mlp[2].weight)
+        nn.init.zeros_(self.mlp[2].bias)
+
     def increments(self, x):
         """D [..., m, 3]."""
         return self.mlp(x).reshape(*x.shape[:-1], -1, 3)
