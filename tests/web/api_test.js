@@ -151,7 +151,7 @@ test("a character of other names, size and axes wears the garment after a fit", 
   const dressed = model.createCloth({ character: { ...character, body } });
   assert.ok(dressed.fit.waistRatio > 0 && dressed.fit.hipsRatio > 0 && dressed.fit.gapMm > 0);
   assert.deepEqual(dressed.fit.warnings, []);
-  const stout = model.createCloth({ character: { ...character, body: skinOf(model, 1.8) } });
+  const stout = model.createCloth({ character: { ...character, body: skinOf(model, 2.2) } });
   assert.deepEqual(stout.fit.warnings, ["girth", "penetration"]);
 
   const swapped = names.map((name) => name.replace("Left", "Rite").replace("Right", "Left").replace("Rite", "Right"));
