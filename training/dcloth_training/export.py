@@ -20,6 +20,14 @@ def root_motion_of(options):
     return getattr(options, "root_motion", before)
 
 
+def refuse_another_garment(path, weights, data, fitted):
+    """ValueError where skinning weights [n, m] of a network at `path` are not of the garment `fitted` in `data`."""
+    there, here = tuple(weights.shape), fitted.initial_weights.shape
+    if there != here:
+        raise ValueError(f"{path}: a garment of {there[0]} vertices on {there[1]} bones; {data} holds one of {here[0]} "
+                         f"on {here[1]}")
+
+
 def load_trained(folder, data):
     """The finished network of a training folder -> (network, fitted, character, provenance)."""
     path = os.path.join(folder, "network.safetensors")
@@ -29,10 +37,7 @@ def load_trained(folder, data):
     options = argparse.Namespace(**json.loads(saved["options"]))
     character = rig.read_character(os.path.join(data, "character.safetensors"))
     fitted = rig.fit(character, root_motion=root_motion_of(options))
-    there, here = tuple(saved["state"]["static.initial_weights"].shape), fitted.initial_weights.shape
-    if there != here:
-        raise ValueError(f"{path}: a garment of {there[0]} vertices on {there[1]} bones; {data} holds one of {here[0]} "
-                         f"on {here[1]}")
+    refuse_another_garment(path, saved["state"]["static.initial_weights"], data, fitted)
     standard = {k: v.numpy() for k, v in saved["standard"].items()}
     statistics = (torch.zeros(3), torch.ones(3))    # the state holds the real ones
     net = assemble.build(fitted, character, standard, options, statistics, options.stages)

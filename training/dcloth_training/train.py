@@ -165,11 +165,8 @@ def start_from(options, fitted):
     """The network of --start -> (network, its features' statistics, its provenance)."""
     if os.path.isfile(options.start):
         net, other, _, metadata = bundle.read(options.start, torch.float32)
-        provenance = json.loads(metadata["training"])
-        there, here = tuple(net.static.initial_weights.shape), fitted.initial_weights.shape
-        if there != here:
-            raise ValueError(f"--start {options.start}: a garment of {there[0]} vertices on {there[1]} bones; "
-                             f"{options.data} holds one of {here[0]} on {here[1]}")
+        provenance = json.loads(metadata.get("training", "{}"))
+        export.refuse_another_garment(options.start, net.static.initial_weights, options.data, fitted)
     else:
         net, worn, _, provenance = export.load_trained(options.start, options.data)
         other = worn.rig
@@ -178,6 +175,9 @@ def start_from(options, fitted):
         found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)} over {told(other)}"
         raise ValueError(f"--start {options.start}: found {found}; expected k_S = {options.skeleton_size} over "
                          f"{told(fitted.rig)}; give the options it was trained with")
+    if net.static.mlp[0].out_features != options.static_width:
+        raise ValueError(f"--start {options.start}: found a static stage {net.static.mlp[0].out_features} wide; give "
+                         f"the options it was trained with, --static-width {net.static.mlp[0].out_features}")
     known = sorted(learned(provenance) & set(dataset.clip_names(options.held_out)))
     if known:
         raise ValueError(f"--start {options.start}: learned from {', '.join(known[:3])}; --held-out takes clips that "

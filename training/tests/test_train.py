@@ -285,7 +285,9 @@ def test_goes_on_from_a_bundle(tiny, trained, tmp_path):
     for name in ("static.mlp.0.weight", "standardise.mean", "skeleton.gru.weight_hh_l0", "skeleton.basis"):
         assert torch.allclose(again.state_dict()[name], net.state_dict()[name].float(), atol=2e-3), name
     assert told["started_from"] == json.loads(json.dumps(provenance))
-    with pytest.raises(ValueError, match="--start.* vertices on .* bones; .* holds one of"):
+    with pytest.raises(ValueError, match="static stage 16 wide.*--static-width 16"):
+        run(tiny, tmp_path / "wide", "--start", str(path), "--static-width", "24", "--stages", "skeleton")
+    with pytest.raises(ValueError, match="a.safetensors: a garment of .* vertices on .* bones; .* holds one of"):
         train.start_from(type("O", (), {"start": str(path), "data": "data"}), rig.Fit(
             fitted.rig, fitted.nearest_points, fitted.nearest_weights, fitted.initial_weights[:-1]))
 
