@@ -9,7 +9,8 @@ from dcloth_training.motion import procedural, rotations, skeleton, timing, wind
 from dcloth_training.motion.skeleton import INDEX
 from dcloth_training.simulate import clips
 
-LEARNED = (clips.training() + clips.RANDOM + clips.VARIATIONS + clips.WIDE + clips.MIXED + clips.LEANING)
+LEARNED = (clips.training() + clips.RANDOM + clips.VARIATIONS + clips.WIDE + clips.MIXED + clips.LEANING
+           + clips.LIFTING)
 
 
 def base(name):
@@ -129,7 +130,7 @@ def test_variations_are_full_length_reproducible_and_of_training_clips_alone():
 
 
 def test_takes_go_from_near_to_wide_to_mixed():
-    for kind in (clips.VARIATIONS, clips.WIDE, clips.MIXED, clips.LEANING):
+    for kind in (clips.VARIATIONS, clips.WIDE, clips.MIXED, clips.LEANING, clips.LIFTING):
         assert len(kind) == len(clips.VARIED) and len({c.partition("~")[2] for c in kind}) == 1
     near, wide, mixed = (clips.load(f"procedural/kicks~{take}") for take in (1, 2, 3))
     for take in (near, wide, mixed):

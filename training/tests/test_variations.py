@@ -213,3 +213,24 @@ def test_leaning_tilts_the_pelvis_and_spares_the_legs():
         assert (turned <= 0.5 * tilted + 0.03).all()    # a thigh keeps half of its place at least
         extra = np.radians(2 * variations.LEAN_WAVER) * 2 * np.pi * variations.OFFSET_HERTZ[1]
         assert np.abs(angular_speed(m.local[:, 0]) - angular_speed(motion.local[:, 0])).max() < extra
+
+
+def test_lifted_legs_go_up_to_where_dancers_hold_them_and_no_faster_than_a_kick():
+    motion = procedural.clip("walk_weave")
+    lifted = [variations.lift_legs(motion, np.random.default_rng(seed)) for seed in range(40)]
+    assert np.array_equal(variations.lift_legs(motion, np.random.default_rng(3)).local, lifted[3].local)
+    legs = [skeleton.INDEX[side + name] for side in ("Left", "Right") for name in ("UpLeg", "Leg")]
+    others = [joint for joint in skeleton.INDEX.values() if joint not in legs]
+
+    def angles(m):
+        """Of each thigh from hanging straight down from the hips, degrees [T, 2]."""
+        return np.degrees(np.arccos(np.clip(m.local[:, [legs[0], legs[2]], 1, 1], -1, 1)))
+
+    highest = np.array([angles(m).max() for m in lifted])
+    assert angles(motion).max() < 55 < 90 < highest.max() < 130 and (highest > 60).mean() > 0.7
+    for m in lifted:
+        assert_rotations(m)
+        assert np.array_equal(m.root, motion.root) and np.array_equal(m.local[:, others], motion.local[:, others])
+        assert np.array_equal(m.local[0], motion.local[0])
+        assert angular_speed(m.local).max() < 25
+        assert (angles(m) > 60).all(1).sum() == 0       # one leg at a time: the other one stands

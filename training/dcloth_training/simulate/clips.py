@@ -125,13 +125,14 @@ CYCLES = {"mocap/walk", "mocap/run", "mocap/zombie_walk", "game/game_walking_a",
 # clips would make that choice blind to overfitting.
 NOT_VARIED = set(dataset.VALIDATION)
 RANDOM = [f"procedural/random_{seed}" for seed in range(64)]
-# Take k of a clip is of kind (k - 1) % 4: near, another take by the same person; wide, by another person, three
+# Take k of a clip is of kind (k - 1) % 5: near, another take by the same person; wide, by another person, three
 # times as far from the recording; mixed, each leg and the arms from somewhere else: what hips and limbs do is no longer
-# tied; leaning, the pelvis tilted above legs that go on as they did.
-STRENGTHS = (1.0, 3.0, 2.0, 1.5)
-MIXED_KIND, LEANING_KIND = 2, 3
+# tied; leaning, the pelvis tilted above legs that go on as they did; lifting, a leg lifted now and then, above which
+# half of the takes lean.
+STRENGTHS = (1.0, 3.0, 2.0, 1.5, 1.5)
+MIXED_KIND, LEANING_KIND, LIFTING_KIND = 2, 3, 4
 VARIED = [clip for clip in RECORDED + STANCES + PROCEDURAL[::3] if clip not in NOT_VARIED]
-VARIATIONS, WIDE, MIXED, LEANING = ([f"{clip}~{kind + 1}" for clip in VARIED] for kind in range(4))
+VARIATIONS, WIDE, MIXED, LEANING, LIFTING = ([f"{clip}~{kind + 1}" for clip in VARIED] for kind in range(5))
 # (patterns, reason): every recorded clip that is neither trained on nor held out.
 LEFT_OUT = (
     ("*/roll */crawl */getup_* */game_crawling */game_push_ups */game_sit_ups */game_lie_* "
@@ -149,7 +150,7 @@ LEFT_OUT = (
 def training():
     """Procedural and recorded clips in turn: a batch stopped early still has both.
 
-    The many random and varied clips are groups of their own: RANDOM, VARIATIONS, WIDE, MIXED, LEANING.
+    The many random and varied clips are groups of their own: RANDOM, VARIATIONS, WIDE, MIXED, LEANING, LIFTING.
     """
     pairs = [clip for pair in zip(PROCEDURAL, RECORDED) for clip in pair]
     every = pairs + [c for c in PROCEDURAL + RECORDED + STANCES if c not in pairs]
@@ -160,7 +161,8 @@ def group(word):
     """Clips of a group's name, or the one clip of that name."""
     return {"validation": VALIDATION, "development": DEVELOPMENT, "reported": REPORTED, "measured": MEASURED_PIECES,
             "procedural": PROCEDURAL, "recorded": RECORDED, "training": training(), "random": RANDOM,
-            "variations": VARIATIONS, "wide": WIDE, "mixed": MIXED, "leaning": LEANING}.get(word, [word])
+            "variations": VARIATIONS, "wide": WIDE, "mixed": MIXED, "leaning": LEANING,
+            "lifting": LIFTING}.get(word, [word])
 
 
 def wind(name, frames):
@@ -206,7 +208,9 @@ def _takes(first, pool, kind, generator, motion_folder):
         chosen = first or pool[generator.integers(len(pool))]
         take = variations.vary(_take(chosen, motion_folder), int(generator.integers(1 << 31)),
                                STRENGTHS[kind])
-        if kind == LEANING_KIND:
+        if kind == LIFTING_KIND:
+            take = variations.lift_legs(take, generator)
+        if kind == LEANING_KIND or (kind == LIFTING_KIND and generator.integers(2)):
             take = variations.lean(take, generator)
         motion = variations.join(motion, take) if motion else take
         first = None
@@ -214,7 +218,7 @@ def _takes(first, pool, kind, generator, motion_folder):
 
 
 def _variation(name, motion_folder):
-    """The numbered take of the named clip: near, wide, mixed or leaning."""
+    """The numbered take of the named clip: near, wide, mixed, leaning or lifting."""
     base, _, number = name.partition("~")
     if base not in training() or base in NOT_VARIED or not number.isdigit():
         raise ValueError(f"clip '{name}': only training clips that do not validate are varied, as "

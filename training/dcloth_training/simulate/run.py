@@ -1,7 +1,7 @@
 """Make the ground truth: one resumable, atomic file a clip.
 
     python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
-        [--clips held_out,static,training,random,variations,wide,mixed,leaning | --clips mocap/walk] [--root fixed]
+        [--clips held_out,static,training,random,variations,wide,mixed,leaning,lifting | --clips mocap/walk] [--root fixed]
     python3 -m dcloth_training.simulate.run --out DIR --character HERO.glb --garment DRESS.obj --clips static,walk.fbx
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
@@ -211,7 +211,7 @@ def arguments(argv=None):
     parser.add_argument("--out", required=True)
     parser.add_argument("--motion", help="folder of BVH folders (mocap/, game/)")
     parser.add_argument("--clips",
-                        default="static,validation,development,training,random,variations,wide,mixed,leaning",
+                        default="static,validation,development,training,random,variations,wide,mixed,leaning,lifting",
                         help="groups or single clips, in order of importance; 'reported' last, for the final figures")
     parser.add_argument("--workers", type=int, default=2, help="clips simulated side by side here")
     parser.add_argument("--cluster", metavar="ADDRESS",
