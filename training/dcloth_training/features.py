@@ -162,6 +162,13 @@ def fit_standard(rows):
     return {"mean": mean, "deviation": deviation, "low": low - margin, "high": high + margin}
 
 
+def widened(standard, rows):
+    """`standard` for features [N, d] beside those that it is of: the same units, the range of both."""
+    more = fit_standard((rows - standard["mean"]) / standard["deviation"])
+    low, high = (more["mean"] + more["deviation"] * more[end] for end in ("low", "high"))
+    return {**standard, "low": np.minimum(standard["low"], low), "high": np.maximum(standard["high"], high)}
+
+
 class Standardise(torch.nn.Module):
     """(x - mean) / deviation, clamped to [low, high]."""
 

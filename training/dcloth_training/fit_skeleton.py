@@ -144,7 +144,7 @@ def fitted_readout(gru, standardise, clips, components):
 
 def train(skeleton, static, standardise, training, validation, drapes, options, folder, log=print, kept=False):
     """-> history; leaves the trained GRU and basis in `skeleton`. drapes: clips of still poses; kept: goes on with the
-    basis that `skeleton` has, which is for this stage 1.
+    basis that `skeleton` has, which is for this stage 1 and these clips.
 
     Windows are drawn on the CPU, the same on every device, and go to the device of the stages.
     """
@@ -245,6 +245,7 @@ def train_stage(run):
         workers.divided(run.training + run.static_clips, lambda clips: dataset.add_planes(
             clips, run.character, os.path.join(run.options.out, "planes")))
         run.log("body found beside the truth")
-    kept = bool(run.before) and torch.equal(run.before.static.weights(), run.net.static.weights())
+    new = {clip.name for clip in run.training} - run.known
+    kept = bool(run.before) and not new and torch.equal(run.before.static.weights(), run.net.static.weights())
     return {"skeleton": train(run.net.skeleton, run.net.static, run.net.standardise, run.training, run.validation,
                               run.static_clips, run.options, run.options.out, run.log, kept)}

@@ -198,6 +198,7 @@ class Run:
     validation: list
     net: network.DCloth = None
     before: network.DCloth = None                       # of --start
+    known: set = field(default_factory=set)             # clips that it learned from
     stage_3_clips: list = field(default_factory=list)   # what stage 3 learned from
 
     @property
@@ -255,11 +256,12 @@ def run(options):
     train_checks.lengths(training, options, log)
     if workers.first():
         begun.check(options, whole.static_clips + training + validation, log)
-    history = {}
+    history, rows = {}, feature_rows(training, options)
     if options.start:
         whole.before, standard, history = start_from(options, fitted)
+        whole.known, standard = learned(history), features.widened(standard, rows)
     else:
-        standard = features.fit_standard(feature_rows(training, options))
+        standard = features.fit_standard(rows)
     chosen = stages.up_to(options.stages)
     statistics = body_statistics(fitted, training) if stages.LAST in chosen else None
     net = whole.net = assemble.build(fitted, character, standard, options, statistics, options.stages)

@@ -9,6 +9,7 @@ import torch
 from conftest import train_tiny as run
 from dcloth_training import (augment, bundle, checkpoint, dataset, evaluate, fit_skeleton, loop, network, rig, sequence,
                              train)
+from dcloth_training.motion import rotations
 
 
 def test_every_stage_lowers_the_error_on_unseen_motion(tiny, trained):
@@ -269,6 +270,7 @@ def test_goes_on_from_a_finished_training(tiny, trained, tmp_path):
         assert torch.equal(net.state_dict()[name], before.state_dict()[name]), name
     assert torch.allclose(net.skeleton.basis, before.skeleton.basis, atol=1e-6)
     assert provenance["started_from"]["training_clips"] == ["a/one", "a/two"]
+    assert torch.allclose(net.standardise.low, before.standardise.low, atol=1e-4)
     learned = run(tiny, tmp_path / "more", "--start", str(trained[1]), "--stages", "skeleton")[0]
     assert not torch.equal(learned.skeleton.gru.weight_hh_l0, before.skeleton.gru.weight_hh_l0)
     with pytest.raises(ValueError, match="k_S = 16"):
@@ -290,6 +292,23 @@ def test_goes_on_from_a_bundle(tiny, trained, tmp_path):
     with pytest.raises(ValueError, match="a.safetensors: a garment of .* vertices on .* bones; .* holds one of"):
         train.start_from(type("O", (), {"start": str(path), "data": "data"}), rig.Fit(
             fitted.rig, fitted.nearest_points, fitted.nearest_weights, fitted.initial_weights[:-1]))
+
+
+def test_new_clips_get_a_basis_of_their_own_and_may_move_further(tiny, trained, tmp_path):
+    """What no clip of before did lies outside of the span of its basis, and its features are cut off."""
+    data, before = tmp_path / "data", trained[0][0]
+    shutil.copytree(tiny, data)
+    path = next(f for f in sorted((data / "dynamic").iterdir()) if "one" in f.name)
+    item = sequence.read(str(path))
+    item.truth, item.clip = item.truth + np.float32(0.3) * np.sin(np.arange(len(item.truth)))[:, None, None], "a/three"
+    item.joint_matrices[:, 1:, :3, :3] = item.joint_matrices[:, 1:, :3, :3] @ rotations.about_axis("X", np.float32(2.0))
+    sequence.write(str(path.with_name("a-three.safetensors")), item)
+    net = run(data, tmp_path, "--start", str(trained[1]), "--skeleton-epochs", "0", "--settle-epochs", "0", "--stages",
+              "skeleton")[0]
+    assert torch.equal(net.standardise.mean, before.standardise.mean)
+    assert (net.standardise.low <= before.standardise.low + 1e-6).all()
+    assert (net.standardise.high > before.standardise.high + 0.5).any()
+    assert not torch.allclose(net.skeleton.basis, before.skeleton.basis, atol=1e-3)
 
 
 def test_a_rigid_base_is_bolted_to_the_hips(tiny, trained, tmp_path):
