@@ -1,7 +1,8 @@
 """Make the ground truth: one resumable, atomic file a clip.
 
     python3 -m dcloth_training.simulate.run --out DIR --motion CLIPS --workers 2
-        [--clips held_out,static,training,random,variations,wide,mixed,leaning,lifting | --clips mocap/walk] [--root fixed]
+        [--clips held_out,static,training,random,variations,wide,mixed,leaning,lifting | --clips mocap/walk]
+        [--root fixed]
     python3 -m dcloth_training.simulate.run --out DIR --character HERO.glb --garment DRESS.obj --clips static,walk.fbx
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
