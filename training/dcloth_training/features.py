@@ -153,20 +153,24 @@ def mirror_cloth(positions, vertex_mirror):
     return out
 
 
-def fit_standard(rows):
-    """{mean, deviation, low, high} of training features [N, d]; the range widened by 10 %."""
-    mean, deviation = rows.mean(0), np.maximum(rows.std(0), SMALLEST_DEVIATION)
-    scaled = (rows - mean) / deviation
+def _range_of(scaled):
+    """{low, high} of standardised features [N, d], widened by 10 %."""
     low, high = scaled.min(0), scaled.max(0)
     margin = WIDENING * (high - low)
-    return {"mean": mean, "deviation": deviation, "low": low - margin, "high": high + margin}
+    return {"low": low - margin, "high": high + margin}
+
+
+def fit_standard(rows):
+    """{mean, deviation, low, high} of training features [N, d]."""
+    mean, deviation = rows.mean(0), np.maximum(rows.std(0), SMALLEST_DEVIATION)
+    return {"mean": mean, "deviation": deviation, **_range_of((rows - mean) / deviation)}
 
 
 def widened(standard, rows):
-    """`standard` for features [N, d] beside those that it is of: the same units, the range of both."""
-    more = fit_standard((rows - standard["mean"]) / standard["deviation"])
-    low, high = (more["mean"] + more["deviation"] * more[end] for end in ("low", "high"))
-    return {**standard, "low": np.minimum(standard["low"], low), "high": np.maximum(standard["high"], high)}
+    """`standard` for features [N, d] beside those that it is of: mean and deviation stay, the range is that of both."""
+    more = _range_of((rows - standard["mean"]) / standard["deviation"])
+    return {**standard, "low": np.minimum(standard["low"], more["low"]),
+            "high": np.maximum(standard["high"], more["high"])}
 
 
 class Standardise(torch.nn.Module):

@@ -132,11 +132,20 @@ def test_variations_are_full_length_reproducible_and_of_training_clips_alone():
 def test_takes_go_from_near_to_wide_to_mixed():
     for kind in (clips.VARIATIONS, clips.WIDE, clips.MIXED, clips.LEANING, clips.LIFTING):
         assert len(kind) == len(clips.VARIED) and len({c.partition("~")[2] for c in kind}) == 1
-    near, wide, mixed = (clips.load(f"procedural/kicks~{take}") for take in (1, 2, 3))
-    for take in (near, wide, mixed):
+    near, wide, mixed, lifting = (clips.load(f"procedural/kicks~{take}") for take in (1, 2, 3, 5))
+    for take in (near, wide, mixed, lifting):
         assert len(take) == clips.LONG_FRAMES
         assert np.abs(np.diff(take.root, axis=0)).max() * 30 < 12
     assert np.abs(wide.local - near.local).max() > 0.1
+
+
+def test_lifting_takes_hold_a_thigh_up_in_more_of_their_frames():
+    def up(take):
+        thighs = clips.load(f"procedural/walk_start_stop~{take}").local[:, [INDEX["LeftUpLeg"], INDEX["RightUpLeg"]]]
+        return (thighs[..., 1, 1].min(1) < np.cos(np.radians(60))).mean()
+
+    shares = [up(take) for take in (1, 2, 4, 5)]
+    assert shares[3] > 0.1 > 2 * max(shares[:3]), shares
 
 
 def test_left_out_clips_have_a_reason_and_used_ones_have_none():
