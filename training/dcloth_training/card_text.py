@@ -30,14 +30,14 @@ def network(tensors, metadata, size_bytes):
 
     bones, joints = json.loads(metadata["bones"]), json.loads(metadata["feature_joints"])
     n, d = len(tensors["template.positions"]), len(tensors["features.mean"])
-    residuals = tensors["static.residual_weights"].astype(np.float64)
-    weights = tensors["static.initial_weights"].astype(np.float64) + residuals.sum(0)
+    weights = tensors["static.initial_weights"] + tensors["static.residual_weights"].sum(0, dtype=np.float64)
+    influences = int((weights > 0).sum(1).max())
     text = (f"{n:,} vertices, {len(tensors['template.faces']):,} triangles, {metadata['tick_rate']} Hz; "
             f"{size_bytes / 1e6:.1f} MB. "
             f"Cloth bones: {', '.join(bones)} ({len(bones)}). Features: {', '.join(joints)}"
             f"{_ROOT_MOTION[metadata['root_motion']]} ({d}). "
-            f"Static MLP {d}-{shape('static.mlp.0.bias')[0]}-{shape('static.mlp.2.bias')[0]}, {len(residuals)} "
-            f"residual weight matrices, at most {int((weights > 0).sum(1).max())} bones a vertex")
+            f"Static MLP {d}-{shape('static.mlp.0.bias')[0]}-{shape('static.mlp.2.bias')[0]}, at most {influences} "
+            f"bone{'s' if influences > 1 else ''} a vertex")
     units = tensors.get("skeleton.gru.weight_hh")
     if units is not None:
         text += f"; skeleton stage k_S = {units.shape[1]}"

@@ -3,16 +3,18 @@
 First with every bone free, then with the strongest few of each vertex, so that an engine that
 stores a few influences a vertex loses nothing.
 """
+import numpy as np
 import torch
 
 from . import dataset, features, losses, loop, shards
 
 # Its options of train: (default, least, what).
 OPTIONS = {
-    "static-base": ("learned", None, "learned from drapes, or rigid: the garment bolted to the hips, all of its motion "
-                    "left to stage 2. Loose skirts generalise better so"),
+    "static-base": ("learned", None, "learned from drapes; rigid: the garment bolted to the hips, all of its motion "
+                    "left to stage 2, with which loose skirts generalise better; or hung: what lies on the legs bolted "
+                    "to the hips, trunk and sleeves skinned as they lie on the body, for robes and coats"),
     "static-width": (256, 1, None), "static-epochs": (60, 0, None), "influences": (4, 1, "bones a vertex, at most")}
-BASES = ("learned", "rigid")
+BASES = ("learned", "rigid", "hung")
 BATCH = 8
 HELD_EVERY = 7    # one drape in seven validates, together with its mirror image
 
@@ -79,18 +81,42 @@ def train(static, standardise, drapes, options, folder, log=print):
     return histories
 
 
+def fixed_weights(base, rig, parents, initial):
+    """Skinning weights [n, m] of the bases that are not learned, from those of the nearest points, `initial` [n, m].
+
+    Legs are what hangs from the hips: joints below hips that begin lower in the bind pose, and all that follow them.
+    """
+    if rig.hips not in rig.bones:
+        names = ", ".join(rig.joint_names[b] for b in rig.bones)
+        raise ValueError(f"--static-base {base}: the garment lies on {names}, not on the hips "
+                         f"({rig.joint_names[rig.hips]}); train with --static-base learned")
+    if base == "rigid":
+        moved = range(len(rig.bones))
+    elif parents is None:
+        raise ValueError("--static-base hung: character.safetensors does not say which joint is above which "
+                         "(\"parents\"); add them, or train with --static-base learned or rigid")
+    else:
+        heights = rig.bind[:, 1, 3]
+        legs = {j for j, p in enumerate(parents) if p == rig.hips and heights[j] < heights[rig.hips]}
+        while below := {j for j, p in enumerate(parents) if p in legs} - legs:
+            legs |= below
+        moved = [i for i, bone in enumerate(rig.bones) if bone in legs]
+    out, moved = np.array(initial), list(moved)
+    onto_hips = out[:, moved].sum(1)
+    out[:, moved] = 0
+    out[:, rig.bones.index(rig.hips)] += onto_hips
+    return torch.from_numpy(out)
+
+
 def train_stage(run):
-    """Stage 1 of a training -> {step: history}; {} where it goes on from a finished one, or is rigid."""
+    """Stage 1 of a training -> {step: history}; {} where it goes on from a finished one, or is not learned."""
     if run.before:
-        run.net.static.load_state_dict(run.before.static.state_dict())
-    if run.options.static_base == "rigid":
-        rig = run.fitted.rig
-        if rig.hips not in rig.bones:
-            names = ", ".join(rig.joint_names[b] for b in rig.bones)
-            raise ValueError(f"--static-base rigid: the garment lies on {names}, not on the hips "
-                             f"({rig.joint_names[rig.hips]}); train with --static-base learned")
-        run.net.static.bolt(rig.bones.index(rig.hips))
-    if run.before or run.options.static_base == "rigid":
+        run.net.static.take(run.before.static)
+    base, fitted = run.options.static_base, run.fitted
+    if base != "learned":
+        run.net.static.lay(fixed_weights(base, fitted.rig, run.character.parents, fitted.initial_weights),
+                           run.options.influences)
+    if run.before or base != "learned":
         return {}
     drapes = Drapes(run.static_clips, run.character, run.options.device)
     return train(run.net.static, run.net.standardise, drapes, run.options, run.options.out, run.log)

@@ -221,6 +221,18 @@ def test_pruned_weights_keep_the_strongest_and_stay_pruned():
     assert dropped.any() and not stage.residual_weights.grad[:, dropped].any()
 
 
+def test_a_bundle_holds_the_sum_of_the_residual_weights_and_training_goes_on_from_it():
+    generator = np.random.default_rng(4)
+    stage, other, on = static_stage(generator), static_stage(generator), static_stage(generator)
+    held = stage.trained()["residual_weights"]
+    assert held.shape == (1, *stage.initial_weights.shape)
+    assert torch.equal(held[0], stage.residual_weights.sum(0))
+    other.residual_weights = torch.nn.Parameter(held.detach())    # as a bundle's stage comes
+    other.load_state_dict({**stage.state_dict(), "residual_weights": held})
+    on.take(other)
+    assert on.residual_weights.shape == stage.residual_weights.shape and torch.equal(on.weights(), stage.weights())
+
+
 def test_trained_pivots_are_blind_to_root_motion():
     from dcloth_training import fit_static
     torch.manual_seed(2)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from conftest import train_tiny as run
-from dcloth_training import (augment, bundle, checkpoint, dataset, evaluate, fit_skeleton, loop, network, rig, sequence,
-                             train)
+from conftest import rigid, train_tiny as run
+from dcloth_training import (augment, bundle, checkpoint, dataset, evaluate, fit_skeleton, fit_static, loop, network,
+                             rig, sequence, train)
 from dcloth_training.motion import rotations
+from dcloth_training.stages import static_stage
 
 
 def test_every_stage_lowers_the_error_on_unseen_motion(tiny, trained):
@@ -329,8 +330,28 @@ def test_a_rigid_base_is_bolted_to_the_hips(tiny, trained, tmp_path):
     text = (tmp_path / "on" / "train.log").read_text()
     begins = float(text.partition("skeleton: before training ")[2].partition(" mm")[0])
     dataset.add_residuals([clip], net.static, net.standardise, character)
-    rigid = 1e3 * float(np.linalg.norm(clip.wanted(), axis=-1).mean())
-    assert begins < 0.8 * rigid    # what its states know is read anew; a readout of before would be for another stage 1
+    bolted = 1e3 * float(np.linalg.norm(clip.wanted(), axis=-1).mean())
+    # What its states know is read anew; a readout of before would be for another stage 1.
+    assert begins < 0.8 * bolted
+
+
+def test_a_hung_base_takes_the_legs_share_onto_the_hips_and_leaves_sleeves_on_arms():
+    names = ["Hips", "LeftUpLeg", "LeftLeg", "Spine", "LeftArm"]
+    bind = np.stack([rigid(np.eye(3), [0, height, 0]) for height in (1.0, 0.9, 0.5, 1.1, 0.8)])    # arms hang
+    worn = rig.Rig(names, bind, 0, [0], [0, 1, 2, 3, 4])
+    initial = np.array([[0.2, 0.5, 0.3, 0, 0], [0.3, 0.1, 0, 0.2, 0.4], [0, 0, 0, 0.3, 0.7]], np.float32)
+    found = fit_static.fixed_weights("hung", worn, [-1, 0, 1, 0, 3], initial)
+    assert torch.allclose(found, torch.tensor([[1, 0, 0, 0, 0], [0.4, 0, 0, 0.2, 0.4], [0, 0, 0, 0.3, 0.7]]))
+    with pytest.raises(ValueError, match="which joint is above which"):
+        fit_static.fixed_weights("hung", worn, None, initial)
+
+    stage = static_stage.StaticStage(torch.zeros(3, 3), torch.zeros(5, 3), torch.from_numpy(initial), 9)
+    stage.lay(found, 2)
+    halved = torch.nn.functional.normalize(torch.tensor([[1, 0, 0, 0, 0], [0.4, 0, 0, 0, 0.4], [0, 0, 0, 0.3, 0.7]]),
+                                           p=1, dim=1)
+    assert torch.allclose(stage.weights(), halved, atol=1e-6)
+    stage.half()    # as a bundle stores them
+    assert ((stage.initial_weights.float() + stage.residual_weights.float().sum(0) > 0) == (halved > 0)).all()
 
 
 def test_kept_is_the_best_epoch_or_the_last_where_asked():

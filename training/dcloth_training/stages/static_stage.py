@@ -32,10 +32,19 @@ class StaticStage(nn.Module):
         return tensors.fill(stage.double(), "static.")
 
     def trained(self):
-        return {name: value for name, value in self.state_dict().items() if name.startswith(self.TRAINED)}
+        """The residual weights' sum alone, [1, n, m]: the skin depends on nothing else of them."""
+        found = {name: value for name, value in self.state_dict().items() if name.startswith(self.TRAINED)}
+        return {**found, "residual_weights": self.residual_weights.sum(0, keepdim=True)}
 
     def given(self, fitted):
         return {"static.initial_weights": fitted.initial_weights}
+
+    @torch.no_grad()
+    def take(self, other):
+        """Become `other`, whose residual weights may be as many as it likes: a bundle holds their sum."""
+        residuals = torch.zeros_like(self.residual_weights)
+        residuals[0] = other.residual_weights.sum(0)
+        self.load_state_dict({**other.state_dict(), "residual_weights": residuals})
 
     def weights(self):
         """[n, m], rows sum to 1."""
@@ -48,17 +57,17 @@ class StaticStage(nn.Module):
 
         Their sum is set below zero, where max(., 0) passes no gradient and half floats no error.
         """
-        dropped = torch.ones_like(self.initial_weights, dtype=torch.bool)
-        dropped.scatter_(1, self.weights().topk(min(influences, dropped.shape[1])).indices, False)
+        weights = self.weights()
+        strongest = weights.topk(min(influences, weights.shape[1]))
+        kept = torch.zeros_like(weights, dtype=torch.bool).scatter_(1, strongest.indices, strongest.values > 0)
         below = -(self.initial_weights + PRUNED_DEPTH) / len(self.residual_weights)
-        self.residual_weights.copy_(torch.where(dropped, below, self.residual_weights))
+        self.residual_weights.copy_(torch.where(kept, self.residual_weights, below))
 
     @torch.no_grad()
-    def bolt(self, bone):
-        """Every vertex on `bone` alone, with D = 0: the template, rigid."""
-        wanted = torch.nn.functional.one_hot(torch.tensor(bone), self.initial_weights.shape[1])
-        self.residual_weights.copy_((wanted - self.initial_weights) / len(self.residual_weights))
-        self.prune(1)
+    def lay(self, weights, influences):
+        """Skins with `weights` [n, m], the strongest `influences` of each vertex, and D = 0, for all poses."""
+        self.residual_weights.copy_((weights - self.initial_weights) / len(self.residual_weights))
+        self.prune(influences)
         nn.init.zeros_(self.mlp[2].weight)
         nn.init.zeros_(self.mlp[2].bias)
 
