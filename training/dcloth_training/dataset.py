@@ -107,6 +107,13 @@ class Clip:
         return found
 
 
+def planes_of(clips, ticks, rows):
+    """planes_at [B, t, v, 4] of some clips, each at its ticks; None where they have none."""
+    if any(clip.planes is None for clip in clips):
+        return None
+    return torch.from_numpy(np.stack([clip.planes_at(of_clip, rows) for clip, of_clip in zip(clips, ticks)]))
+
+
 def load_pose(item, rig, joint_mirror, mirrored):
     matrices, wind = item.joint_matrices.astype(np.float64), item.wind
     if mirrored:

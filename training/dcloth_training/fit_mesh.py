@@ -89,12 +89,13 @@ def train_layers(mesh, body_points, static, components, deviations, everything, 
 
     def batches(generator, shard=shards.WHOLE):
         for ticks, s, clips in mesh_windows.run(recurrence, body_points, everything, options, generator, shard):
-            rows = losses.pick_vertices(count, VERTICES, generator)
+            rows, planes = mesh_head.drawn(count, VERTICES, clips, ticks, generator)
             target = np.stack([c.remainder(t, rows.numpy()) for c, t in zip(clips, ticks)])
             columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
             delta = (head(patches.reduce(s.transpose(0, 1))) @ columns).reshape(target.shape)
             linear = torch.stack([c.pose.linear[t] for c, t in zip(clips, ticks)]).to(device)
-            yield losses.skinned_distance(linear, weights[rows], delta - torch.from_numpy(target).to(device))
+            error = losses.skinned(linear, weights[rows], delta - torch.from_numpy(target).to(device))
+            yield losses.outside(error, None if planes is None else planes.to(device), options.collision)
 
     @torch.no_grad()
     def predicted():

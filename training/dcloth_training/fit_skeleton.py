@@ -32,10 +32,10 @@ OPTIONS = {
     "skeleton-rate": (3e-3, None, None), "window": (64, dataset.WARM_UP + 1, "ticks a training window"),
     "carried": (1.5, None, "m/s: deviation of windows' velocity, see augment.py"),
     "noise": (0.1, None, "deviation of standardised features, see augment.py"), "dropout": (0.1, None, None),
-    "decay": (0.01, None, None), "collision": (3.0, 0.0, "weight of the depth below the body, beside the distance")}
+    "decay": (0.01, None, None),
+    "collision": (3.0, 0.0, "weight of the depth below the body, beside the distance; in stage 3, too")}
 BATCH = 16
 VERTICES = 256
-MARGIN = 0.002      # m outside the body that the network should keep, where the truth does
 USUAL_STATE = 0.3   # deviation of a unit's state
 BASIS_EVERY = 4     # every fourth frame is enough for the principal components
 RIDGE = 1e-3        # of fitted_readout, beside the mean square of a state
@@ -93,8 +93,8 @@ def draw(windows, count, frames, generator):
     picked = losses.pick_vertices(-(-count // dataset.SAMPLE_EVERY), VERTICES, generator)
     rows = picked.numpy()
     target = torch.from_numpy(np.stack([w.sampled(frames, rows) for w in windows]))
-    planes = [w.clip.planes_at(w.ticks(frames), rows) for w in windows if w.clip.planes is not None]
-    return dataset.SAMPLE_EVERY * picked, target, torch.from_numpy(np.stack(planes)) if planes else None
+    planes = dataset.planes_of([w.clip for w in windows], [w.ticks(frames) for w in windows], rows)
+    return dataset.SAMPLE_EVERY * picked, target, planes
 
 
 def counted(windows, frames):
@@ -191,9 +191,7 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
             ended = state[0].detach().cpu()
             delta = (coefficients @ columns).reshape(target.shape)
             error = losses.skinned(linear[keep], weights[rows], (delta - target)[keep])
-            loss = losses.distance(error)
-            if planes is not None:
-                loss = loss + options.collision * losses.below(planes.to(device)[keep], error, MARGIN)
+            loss = losses.outside(error, None if planes is None else planes.to(device)[keep], options.collision)
             yield loss + losses.distance(left) if settle else loss
 
     def validate():

@@ -1,7 +1,8 @@
-"""Vertex distance, the loss of every stage (paper eq. 17), in metres."""
+"""Vertex distance, the loss of every stage (paper eq. 17), and depth below the body, in metres."""
 import torch
 
 SMOOTHING = 1e-4   # metres: sqrt(d^2 + e^2) keeps the gradient finite at zero distance
+MARGIN = 0.002     # metres outside the body that the network should keep, where the truth does
 
 
 def distance(error):
@@ -24,14 +25,19 @@ def skinned_distance(linear, weights, error):
     return distance(skinned(linear, weights, error))
 
 
-def below(planes, error, margin):
+def below(planes, error):
     """Mean depth in m of cloth that `error` [..., v, 3] moved to the far side of its plane [..., v, 4] (body_planes).
 
-    margin: m outside the plane that count as inside already, where the truth has that much room.
+    What is less than MARGIN outside counts as inside already, where the truth has that much room.
     """
     room = planes[..., 0].clamp(min=0)
     moved = room + (planes[..., 1:] * error).sum(-1)
-    return (room.clamp(max=margin) - moved).clamp(min=0).mean()
+    return (room.clamp(max=MARGIN) - moved).clamp(min=0).mean()
+
+
+def outside(error, planes, weight):
+    """distance(error), and `weight` times the depth below the body; planes None: the body is not known."""
+    return distance(error) if planes is None else distance(error) + weight * below(planes, error)
 
 
 def pick_vertices(count, size, generator):

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import losses, loop, mesh_bptt, mesh_windows, shards, unskin, workers
+from . import dataset, losses, loop, mesh_bptt, mesh_windows, shards, unskin, workers
 
 BATCH = 256
 EPOCH_TICKS = 20_000    # at most: an epoch over all clips would outlast the layers' own
@@ -87,6 +87,13 @@ def typical(weights, clips, predicted, every=8):
     return float(np.exp(np.mean(logs)))
 
 
+def drawn(count, size, clips, ticks, generator):
+    """(rows [v] among `count` vertices, the body's planes [B, t, v, 4] there); planes are known for sampled ones."""
+    every = dataset.SAMPLE_EVERY if all(clip.planes is not None for clip in clips) else 1
+    picked = losses.pick_vertices(-(-count // every), size, generator)
+    return every * picked, dataset.planes_of(clips, ticks, picked.numpy())
+
+
 def fit_standing(stage, head, u, held, static, training, validation, options, folder, log=print, **more):
     """Fit `head` to standing u [T, r] of training clips -> (history, shrink, error in metres); held: of validation."""
     count, every, device = len(static.template), 8, static.template.device
@@ -99,13 +106,13 @@ def fit_standing(stage, head, u, held, static, training, validation, options, fo
     def batches(generator, shard=shards.WHOLE):
         order = torch.randperm(len(u), generator=generator)[:EPOCH_TICKS]
         for ticks in shard.batches(order, BATCH, generator):
-            rows = losses.pick_vertices(count, VERTICES, generator)
-            at = rows.numpy()
-            target = np.stack([place[i][0].remainder(place[i][1], at) for i in ticks.tolist()])
+            clips, at = zip(*(place[i] for i in ticks.tolist()))
+            rows, planes = drawn(count, VERTICES, clips, [[t] for t in at], generator)
+            target = np.stack([clip.remainder(t, rows.numpy()) for clip, t in zip(clips, at)])
             columns = head.components.reshape(-1, count, 3)[:, rows].flatten(1)
             delta = (head(u[ticks]) @ columns).reshape(target.shape)
-            yield losses.skinned_distance(linear[ticks], weights[rows],
-                                          delta - torch.from_numpy(target).to(device))
+            error = losses.skinned(linear[ticks], weights[rows], delta - torch.from_numpy(target).to(device))
+            yield losses.outside(error, None if planes is None else planes[:, 0].to(device), options.collision)
 
     @torch.no_grad()
     def predicted():
