@@ -307,11 +307,16 @@ class Still(Window):
         return np.full(frames, self.first)
 
 
-def windows(clips, frames, generator, drapes=()):
+class Held(Still):
+    """Pose `first` of a motion, held. Where its cloth comes to rest is not known, so no tick counts (warm_up)."""
+
+
+def windows(clips, frames, generator, drapes=(), held=False):
     """A random epoch of windows of `frames` ticks, about one for every `frames` of data.
 
     Half of the windows start with the clip, where the cloth rests as the network's zero state says.
     drapes: (clip, pose number) of quasi-static drapes; STILL_SHARE of the windows hold one.
+    held: as many windows more hold a pose of the clips (Held).
     """
     out = []
     for clip in clips:
@@ -326,5 +331,8 @@ def windows(clips, frames, generator, drapes=()):
     stills = round(len(out) * STILL_SHARE / (1 - STILL_SHARE)) if len(drapes) else 0
     for which in torch.randint(0, max(1, len(drapes)), (stills,), generator=generator).tolist():
         out.append(Still(*drapes[which], WARM_UP))
+    for which in torch.randint(0, max(1, len(clips)), (stills if held else 0,), generator=generator).tolist():
+        first = int(torch.randint(0, len(clips[which]), (1,), generator=generator))
+        out.append(Held(clips[which], first, frames))
     order = torch.randperm(len(out), generator=generator)
     return [out[i] for i in order]

@@ -13,7 +13,8 @@ drape's pose: clips never stand still, and a network that never saw it does not 
 
 Then it learns to settle: the same windows from a second state, any corner of [-1, 1]^k, and what the two
 still disagree on after WARM_UP ticks is added to the loss. The truth alone cannot teach that: a millimetre
-of drift drowns in the centimetre that is unpredictable anyway.
+of drift drowns in the centimetre that is unpredictable anyway. Some windows hold a pose of a motion, whose cloth at
+rest nobody simulated: there the two have to agree, and that is all.
 """
 import functools
 import os
@@ -172,7 +173,7 @@ def train(skeleton, static, standardise, training, validation, drapes, options, 
               if t % fit_static.HELD_EVERY != fit_static.HELD_EVERY - 1]
 
     def batches(generator, shard=shards.WHOLE, settle=False):
-        order = dataset.windows(training, frames, generator, stills)
+        order = dataset.windows(training, frames, generator, stills, held=settle)
         ended = torch.zeros(1, reduced.gru.hidden_size)
         for some in shard.batches(order, BATCH, generator):
             linear, (rows, target, planes) = linear_of(some, frames), draw(some, count, frames, generator)

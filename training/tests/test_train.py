@@ -209,6 +209,19 @@ def test_a_drape_is_a_pose_that_stands_still_after_any_history():
     assert np.array_equal(still.sampled(5, np.array([1]))[3], still.wanted(5, np.array([dataset.SAMPLE_EVERY]))[3])
 
 
+def test_settling_also_holds_poses_of_motions_and_asks_for_agreement_alone(tiny):
+    character = rig.read_character(str(tiny / "character.safetensors"))
+    clips = dataset.load(dataset.find(str(tiny), "dynamic"), rig.fit(character).rig, character)
+    generator = torch.Generator().manual_seed(2)
+    found = dataset.windows(clips, 16, generator, [(clips[0], 3)] * 5, held=True)
+    held = [w for w in found if isinstance(w, dataset.Held)]
+    assert len(held) == sum(type(w) is dataset.Still for w in found) > 0
+    assert not fit_skeleton.counted(held, 16).any()
+    x = held[0].x(16, reset=False)
+    assert torch.equal(x[:, :9], held[0].clip.pose.x[held[0].first, :9].expand(16, 9))
+    assert not any(isinstance(w, dataset.Held) for w in dataset.windows(clips, 16, generator, [(clips[0], 3)] * 5))
+
+
 def test_windows_start_at_zero_where_another_ended_or_anywhere():
     generator = torch.Generator().manual_seed(3)
     windows = [dataset.Window(None, first, 0) for first in [0] * 50 + [7] * 600]
