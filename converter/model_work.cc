@@ -53,8 +53,11 @@ PartWork CountSkeletonInput(const format::Model* model) {
   return StageProduct(model->skeleton_stage(), &format::SkeletonStage::input);
 }
 
+// Integers are multiplied by the state and by what rounding leaves of it; the weights are read once.
 PartWork CountSkeletonHidden(const format::Model* model) {
-  return StageProduct(model->skeleton_stage(), &format::SkeletonStage::hidden);
+  PartWork work = StageProduct(model->skeleton_stage(), &format::SkeletonStage::hidden);
+  if (work.int8) work.flops *= 2;
+  return work;
 }
 
 PartWork CountMeshHidden(const format::Model* model) {

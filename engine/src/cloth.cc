@@ -78,7 +78,7 @@ void ResetCloth(Cloth* cloth) {
   cloth->root = RootMotion();
   std::memset(cloth->features, 0, model.features.length * sizeof(float));
   cloth->clock = FrameClock();
-  cloth->work = {TickPart::kDone, 0, 0.0f};
+  cloth->work = {TickPart::kDone, 0, {}};
   if (model.skeleton_stage.units != 0) std::memset(cloth->coefficients, 0, model.skeleton_stage.units * sizeof(float));
   ClearMeshState(model, cloth->mesh);
   std::memset(cloth->idle_pose, 0, model.joint_count * sizeof(Affine));

@@ -3,8 +3,8 @@
 // matvec_pack.h.
 //
 // Contract of all jobs: `weights` and `column_scales` start on 64 bytes, everything else on its element's width.
-// Nothing is read outside the ranges named here and nothing is written outside y. y overlaps no input. Values are
-// finite.
+// Nothing is read outside the ranges named here and nothing is written outside y. y overlaps no input, except that bias
+// may be y: products add up. Values are finite.
 #ifndef DCLOTH_KERNELS_MATVEC_MATVEC_H_
 #define DCLOTH_KERNELS_MATVEC_MATVEC_H_
 

@@ -31,14 +31,29 @@ Job FloatJob(const LinearProduct& product, size_t begin, size_t count, float* ou
   return job;
 }
 
-kernels::MatvecI8Job I8Job(const LinearProduct& product, float x_scale, size_t begin, size_t count, float* out) {
+kernels::MatvecI8Job I8Job(const LinearProduct& product, const int16_t* quantized, float x_scale, size_t begin,
+                           size_t count, float* out) {
   const size_t panel_rows = kernels::PairedRows(product.linear->rows);
   auto job = PanelJob<kernels::MatvecI8Job, int8_t>(product, panel_rows, begin, count, out);
-  job.x = product.quantized;
+  job.x = quantized;
   job.column_scales = product.linear->column_scales + begin * kWidth;
   job.x_scale = x_scale;
   job.row_count = kernels::PairedRows(product.row_count);
   return job;
+}
+
+// Panel by panel, so that the rest finds the weights in the cache.
+void ApplyWithRest(const kernels::KernelTable& kernels, const LinearProduct& product, const InputScales& scales,
+                   size_t begin, size_t count, float* out) {
+  for (size_t panel = 0; panel < count; ++panel) {
+    float* y = out + panel * kWidth;
+    kernels::MatvecI8Job job = I8Job(product, product.quantized, scales.x, begin + panel, 1, y);
+    job.relu = false;
+    kernels.matvec_i8(job);
+    job = I8Job(product, product.rest.quantized, scales.rest, begin + panel, 1, y);
+    job.bias = y;
+    kernels.matvec_i8(job);
+  }
 }
 
 }  // namespace
@@ -52,20 +67,28 @@ size_t PanelBytes(const LinearView& linear, size_t row_count) {
   return row_count * kWidth * width;
 }
 
-float QuantizeInput(const kernels::KernelTable& kernels, const LinearProduct& product) {
-  if (product.linear->type != WeightType::kI8) return 1.0f;
-  float scale = 0.0f;
-  kernels.quantize_i16({product.x, product.linear->row_scales, product.quantized, &scale, product.row_count});
-  return scale;
+InputScales QuantizeInput(const kernels::KernelTable& kernels, const LinearProduct& product) {
+  InputScales scales;
+  const LinearView& linear = *product.linear;
+  if (linear.type != WeightType::kI8) return scales;
+  const size_t rows = product.row_count;
+  kernels.quantize_i16({product.x, linear.row_scales, product.quantized, &scales.x, rows});
+  if (product.rest.x == nullptr) return scales;
+  for (size_t j = 0; j < rows; ++j) {
+    const float x = linear.row_scales != nullptr ? product.x[j] * linear.row_scales[j] : product.x[j];
+    product.rest.x[j] = x - static_cast<float>(product.quantized[j]) * scales.x;
+  }
+  kernels.quantize_i16({product.rest.x, nullptr, product.rest.quantized, &scales.rest, rows});
+  return scales;
 }
 
-void ApplyPanels(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
-                 size_t count) {
-  ApplyPanelsTo(kernels, product, x_scale, begin, count, product.y + begin * kWidth);
+void ApplyPanels(const kernels::KernelTable& kernels, const LinearProduct& product, const InputScales& scales,
+                 size_t begin, size_t count) {
+  ApplyPanelsTo(kernels, product, scales, begin, count, product.y + begin * kWidth);
 }
 
-void ApplyPanelsTo(const kernels::KernelTable& kernels, const LinearProduct& product, float x_scale, size_t begin,
-                   size_t count, float* out) {
+void ApplyPanelsTo(const kernels::KernelTable& kernels, const LinearProduct& product, const InputScales& scales,
+                   size_t begin, size_t count, float* out) {
   switch (product.linear->type) {
     case WeightType::kF32:
       kernels.matvec_f32(FloatJob<kernels::MatvecF32Job, float>(product, begin, count, out));
@@ -74,7 +97,11 @@ void ApplyPanelsTo(const kernels::KernelTable& kernels, const LinearProduct& pro
       kernels.matvec_f16(FloatJob<kernels::MatvecF16Job, uint16_t>(product, begin, count, out));
       break;
     case WeightType::kI8:
-      kernels.matvec_i8(I8Job(product, x_scale, begin, count, out));
+      if (product.rest.x != nullptr) {
+        ApplyWithRest(kernels, product, scales, begin, count, out);
+      } else {
+        kernels.matvec_i8(I8Job(product, product.quantized, scales.x, begin, count, out));
+      }
       break;
   }
 }

@@ -6,6 +6,9 @@ SkeletonScratch PlaceSkeletonScratch(const format::SkeletonStageView& stage, Are
   SkeletonScratch scratch;
   scratch.gx = arena->Take<float>(gates);
   scratch.gh = arena->Take<float>(gates);
+  const size_t rest = QuantizedElements(stage.hidden);
+  scratch.rest.x = arena->Take<float>(rest);
+  scratch.rest.quantized = arena->Take<int16_t>(rest);
   return scratch;
 }
 
@@ -16,7 +19,9 @@ LinearProduct SkeletonInput(const format::SkeletonStageView& stage, const float*
 
 LinearProduct SkeletonHidden(const format::SkeletonStageView& stage, const float* h, const SkeletonScratch& scratch,
                              int16_t* quantized) {
-  return {&stage.hidden, h, stage.units, Activation::kNone, quantized, scratch.gh};
+  LinearProduct product = {&stage.hidden, h, stage.units, Activation::kNone, quantized, scratch.gh};
+  product.rest = scratch.rest;
+  return product;
 }
 
 void RunSkeletonGates(const kernels::KernelTable& kernels, const format::SkeletonStageView& stage,

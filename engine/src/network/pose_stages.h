@@ -9,8 +9,9 @@
 namespace dcloth::engine {
 
 struct SkeletonScratch {
-  float* gx;  // [padded 3 k]
-  float* gh;  // [padded 3 k]
+  float* gx;       // [padded 3 k]
+  float* gh;       // [padded 3 k]
+  InputRest rest;  // of h
 };
 
 SkeletonScratch PlaceSkeletonScratch(const format::SkeletonStageView& stage, Arena* arena);

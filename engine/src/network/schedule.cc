@@ -80,8 +80,8 @@ size_t Made(const TickWork& at, TickPart part, size_t columns) {
 
 void RunPanels(Cloth* cloth, const LinearProduct& product, size_t begin, size_t count) {
   const kernels::KernelTable& kernels = ActiveKernels();
-  if (begin == 0) cloth->work.input_scale = QuantizeInput(kernels, product);
-  ApplyPanels(kernels, product, cloth->work.input_scale, begin, count);
+  if (begin == 0) cloth->work.input_scales = QuantizeInput(kernels, product);
+  ApplyPanels(kernels, product, cloth->work.input_scales, begin, count);
 }
 
 float* MeshCoefficientsOf(const Cloth& cloth) { return cloth.coefficients + MeshCoefficientsAt(*cloth.model); }
@@ -290,7 +290,7 @@ void BeginTick(Cloth* cloth, const SkinPose& skin, const TickPlan& plan, double 
   UpdateFeatures(model, skin, wind, elapsed_ticks, &cloth->root, cloth->features);
   WakeStages(cloth, plan);
   if (RunsMesh(plan)) PrepareBodyPoints(model, skin, cloth->root.heading, cloth->mesh);
-  cloth->work = {TickPart::kStatic, 0, 1.0f};
+  cloth->work = {TickPart::kStatic, 0, {}};
   watch->Lap(DCLOTH_STEP_POSE, "pose");
 }
 
@@ -301,9 +301,9 @@ uint64_t TickItems(const ModelView& model, const TickPlan& plan, TickPart part) 
 // The integers of a product are made anew from its input, which it does not change.
 void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done) {
   const FloatEnvironment arithmetic(ActiveSubnormals());
-  cloth->work = {part, items_done, 1.0f};
+  cloth->work = {part, items_done, {}};
   if (items_done == 0 || RowOf(part).product == nullptr) return;
-  cloth->work.input_scale = QuantizeInput(ActiveKernels(), RowOf(part).product(*cloth));
+  cloth->work.input_scales = QuantizeInput(ActiveKernels(), RowOf(part).product(*cloth));
 }
 
 void ListTickSpans(const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {

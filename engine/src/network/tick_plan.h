@@ -6,6 +6,7 @@
 
 #include "dcloth/dcloth.h"
 #include "engine/format/tick_parts.h"
+#include "engine/src/network/linear.h"
 
 namespace dcloth::engine {
 
@@ -32,8 +33,8 @@ inline bool RunsMesh(const TickPlan& plan) { return HasMesh(plan) && plan.mesh !
 // How far the tick in work has come.
 struct TickWork {
   TickPart part;
-  uint32_t items_done;  // of `part`
-  float input_scale;    // of the product in work
+  uint32_t items_done;       // of `part`
+  InputScales input_scales;  // of the product in work
 };
 
 }  // namespace dcloth::engine

@@ -53,12 +53,12 @@ bool DisplacementIsNearStart(Cloth* cloth) {
   const size_t used = RowsUsed(*cloth), panels = kernels::PanelCount(view.basis.columns);
   for (size_t row = 0; row < view.basis.rows; ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
   const LinearProduct product = {&view.basis, c, view.basis.rows, Activation::kNone, cloth->quantized, nullptr};
-  const float scale = QuantizeInput(kernels, product);
+  const InputScales scales = QuantizeInput(kernels, product);
   static constexpr float kOrigin[kPanels * kernels::kPanelColumns] = {};
   for (size_t begin = 0; begin < panels; begin += kPanels) {
     const size_t count = panels - begin < kPanels ? panels - begin : kPanels;
     alignas(64) float moved[kPanels * kernels::kPanelColumns];
-    ApplyPanelsTo(kernels, product, scale, begin, count, moved);
+    ApplyPanelsTo(kernels, product, scales, begin, count, moved);
     if (!AreNear(moved, kOrigin, count * kernels::kPanelColumns)) return false;
   }
   return true;

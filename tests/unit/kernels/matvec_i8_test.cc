@@ -93,6 +93,25 @@ TEST_P(MatvecI8Test, RectifiedZeroIsPositive) {
   }
 }
 
+TEST_P(MatvecI8Test, AddsUpWhereTheBiasIsTheResult) {
+  constexpr size_t kRows = 38, kColumns = 96;
+  Random random(7);
+  GuardedBuffer<int8_t> weights(PairPanelElements(kRows, kColumns), Place::kAligned64);
+  for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<int8_t>(random.Below(256));
+  GuardedBuffer<int16_t> x(kRows);
+  for (size_t j = 0; j < kRows; ++j) x[j] = static_cast<int16_t>(random.Below(65536));
+  const GuardedBuffer<float> scales(random.Floats(kColumns, 1e-6f, 1e-3f), Place::kAligned64);
+  const GuardedBuffer<float> bias(random.Floats(kColumns, -1.0f, 1.0f));
+  GuardedBuffer<float> y(kColumns), sum(kColumns);
+  std::copy_n(bias.data(), kColumns, sum.data());
+  MatvecI8Job job = {x.data(), weights.data(), scales.data(), bias.data(),          y.data(),
+                     0x1p-10f, kRows,          kRows,         PanelCount(kColumns), true};
+  table().matvec_i8(job);
+  job.bias = job.y = sum.data();
+  table().matvec_i8(job);
+  EXPECT_EQ(std::memcmp(y.data(), sum.data(), kColumns * sizeof(float)), 0) << table().name;
+}
+
 TEST(MatvecPackI8, PutsElementsWhereTheSchemaSays) {
   constexpr size_t kRows = 5, kColumns = 40;
   std::vector<int8_t> source(kRows * kColumns);
