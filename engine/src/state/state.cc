@@ -170,7 +170,7 @@ void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
 StatePosition PositionOf(const StateHead& head) {
   TickPart part = TickPart::kDone;
   format::FindTickPart(head.part, &part);
-  return {head.tick_count, PlanOf(head), {part, head.items_done, 1.0f}, head.idle_floats};
+  return {head.tick_count, PlanOf(head), {part, head.items_done, {}}, head.idle_floats};
 }
 
 void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpans* spans) {
