@@ -23,6 +23,9 @@ constexpr double kLeftAfterASecond = 0.05;
 // What a garment that is at rest may still move in a tick, any vertex, in mm; and what three seconds leave of any past.
 constexpr double kJitterMm = 0.01;
 
+// And in any pose, which may be beyond those of training, six seconds after the character stopped: it still creeps.
+constexpr double kRestlessMm = 0.25;
+
 using CaseParameter = std::tuple<std::string, Precision>;
 
 inline std::string CaseName(const testing::TestParamInfo<CaseParameter>& info) {

@@ -316,7 +316,7 @@ def windows(clips, frames, generator, drapes=(), held=False):
 
     Half of the windows start with the clip, where the cloth rests as the network's zero state says.
     drapes: (clip, pose number) of quasi-static drapes; STILL_SHARE of the windows hold one.
-    held: as many windows more hold a pose of the clips (Held).
+    held: as many windows again hold a pose of the clips (Held).
     """
     out = []
     for clip in clips:
@@ -331,7 +331,7 @@ def windows(clips, frames, generator, drapes=(), held=False):
     stills = round(len(out) * STILL_SHARE / (1 - STILL_SHARE)) if len(drapes) else 0
     for which in torch.randint(0, max(1, len(drapes)), (stills,), generator=generator).tolist():
         out.append(Still(*drapes[which], WARM_UP))
-    for which in torch.randint(0, max(1, len(clips)), (stills if held else 0,), generator=generator).tolist():
+    for which in torch.randint(0, max(1, len(clips)), (len(out) if held else 0,), generator=generator).tolist():
         first = int(torch.randint(0, len(clips[which]), (1,), generator=generator))
         out.append(Held(clips[which], first, frames))
     order = torch.randperm(len(out), generator=generator)

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from conftest import rigid, train_tiny as run
-from dcloth_training import (augment, bundle, checkpoint, dataset, evaluate, fit_skeleton, fit_static, loop, network,
-                             rig, sequence, train)
+from dcloth_training import (augment, bundle, checkpoint, dataset, evaluate, features, fit_skeleton, fit_static, loop,
+                             network, rig, sequence, train)
 from dcloth_training.motion import rotations
 from dcloth_training.stages import static_stage
 
@@ -215,7 +215,7 @@ def test_settling_also_holds_poses_of_motions_and_asks_for_agreement_alone(tiny)
     generator = torch.Generator().manual_seed(2)
     found = dataset.windows(clips, 16, generator, [(clips[0], 3)] * 5, held=True)
     held = [w for w in found if isinstance(w, dataset.Held)]
-    assert len(held) == sum(type(w) is dataset.Still for w in found) > 0
+    assert len(held) == len(found) - len(held) > 0
     assert not fit_skeleton.counted(held, 16).any()
     x = held[0].x(16, reset=False)
     assert torch.equal(x[:, :9], held[0].clip.pose.x[held[0].first, :9].expand(16, 9))
@@ -248,6 +248,41 @@ def test_states_apart_are_measured_on_the_same_features():
     assert torch.allclose(coefficients, expected, atol=1e-6) and torch.allclose(last, expected_last, atol=1e-6)
     assert torch.allclose(coefficients - apart, reduced(x, -state)[0], atol=1e-5)
     assert apart[:, -1].abs().mean() < apart[:, 0].abs().mean()
+
+
+def test_held_poses_are_taken_farther_than_clips_go_but_not_beyond_the_range():
+    generator = torch.Generator().manual_seed(4)
+    x = torch.randn(40, 3, 13)
+    standardise = features.Standardise(np.zeros(13), np.ones(13), np.full(13, -2.0), np.full(13, 2.0))
+    x[..., :9].clamp_(-2, 2)
+    which = torch.arange(40) % 2 == 0
+    far = augment.farther(x, which, standardise, generator)
+    assert far.dtype == x.dtype and torch.equal(far[~which], x[~which]) and torch.equal(far[..., 9:], x[..., 9:])
+    times = (far / x)[which][..., :9].numpy()
+    inside = (far[which][..., :9].abs() < 2).numpy()
+    factors = np.array([np.median(row[free]) for row, free in zip(times, inside)])
+    assert 1 < factors.min() < 1.3 and 1.7 < factors.max() < 2
+    assert np.allclose(times[inside], np.broadcast_to(factors[:, None, None], times.shape)[inside], atol=1e-4)
+    assert (far[..., :9].abs() <= 2).all()
+
+
+def test_cloth_that_never_comes_to_rest_is_told():
+    """q = tanh(2 R h) with R a quarter turn goes round for ever; q = tanh(h / 2) comes to rest."""
+    clips = [type("Clip", (), {"pose": type("Pose", (), {"x": torch.ones(25, 3)})})] * 2
+    gru = torch.nn.GRU(3, 2, batch_first=True)
+    options = type("O", (), {"noise": 0.0, "dropout": 0.0})
+    reduced = fit_skeleton.Reduced(gru, np.eye(2, 48, dtype=np.float32), np.ones(2), options).eval()
+    with torch.no_grad():
+        for parameter in gru.parameters():
+            parameter.zero_()
+        reduced.readout.copy_(torch.eye(2))
+        gru.bias_ih_l0[2:4] = -9.0                                # z = 0, r = 1 / 2
+        gru.bias_hh_l0[4:] = torch.tensor([0.1, 0.0])
+        gru.weight_hh_l0[4:] = torch.eye(2)
+        assert fit_skeleton.restless(reduced, lambda x: x, clips) == pytest.approx((0, 0), abs=1e-6)
+        gru.weight_hh_l0[4:] = 4 * torch.tensor([[0.0, -1.0], [1.0, 0.0]])
+        share, most = fit_skeleton.restless(reduced, lambda x: x, clips)
+    assert share == 1 and most > 0.1
 
 
 def test_noise_is_mostly_an_offset_of_the_window():
