@@ -18,7 +18,7 @@ def noisy(x, deviation):
 
 def farther(x, which, standardise, generator):
     """Standardised features x [B, T, d] with joints of the windows `which` [B] bool 1 to FARTHEST times as far from the
-    mean pose, but within the features' range: more than people do, and as much as a host can ask for."""
+    mean pose, but within the features' range, beyond which they are clamped."""
     joints = x.shape[-1] // 9 * 9
     factors = 1 + (FARTHEST - 1) * which * torch.rand(len(x), generator=generator)
     far = factors.to(x.device)[:, None, None] * x[..., :joints]

@@ -72,6 +72,8 @@ TEST(ModelWorkTest, OperationsFollowTheSizes) {
   const uint64_t n = spec.vertices, d = spec.features(), k = spec.skeleton_basis, h = spec.mesh_width;
   EXPECT_EQ(At(work, WorkPart::kSkeletonInput).flops, 2 * d * 3 * k);
   EXPECT_EQ(At(work, WorkPart::kSkeletonHidden).flops, 2 * k * 3 * k);
+  // Integers twice: by the state and by what rounding leaves of it.
+  EXPECT_EQ(At(CountWork(Converted(spec, Precision::kInt8).bytes), WorkPart::kSkeletonHidden).flops, 4 * k * 3 * k);
   EXPECT_EQ(At(work, WorkPart::kMeshHidden).flops, 2 * n * h);
   EXPECT_EQ(At(work, WorkPart::kMeshCoefficients).flops, 2 * h * spec.mesh_basis);
   // Odd row counts are stored with a row of zeros, which is multiplied too.
