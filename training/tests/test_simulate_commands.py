@@ -1,12 +1,14 @@
 """What simulate's commands refuse: with one line, before anything is simulated, drawn or written."""
+import concurrent.futures
 import re
+import types
 
 import numpy as np
 import pytest
 
-from dcloth_training import safetensors_io, sequence
+from dcloth_training import figure, safetensors_io, sequence
 from dcloth_training.motion import skeleton
-from dcloth_training.simulate import floor, render, run
+from dcloth_training.simulate import floor, garment, render, run
 
 
 @pytest.fixture
@@ -39,6 +41,51 @@ def test_a_clip_named_twice_is_simulated_once(tmp_path):
                              "--motion", "unused"])
     options.clips = options.clips.replace("development,", "")
     assert [name for name, *_ in run.tasks(options, run.Ours(options))] == ["procedural/jumps"]
+
+
+class Here:
+    """A pool that simulates at once."""
+
+    def __enter__(self):
+        return self, None
+
+    def __exit__(self, *_):
+        pass
+
+    def __call__(self, function, *arguments):
+        future = concurrent.futures.Future()
+        future.set_result(function(*arguments))
+        return future
+
+
+def test_what_was_not_cloth_is_not_tried_again(tmp_path, monkeypatch, capsys):
+    """It is with another motion or other settings, and so is what failed before there was cloth."""
+    tried, worn = [], types.SimpleNamespace(fabric=garment.GARMENTS["skirt"](figure.load()).fabric, settings={})
+
+    def tear(name, kind, motion, record, wind, path, context):
+        tried.append(name)
+        simulated = {} if name == "procedural/jumps" else {"frames": 3, "seconds": 1.0}
+        return {"clip": name, "kind": kind, "refused": "torn", **simulated}, 1.0
+
+    monkeypatch.setattr(run, "run_clip", tear)
+    monkeypatch.setattr(run, "pool_of", lambda options, context: Here())
+    monkeypatch.setattr(run.Ours, "put_on", lambda self: (None, worn))
+
+    def go(*more):
+        tried.clear()
+        options = run.arguments(["--out", str(tmp_path), "--clips", "procedural/jumps,procedural/kicks", *more])
+        return run.run(options), list(tried)
+
+    both = ["procedural/jumps", "procedural/kicks"]
+    assert go() == (2, both)
+    assert go() == (2, ["procedural/jumps"])
+    assert "refused before: 1 of 2 clips" in capsys.readouterr().out
+    assert go("--root", "fixed") == (2, both)
+    worn.settings = {"friction": 0.9}
+    assert go("--root", "fixed") == (2, both)
+    (tmp_path / "manifest.jsonl").write_text('{"clip": "procedural/kicks"}\n{"cl')
+    with pytest.raises(ValueError, match="manifest.jsonl:2: not a clip's line"):
+        go()
 
 
 def test_floor_wants_a_clip_that_can_be(tmp_path, capsys):

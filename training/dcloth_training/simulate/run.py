@@ -7,7 +7,8 @@
 
 Writes DIR/character.safetensors, DIR/dynamic/<clip>.safetensors, DIR/static/drapes-XX.safetensors
 and one JSON line a clip in DIR/manifest.jsonl. Finished files are skipped; a clip that fails or is
-not cloth (checks.py) is reported and skipped, never half-written.
+not cloth (checks.py) is reported and skipped, never half-written. One that was not cloth is not tried again
+with the same motion and settings, as the same input gives the same bits.
 """
 import argparse
 import concurrent.futures
@@ -67,9 +68,48 @@ def put_on(folder, name):
     return body, dataclasses.replace(worn, vertices=worn.vertices.astype(np.float32).astype(np.float64))
 
 
+def manifest_of(options):
+    return os.path.join(options.out, "manifest.jsonl")
+
+
 def manifest(options, entry):
-    with open(os.path.join(options.out, "manifest.jsonl"), "a") as file:
+    with open(manifest_of(options), "a") as file:
         file.write(json.dumps(entry) + "\n")
+
+
+def input_of(motion, record, wind, chosen):
+    """SHA-256 of what tells a clip's cloth from that of others in a folder: way, wind, recorded frames, settings."""
+    found = hashlib.sha256(json.dumps(chosen, sort_keys=True).encode())
+    for values in (motion.root, motion.local, record, wind):
+        found.update(b"-" if values is None else np.ascontiguousarray(values).tobytes())
+    return found.hexdigest()
+
+
+def refused_before(options):
+    """{clip: input_of it} of clips that were simulated and refused, the last time that they were."""
+    path, found = manifest_of(options), {}
+    if not os.path.exists(path):
+        return found
+    with open(path, encoding="utf-8") as file:
+        for number, line in enumerate(file, 1):
+            try:
+                entry = json.loads(line)
+                found[entry["clip"]] = entry.get("input") if "refused" in entry else None
+            except (ValueError, TypeError, KeyError):
+                raise ValueError(f"{path}:{number}: not a clip's line of JSON; delete it, and its clip is made again "
+                                 f"if its file is not there") from None
+    return found
+
+
+def not_refused_before(options, chosen, worn):
+    """(those of `chosen` that may still be cloth, {path: input_of} of all, how many are left out)."""
+    today, known = settings.of(worn.fabric, **worn.settings), refused_before(options)
+    inputs = {path: input_of(motion, record, wind, today) for _, _, motion, record, wind, path in chosen}
+    left = [given for given in chosen if known.get(given[0]) != inputs[given[5]]]
+    if len(left) < len(chosen):
+        print(f"left out, refused before: {len(chosen) - len(left)} of {len(chosen)} clips; manifest.jsonl says why; "
+              f"whatever line is deleted there is tried again", flush=True)
+    return left, inputs, len(chosen) - len(left)
 
 
 def run_clip(name, kind, motion, record, wind, path, context):
@@ -257,7 +297,7 @@ class Drapes:
 
 
 def run(options, subjects=None):
-    """-> how many clips were refused. subjects: Ours or subject.Own; made here when None."""
+    """-> how many clips were refused, now or before. subjects: Ours or subject.Own; made here when None."""
     options.out = os.path.abspath(options.out) if options.cluster else options.out
     if subjects is None:
         subjects = subject.Own(options) if options.character else Ours(options)
@@ -266,16 +306,19 @@ def run(options, subjects=None):
     for folder in ("dynamic", "static"):
         os.makedirs(os.path.join(options.out, folder), exist_ok=True)
     context = (options, *subjects.put_on())
-    refused, began, drapes = 0, time.time(), Drapes()
+    chosen, inputs, refused = not_refused_before(options, chosen, context[2])
+    began, drapes = time.time(), Drapes()
     frames, done = sum(len(given[2]) for given in chosen), 0
     with pool_of(options, context) as (submit, shared):
-        lengths, asked = {}, {}
+        lengths, asked, read = {}, {}, {}
         for given in chosen:
             future = submit(run_clip, *given, shared)
-            lengths[future], asked[future] = len(given[2]), len(given[3])
+            lengths[future], asked[future], read[future] = len(given[2]), len(given[3]), inputs[given[5]]
         waiting = list(lengths)
         for count, future in enumerate(concurrent.futures.as_completed(waiting), 1):
             entry, _ = future.result()
+            if "seconds" in entry:      # not what failed before there was cloth
+                entry["input"] = read[future]
             manifest(options, entry)
             refused += "refused" in entry
             done += lengths[future]
