@@ -24,7 +24,7 @@ constexpr double kLeftAfterASecond = 0.05;
 constexpr double kJitterMm = 0.01;
 
 // The same six seconds after the character stopped in any pose, also beyond those of training. What is bundled creeps
-// by up to 0.08 there; a network that is not stable swings by several.
+// by up to 0.16 there; a network that is not stable swings by several.
 constexpr double kRestlessMm = 0.25;
 
 using CaseParameter = std::tuple<std::string, Precision>;
