@@ -42,6 +42,7 @@ class Referee:
             masks = (tensors["body.collides"] > 0.5).astype(np.uint32)
         self.body = penetration.Body(tensors["body.faces"], self.faces, len(template), masks=masks,
                                      touches=tensors.get("template.touches"))
+        self.body_faces = tensors["body.faces"]
         self.areas = penetration.vertex_areas(template, self.faces)
 
     def measures(self, positions, matrices):
