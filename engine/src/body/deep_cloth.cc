@@ -16,6 +16,9 @@ constexpr int kMostLimbs = 3;         // that a vertex leaves one after another
 constexpr int kRingsBehind = 16;      // around deep cloth, of cloth behind a core
 constexpr int kRings = 2;             // of neighbours that give way
 constexpr int kSmoothings = 8;
+// Above the core of a limb that bends lies its skin; PushOut is to meet that one, not the skin that a bent knee folds
+// into itself. Share of the radius; metres.
+constexpr float kOver = 0.25f, kMostOver = 0.01f;
 constexpr uint16_t kAsked = kNotDeep - 1;  // a place: not behind a core; more than any place
 static_assert(kMostDeep <= kAsked);
 
@@ -92,6 +95,7 @@ size_t FindDeep(const ModelView& model, const LimbCores& limbs, const TouchLists
       if (!IsInAny(limbs, near & under, position)) continue;
       deep.vertices[found] = v;
       deep.patches[found] = patch;
+      deep.nearest[found] = static_cast<uint8_t>(nearest);
       deep.under[found++] = under;
     }
   });
@@ -162,6 +166,23 @@ bool LiftOut(const LimbCores& limbs, uint32_t under, const float* side, float* p
   return true;
 }
 
+// Out of the cores to the side of the vertex's patch; where it is bound close to the limb it is in, to its own side:
+// the patch of a sleeve goes around the arm and has no side.
+void LiftDeep(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t place, float* position) {
+  const float *side = deep.sides + size_t{3} * deep.patches[place], *bound = BoundOf(model, deep.vertices[place]);
+  float way[3] = {side[0], side[1], side[2]}, out[3], away[3], radius;
+  for (uint32_t k = 0; k < *limbs.count && deep.nearest[place] < kMostCores; ++k) {
+    const LimbCore& core = limbs.cores[k];
+    if (!BendsWith(limbs, deep.nearest[place], k) || !IsInCore(core, position, away, &radius)) continue;
+    const float share = OwnSide(core, bound, out);
+    for (size_t c = 0; c < 3; ++c) way[c] = (1 - share) * side[c] + share * out[c];
+    const float length = std::sqrt(Dot(way, way));
+    for (size_t c = 0; c < 3; ++c) way[c] = length > 0 ? way[c] / length : side[c];
+    break;
+  }
+  LiftOut(limbs, deep.under[place], way, position);
+}
+
 void FillPlaces(const ModelView& model, const DeepCloth& deep, size_t found) {
   for (size_t v = 0; v < model.vertex_count; ++v) deep.places[v] = kNotDeep;
   for (size_t i = 0; i < found; ++i) deep.places[deep.vertices[i]] = static_cast<uint16_t>(i);
@@ -185,6 +206,14 @@ size_t AddRing(const ModelView& model, const DeepCloth& deep, size_t found, Visi
   return found;
 }
 
+// Of vertex `v` at `place`; returns its nearest core.
+uint32_t FillUnder(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, uint16_t v, size_t place) {
+  uint32_t nearest;
+  deep.under[place] = CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
+  deep.nearest[place] = static_cast<uint8_t>(nearest);
+  return nearest;
+}
+
 // Cloth that joins deep cloth and lies behind the core of the bone nearest to it; returns how many there are then.
 size_t AddBehind(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found,
                  const Surface& surface) {
@@ -192,11 +221,10 @@ size_t AddBehind(const ModelView& model, const LimbCores& limbs, const DeepCloth
   for (int ring = 0; ring < kRingsBehind; ++ring) {
     const size_t before = found;
     found = AddRing(model, deep, found, [&](uint16_t v, size_t place) {
-      uint32_t nearest;
       float out[3], middle[3];
-      deep.under[place] = CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
-      const bool behind = nearest < kMostCores && (deep.under[place] >> nearest & 1u) != 0 &&
-                          IsBehindCore(limbs.cores[nearest], BoundOf(model, v), surface.PositionOf(v), out, middle);
+      const uint32_t nearest = FillUnder(model, limbs, deep, v, place);
+      const bool behind =
+          IsBehindCore(limbs, deep.under[place], nearest, BoundOf(model, v), surface.PositionOf(v), out, middle);
       if (!behind) deep.places[v] = kAsked;
       return behind;
     });
@@ -210,8 +238,7 @@ size_t AddRings(const ModelView& model, const LimbCores& limbs, const DeepCloth&
   FillPlaces(model, deep, found);
   for (int ring = 0; ring < kRings; ++ring) {
     found = AddRing(model, deep, found, [&](uint16_t v, size_t place) {
-      uint32_t nearest;
-      deep.under[place] = CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
+      FillUnder(model, limbs, deep, v, place);
       return true;
     });
   }
@@ -220,11 +247,9 @@ size_t AddRings(const ModelView& model, const LimbCores& limbs, const DeepCloth&
 
 // Around the limb that has gone through it.
 void LiftAround(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t place, float* position) {
-  const uint16_t v = deep.vertices[place];
-  uint32_t nearest;
   float out[3], at[3];
-  CoresUnder(limbs, BoundOf(model, v), BitOf(model, v), &nearest);
-  if (!IsBehindCore(limbs.cores[nearest], BoundOf(model, v), position, out, at)) return;
+  const float* bound = BoundOf(model, deep.vertices[place]);
+  if (!IsBehindCore(limbs, deep.under[place], deep.nearest[place], bound, position, out, at)) return;
   if (!LiftOut(limbs, deep.under[place], out, at)) return;
   for (size_t c = 0; c < 3; ++c) position[c] = at[c];
 }
@@ -272,7 +297,9 @@ void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& dee
       if ((deep.under[i] >> k & 1u) == 0 || !IsInCore(limbs.cores[k], position, away, &radius)) continue;
       const float distance = std::sqrt(Dot(away, away));
       if (!(distance > 0)) continue;
-      for (size_t c = 0; c < 3; ++c) position[c] += (radius - distance) / distance * away[c];
+      const float over = std::fmin(kOver * radius, kMostOver * limbs.cores[k].scale);
+      const float height = radius + (limbs.cores[k].bends ? over : 0.0f);
+      for (size_t c = 0; c < 3; ++c) position[c] += (height - distance) / distance * away[c];
     }
   }
 }
@@ -286,6 +313,7 @@ DeepCloth PlaceDeepCloth(const ModelView& model, Arena* arena) {
   deep.vertices = arena->Take<uint16_t>(most);
   deep.patches = arena->Take<uint16_t>(most);
   deep.under = arena->Take<uint32_t>(most);
+  deep.nearest = arena->Take<uint8_t>(most);
   deep.triangles = arena->Take<uint32_t>(3 * most);
   deep.starts = arena->Take<float>(3 * most);
   deep.sums = arena->Take<float>(4 * most);
@@ -307,7 +335,7 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
     float* position = surface.PositionOf(deep.vertices[i]);
     for (size_t c = 0; c < 3; ++c) deep.starts[3 * i + c] = position[c];
     if (i < lifted) {
-      LiftOut(limbs, deep.under[i], deep.sides + size_t{3} * deep.patches[i], position);
+      LiftDeep(model, limbs, deep, i, position);
     } else if (i < behind) {
       LiftAround(model, limbs, deep, i, position);
     }

@@ -23,6 +23,7 @@ struct DeepCloth {
   uint16_t* vertices;   // [kMostDeep]
   uint16_t* patches;    // [kMostDeep], of the vertices in a core
   uint32_t* under;      // [kMostDeep], CoresUnder
+  uint8_t* nearest;     // [kMostDeep], the core of the bone nearest in the bind pose, kMostCores where there is none
   uint32_t* triangles;  // [3 kMostDeep], which have such a vertex
   float* starts;        // [kMostDeep, 3], where they lay
   float* sums;          // [kMostDeep, 4], of a vertex's neighbours' moves, and how many they are

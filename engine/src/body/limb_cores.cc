@@ -17,6 +17,9 @@ constexpr float kFurthest = 0.4f;      // metres in the bind pose: bones further
 constexpr float kBehind = 0.2f;        // metres from a bone: cloth further behind it is not on its way around it
 constexpr float kOpposite = 0.5f;      // cosine of the angle to straight behind
 constexpr float kShaft = 0.3f;         // of a bone: nearer to its start, cloth is held by the limb above
+constexpr float kHinge = 0.0f;         // the same where the limb above bends with it: cloth goes around both
+constexpr float kLikeBone = 0.5f;      // of a bone's length: the one before it is a limb if so long
+constexpr float kClose = 0.08f, kLoose = 0.14f;  // metres from a bone in the bind pose: a sleeve, a skirt
 constexpr float kFar = 1e18f;
 
 void Transform(const float* matrix, const float* point, float* out) {
@@ -133,6 +136,67 @@ bool MeasureCore(const BodyView& body, LimbCore* core) {
   return widest > 0 && core->touched_by != 0;
 }
 
+// Unit vector across the posed bone to the side of a place in the bind pose; false on the bone itself.
+bool SideOf(const LimbCore& core, const OnBone& was, float* out) {
+  const float u = Dot(core.around[0], was.away), w = Dot(core.around[1], was.away);
+  for (size_t c = 0; c < 3; ++c) out[c] = u * core.posed_around[0][c] + w * core.posed_around[1][c];
+  const float length = std::sqrt(Dot(out, out));
+  if (!(length > 0)) return false;
+  for (size_t c = 0; c < 3; ++c) out[c] /= length;
+  return true;
+}
+
+float Closeness(const OnBone& was) {
+  const float share = (kLoose - std::sqrt(was.squared)) / (kLoose - kClose);
+  return share < 0 ? 0.0f : share < 1 ? share : 1.0f;
+}
+
+bool IsBehind(const LimbCore& core, const float* bound, const float* point, float* out, float* middle) {
+  const OnBone was = InBindPose(core, bound),
+               is = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
+  const float least = core.above == kMostCores ? kShaft : kHinge;
+  if (!(was.along > least && is.along > least) || !SideOf(core, was, out)) return false;
+  float across[3];  // also beyond the bone's end
+  for (size_t c = 0; c < 3; ++c) across[c] = point[c] - core.posed_from[c] - is.along * core.along[c];
+  const float apart = std::sqrt(Dot(across, across));
+  if (!(apart < kBehind * core.scale)) return false;
+  const float height = Dot(across, out);
+  if (!(height < -kOpposite * (1 - Closeness(was)) * apart)) return false;
+  for (size_t c = 0; c < 3; ++c) middle[c] = point[c] - height * out[c];
+  float away[3], radius;
+  return IsInCore(core, middle, away, &radius);
+}
+
+float LengthOf(const LimbCore& core) {
+  const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
+  return std::sqrt(Dot(along, along));
+}
+
+// A limb is longer than thick; a trunk is not.
+bool IsLimb(const LimbCore& core) {
+  float widest = 0;
+  for (const auto& slice : core.radii) {
+    for (const float radius : slice) widest = radius > widest ? radius : widest;
+  }
+  return LengthOf(core) > 2 * widest;
+}
+
+// The core of the limb, of joint `parent`, that ends where `core` begins; kMostCores where there is none, as at hips
+// and shoulders.
+uint32_t CoreAbove(const LimbCores& limbs, const LimbCore& core, uint32_t parent) {
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    const LimbCore& other = limbs.cores[k];
+    const bool ends = other.to[0] == core.from[0] && other.to[1] == core.from[1] && other.to[2] == core.from[2];
+    if (other.joint == parent && ends && LengthOf(other) >= kLikeBone * LengthOf(core) && IsLimb(other)) return k;
+  }
+  return kMostCores;
+}
+
+// The first slice of a limb at a hinge, as wide as the ball around the hinge: between the two no cloth is lost.
+void JoinAbove(float cap, LimbCore* core) {
+  for (size_t k = 0; k < kCoreSectors; ++k) core->radii[0][k] = cap < core->radii[1][k] ? cap : core->radii[1][k];
+}
+
 }  // namespace
 
 LimbCores PlaceLimbCores(Arena* arena) { return {arena->Take<LimbCore>(kMostCores), arena->Take<uint32_t>(1)}; }
@@ -151,6 +215,13 @@ void MeasureLimbCores(const ModelView& model, const LimbCores& limbs) {
     if (!(Dot(along, along) > kLeastBone * kLeastBone)) continue;
     FillAround(&core);
     if (MeasureCore(model.body, &core)) limbs.cores[(*limbs.count)++] = core;
+  }
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    LimbCore& core = limbs.cores[k];
+    core.above = CoreAbove(limbs, core, model.parents[core.joint]);
+    if (core.above == kMostCores) continue;
+    JoinAbove(limbs.cores[core.above].cap, &core);
+    core.bends = limbs.cores[core.above].bends = true;
   }
 }
 
@@ -215,24 +286,23 @@ bool IsInCore(const LimbCore& core, const float* point, float* away, float* radi
   return on.squared < *radius * *radius;
 }
 
-bool IsBehindCore(const LimbCore& core, const float* bound, const float* point, float* out, float* middle) {
-  const OnBone was = InBindPose(core, bound),
-               is = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
-  if (!(was.along > kShaft && is.along > kShaft)) return false;
-  const float u = Dot(core.around[0], was.away), w = Dot(core.around[1], was.away);
-  float across[3];  // also beyond the bone's end
-  for (size_t c = 0; c < 3; ++c) {
-    out[c] = u * core.posed_around[0][c] + w * core.posed_around[1][c];
-    across[c] = point[c] - core.posed_from[c] - is.along * core.along[c];
+float OwnSide(const LimbCore& core, const float* bound, float* out) {
+  const OnBone was = InBindPose(core, bound);
+  return SideOf(core, was, out) ? Closeness(was) : 0.0f;
+}
+
+bool BendsWith(const LimbCores& limbs, uint32_t nearest, uint32_t k) {
+  return k == nearest || k == limbs.cores[nearest].above || limbs.cores[k].above == nearest;
+}
+
+bool IsBehindCore(const LimbCores& limbs, uint32_t under, uint32_t nearest, const float* bound, const float* point,
+                  float* out, float* middle) {
+  if (nearest >= kMostCores) return false;
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    if ((under >> k & 1u) == 0 || !BendsWith(limbs, nearest, k)) continue;
+    if (IsBehind(limbs.cores[k], bound, point, out, middle)) return true;
   }
-  const float length = std::sqrt(Dot(out, out)), apart = std::sqrt(Dot(across, across));
-  if (!(length > 0 && apart < kBehind * core.scale)) return false;
-  for (size_t c = 0; c < 3; ++c) out[c] /= length;
-  const float height = Dot(across, out);
-  if (!(height < -kOpposite * apart)) return false;
-  for (size_t c = 0; c < 3; ++c) middle[c] = point[c] - height * out[c];
-  float away[3], radius;
-  return IsInCore(core, middle, away, &radius);
+  return false;
 }
 
 }  // namespace dcloth::engine

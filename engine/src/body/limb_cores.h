@@ -32,6 +32,8 @@ struct LimbCore {
   float inverse_squared;  // 1 / |along|^2
   float scale;            // host units a metre, of a frame's radii
   uint32_t joint;
+  uint32_t above;      // core of the limb that this one bends with at `from`: a shank's is the thigh's; or kMostCores
+  bool bends;          // with a limb above or below
   uint8_t touched_by;  // classes that touch all the skin around it; all where there are none
 };
 
@@ -62,10 +64,19 @@ bool ReachesInto(const LimbCore& core, const float* centre, float radius);
 // Whether the posed core holds `point`; if so, `away` is the way to it from the bone and `radius` the core's there.
 bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius);
 
-// Whether a garment vertex that was at `bound` in the bind pose and is at `point` lies behind the posed core, seen from
-// where it was: the limb has gone through the cloth. If so, `out` is the unit vector across the bone to its own side,
-// and `middle` a place in the core on the way there.
-bool IsBehindCore(const LimbCore& core, const float* bound, const float* point, float* out, float* middle);
+// Unit vector `out` across the posed bone to the side on which a garment vertex was at `bound` in the bind pose.
+// Returns 0 to 1: how surely it belongs there. A sleeve, close to its bone, goes with the limb; a skirt swings.
+float OwnSide(const LimbCore& core, const float* bound, float* out);
+
+// Whether `k` is the core `nearest`, or one that bends with it.
+bool BendsWith(const LimbCores& limbs, uint32_t nearest, uint32_t k);
+
+// Whether a garment vertex that was at `bound` in the bind pose and is at `point` lies behind a posed core, seen from
+// where it was: the limb has gone through the cloth. The core is the nearest bone's or one that bends with it, and is
+// one of those `under` the vertex. If so, `out` is the unit vector across the bone to the vertex's own side, and
+// `middle` a place in the core on the way there.
+bool IsBehindCore(const LimbCores& limbs, uint32_t under, uint32_t nearest, const float* bound, const float* point,
+                  float* out, float* middle);
 
 }  // namespace dcloth::engine
 

@@ -1,5 +1,6 @@
 #include "engine/src/body/penetration.h"
 
+#include <cmath>
 #include <cstdint>
 
 #include "engine/src/body/cut_corners.h"
@@ -42,9 +43,11 @@ constexpr double kPushed = 0.99;  // of the clearance: rounded to floats, a vert
 // Clearances more for cloth that was laid over a limb by five clearances or more: its triangles are long, and the
 // middle of an edge lies lower than its ends.
 constexpr double kLaid = 1, kLaidBy = 5;
-// Clearances. A vertex that was pushed further may be under skin that the vertices near its first place know nothing
-// of.
+// Clearances. A vertex that was pushed or laid further may be under skin that the vertices near its first place know
+// nothing of.
 constexpr double kFarPush = 2;
+
+constexpr double kPastRim = 5;  // clearances under skin beyond a rim, at most: a sleeve may lie deep in the trunk
 
 double SquaredDistance(const double* a, const float* b) {
   double squared = 0;
@@ -53,6 +56,19 @@ double SquaredDistance(const double* a, const float* b) {
     squared += apart * apart;
   }
   return squared;
+}
+
+// Where what counts ends, at a shoulder say, the skin goes on: cloth that is just under it there is taken out of it.
+bool PushPastRim(const PosedBody& posed, const ClosestPoint& rim, double clearance, SearchBudget* budget, double* v) {
+  PosedBody all = posed;
+  all.touch_bit = 0;
+  const uint32_t start = posed.body->faces[size_t{3} * rim.face];
+  const ClosestPoint closest = SearchBody(all, start, start, v);
+  budget->faces -= closest.faces_seen < budget->faces ? closest.faces_seen : budget->faces;
+  if (!closest.found || !(std::fabs(closest.distance) < kPushed * std::fabs(rim.distance))) return false;
+  if (closest.distance >= kPushed * clearance || closest.distance < -kPastRim * clearance) return false;
+  for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + clearance * closest.direction[c];
+  return true;
 }
 
 }  // namespace
@@ -115,10 +131,10 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
       budget.looks -= looks < budget.looks ? looks : budget.looks;
       for (size_t i = 0; i < job.points_count; ++i) {
         if (suspect[i] == kernels::kNoSite) continue;
-        const double laid = static_cast<double>(MoveOf(memory.deep, surface, job.order[i])) / (kLaidBy * clearance);
-        memory.beside[job.order[i]] =
-            PushOut(posed, job, memory.touch, i, (1 + kLaid * (laid < 1 ? laid : 1)) * clearance, &budget,
-                    surface.PositionOf(job.order[i]));
+        const double laid = static_cast<double>(MoveOf(memory.deep, surface, job.order[i])) / clearance;
+        const double share = laid < kLaidBy ? laid / kLaidBy : 1;
+        memory.beside[job.order[i]] = PushOut(posed, job, memory.touch, i, (1 + kLaid * share) * clearance,
+                                              laid > kFarPush, &budget, surface.PositionOf(job.order[i]));
       }
     }
   }
@@ -127,7 +143,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
 }
 
 uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
-                 double clearance, SearchBudget* budget, float* position) {
+                 double clearance, bool far_moved, SearchBudget* budget, float* position) {
   const auto nearest = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.nearest[i]));
   const auto suspect = static_cast<uint32_t>(BodyVertexAt(*posed.body, lists, job.suspect[i]));
   const double far = kFarPush * clearance;
@@ -135,13 +151,19 @@ uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const T
   bool moved = false;
   uint16_t beside = kNotNear;
   for (int push = 0; push < kMaxPushes && budget->faces != 0; ++push) {
-    const bool whole = moved && budget->whole_searches != 0 && SquaredDistance(v, position) > far * far;
+    const bool whole =
+        budget->whole_searches != 0 && (push == 0 ? far_moved : SquaredDistance(v, position) > far * far);
     if (whole) --budget->whole_searches;
     const ClosestPoint closest =
         whole ? SearchWholeBody(posed, job, lists, suspect, v) : SearchBody(posed, suspect, nearest, v);
     budget->faces -= closest.faces_seen < budget->faces ? closest.faces_seen : budget->faces;
     const double height = kShare[push] * clearance;
-    if (!closest.found || EndsAt(posed, closest)) break;
+    if (!closest.found) break;
+    if (EndsAt(posed, closest)) {
+      if (moved || !PushPastRim(posed, closest, clearance, budget, v)) break;
+      moved = true;
+      continue;
+    }
     beside = posed.body->faces[size_t{3} * closest.face];
     if (closest.distance >= kPushed * height) break;
     for (size_t c = 0; c < 3; ++c) v[c] = closest.point[c] + height * closest.direction[c];

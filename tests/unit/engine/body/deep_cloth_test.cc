@@ -138,6 +138,124 @@ TEST_F(DeepClothTest, ASheetThroughTheThighComesToLieInFrontOfIt) {
   }
 }
 
+// Two bones of an arm that bends between them about x, a hand, and a sleeve around the elbow: rings of 32 vertices, so
+// that each patch of 64 goes around the arm and has no side.
+class SleeveTest : public DeepClothTest {
+ protected:
+  static constexpr float kBone = 0.3f, kSleeve = 0.06f;
+  static constexpr size_t kRings = 25, kAround = 32;
+
+  SleeveTest() {
+    for (auto* of : {&inverse_bind_, &body_, &body_weights_, &bound_}) of->clear();
+    for (auto* of : {&order_, &faces_}) of->clear();
+    body_joints_.clear();
+    for (int j = 0; j < 4; ++j) {
+      const float inverse[12] = {1, 0, 0, 0, 0, 1, 0, kBone * static_cast<float>(j), 0, 0, 1, 0};
+      inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
+    }
+    for (int ring = 0; ring <= 90; ++ring) {
+      const float y = -0.01f * static_cast<float>(ring);
+      AppendRing(kArm, y, &body_);
+      body_joints_.insert(body_joints_.end(), kAround, static_cast<uint8_t>(ring < 30 ? 0 : ring < 60 ? 1 : 2));
+    }
+    body_weights_.assign(body_joints_.size(), 1.0f);
+    for (size_t r = 0; r < kRings; ++r) AppendRing(kSleeve, -0.18f - kSpacing * static_cast<float>(r), &bound_);
+    for (size_t i = 0; i < kRings * kAround; ++i) {
+      order_.push_back(static_cast<uint16_t>(i));
+      if (i + kAround >= kRings * kAround) continue;
+      const size_t next = i % kAround == kAround - 1 ? i + 1 - kAround : i + 1;
+      for (const size_t corner : {i, i + kAround, next, next, i + kAround, next + kAround})
+        faces_.push_back(static_cast<uint16_t>(corner));
+    }
+    model_.parents = chain_;
+    model_.inverse_bind = inverse_bind_.data();
+    model_.template_positions = bound_.data();
+    model_.faces = faces_.data();
+    model_.vertex_count = static_cast<uint32_t>(order_.size());
+    model_.triangle_count = static_cast<uint32_t>(faces_.size() / 3);
+    model_.body.positions = body_.data();
+    model_.body.joints = body_joints_.data();
+    model_.body.weights = body_weights_.data();
+    model_.body.vertex_count = static_cast<uint32_t>(body_joints_.size());
+    lists_.order = order_.data();
+    engine::MeasureLimbCores(model_, limbs_);
+  }
+
+  static void AppendRing(float radius, float y, std::vector<float>* positions) {
+    for (size_t i = 0; i < kAround; ++i) {
+      const float turn = static_cast<float>(i) * 0.19634954f;
+      positions->insert(positions->end(), {radius * std::cos(turn), y, radius * std::sin(turn)});
+    }
+  }
+
+  // The forearm and the hand turn about the elbow.
+  void Bend(float angle) {
+    const float c = std::cos(angle), s = std::sin(angle);
+    const float matrix[12] = {1, 0, 0, 0, 0, c, -s, kBone * (c - 1), 0, s, c, kBone * s};
+    for (const size_t j : {1, 2}) std::memcpy(&matrices_[12 * j], matrix, sizeof(matrix));
+  }
+
+  // A vertex's place in the frame of its bone.
+  void Unbend(size_t i, const float* position, float* out) const {
+    const float* matrix = matrices_.data() + (bound_[i + 1] > -kBone ? 0 : 12);
+    for (size_t c = 0; c < 3; ++c) {
+      out[c] = 0;
+      for (size_t r = 0; r < 3; ++r) out[c] += matrix[4 * r + c] * (position[r] - matrix[4 * r + 3]);
+    }
+  }
+
+  const uint16_t chain_[4] = {format::kNoParent, 0, 1, 2};
+};
+
+TEST_F(SleeveTest, CoresJoinWhereALimbBends) {
+  ASSERT_EQ(*limbs_.count, 3u);
+  const engine::LimbCore *upper = limbs_.cores, *fore = limbs_.cores + 1;
+  EXPECT_EQ(upper->above, engine::kMostCores);
+  EXPECT_EQ(fore->above, 0u);
+  EXPECT_TRUE(upper->bends && fore->bends);
+  EXPECT_GT(upper->cap, 0.5f * kArm);
+  for (size_t k = 0; k < engine::kCoreSectors; ++k) {
+    EXPECT_EQ(upper->radii[0][k], 0);
+    EXPECT_FLOAT_EQ(fore->radii[0][k], std::fmin(upper->cap, fore->radii[1][k]));
+  }
+}
+
+// A trunk is no limb: what lies on it is not measured as over a hinge.
+TEST_F(SleeveTest, WideBonesDoNotBend) {
+  for (size_t i = 0; i < body_.size(); i += 3) body_[i] *= 4, body_[i + 2] *= 4;
+  engine::MeasureLimbCores(model_, limbs_);
+  ASSERT_GT(*limbs_.count, 1u);
+  for (uint32_t k = 0; k < *limbs_.count; ++k) {
+    EXPECT_EQ(limbs_.cores[k].above, engine::kMostCores) << k;
+    EXPECT_FALSE(limbs_.cores[k].bends) << k;
+  }
+}
+
+// The arm has come out through the sleeve's side, all along it.
+TEST_F(SleeveTest, ASleeveBesideItsArmComesToLieAroundIt) {
+  for (const float angle : {0.0f, 0.8f, 1.4f}) {
+    Bend(angle);
+    std::vector<float> sleeve(bound_.size());
+    for (size_t i = 0; i < bound_.size(); i += 3) {
+      const float* matrix = matrices_.data() + (bound_[i + 1] > -kBone ? 0 : 12);
+      for (size_t r = 0; r < 3; ++r) {
+        sleeve[i + r] = matrix[4 * r + 3];
+        for (size_t c = 0; c < 3; ++c) sleeve[i + r] += matrix[4 * r + c] * bound_[i + c];
+      }
+      sleeve[i] += 0.07f;
+    }
+    Lay(&sleeve);
+    for (size_t i = 0; i < bound_.size(); i += 3) {
+      float place[3];
+      Unbend(i, &sleeve[i], place);
+      const float height = (place[0] * bound_[i] + place[2] * bound_[i + 2]) / kSleeve;
+      EXPECT_GT(height, 0) << "bent by " << angle << ", vertex " << i / 3 << " at " << bound_[i + 1];
+      // 0.9 of it is core; in the crease of the elbow a vertex is near two of them.
+      EXPECT_GT(std::hypot(place[0], place[2]), 0.85f * kArm) << angle << " vertex " << i / 3;
+    }
+  }
+}
+
 // The thigh was swung through the sheet: above, the sheet is still in it, below it hangs behind it.
 TEST_F(DeepClothTest, ClothThatHangsBehindTheLimbComesToLieInFrontOfIt) {
   std::vector<float> sheet = SheetAt(0, 0);

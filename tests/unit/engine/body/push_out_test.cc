@@ -24,7 +24,7 @@ double Pushed(const LooseFaces& body, float height, engine::SearchBudget budget 
   kernels::NearestJob job = body.job();
   job.nearest = job.suspect = &first;
   float position[3] = {0, height, 0};
-  engine::PushOut(body.posed(), job, body.lists(), 0, kClearance, &budget, position);
+  engine::PushOut(body.posed(), job, body.lists(), 0, kClearance, false, &budget, position);
   EXPECT_NEAR(position[0], 0, 1e-9);
   EXPECT_NEAR(position[2], 0, 1e-9);
   return static_cast<double>(position[1]);
@@ -60,7 +60,7 @@ TEST(PushOutTest, TheFramesFacesRunOut) {
   const auto pushed = [&](uint32_t faces, uint32_t left) {
     engine::SearchBudget budget = {faces, 0};
     float position[3] = {0, -0.014f, 0};
-    engine::PushOut(body.posed(), job, body.lists(), 0, kClearance, &budget, position);
+    engine::PushOut(body.posed(), job, body.lists(), 0, kClearance, false, &budget, position);
     EXPECT_EQ(budget.faces, left) << faces;
     return static_cast<double>(position[1]);
   };

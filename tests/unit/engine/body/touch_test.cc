@@ -121,6 +121,51 @@ TEST_F(TouchTest, ClothIsPushedOutOfWhatItTouchesAlone) {
   dcloth_isa_select(nullptr);
 }
 
+// One surface, of which the chest's half counts for cloth of the chest. What lies just under the other half, beyond the
+// rim, leaves it; what lies deep there stays, as a sleeve does inside of a trunk.
+TEST_F(TouchTest, ClothJustPastARimLeavesTheSkinThatGoesOn) {
+  TestModel model = BuildModel(model_.numbers.spec);
+  const EggBody whole = AddBody(&model);
+  std::vector<uint8_t> touched_by;
+  const size_t vertices = whole.positions.size() / 3;
+  for (size_t i = 0; i < vertices; ++i) touched_by.push_back(whole.positions[3 * i] > 0 ? 1 << kChest : 1 << kSleeve);
+  EggBody chest = whole;
+  chest.faces.clear();
+  for (size_t f = 0; f < whole.faces.size(); f += 3) {
+    bool counts = true;
+    for (size_t k = 0; k < 3; ++k) counts &= touched_by[whole.faces[f + k]] == 1 << kChest;
+    if (counts) chest.faces.insert(chest.faces.end(), whole.faces.begin() + f, whole.faces.begin() + f + 3);
+  }
+  AddTouch(&model, std::vector<uint8_t>(n(), kChest), touched_by);
+  const OpenedModel opened(model);
+  ASSERT_EQ(opened.status(), DCLOTH_OK) << opened.error().text;
+  OwnedCloth cloth(opened);
+  size_t left = 0, deep = 0;
+  for (int tick = 0; tick < kTicks; ++tick) {
+    ASSERT_EQ(cloth.Tick(Pose(tick), DCLOTH_STAGES_MESH), DCLOTH_OK);
+    std::vector<float> before, after;
+    ASSERT_EQ(Skin(&cloth, Pose(tick), 0, &before), DCLOTH_OK);
+    ASSERT_EQ(Skin(&cloth, Pose(tick), DCLOTH_OUTPUT_OUTSIDE_BODY, &after), DCLOTH_OK);
+    const std::vector<Point> posed = PoseBody(whole, model.numbers, Pose(tick));
+    for (size_t i = 0; i < n(); ++i) {
+      const Point from = At(before, i), to = At(after, i);
+      const double own = SignedDistance(chest, posed, from), height = SignedDistance(whole, posed, from);
+      if (DistanceToRim(chest, posed, from) - std::fabs(own) > kSame || std::fabs(height) > 0.9 * std::fabs(own))
+        continue;
+      const bool same = std::memcmp(&before[3 * i], &after[3 * i], 12) == 0;
+      if (height < -5.1 * whole.clearance) {
+        ASSERT_TRUE(same) << "tick " << tick << " vertex " << i << " at " << height;
+        ++deep;
+      } else if (height < 0.9 * whole.clearance && height > -4.9 * whole.clearance && !same) {
+        EXPECT_GE(SignedDistance(whole, posed, to), 0.99 * whole.clearance - kRounding) << "vertex " << i;
+        ++left;
+      }
+    }
+  }
+  EXPECT_GT(left, 10u);
+  EXPECT_GT(deep, 20u);
+}
+
 // One class that touches everything is the same as none.
 TEST_F(TouchTest, OneClassOfAllChangesNoBit) {
   TestModel plain = BuildModel(model_.numbers.spec);
