@@ -17,7 +17,7 @@ constexpr float kFurthest = 0.4f;      // metres in the bind pose: bones further
 constexpr float kBehind = 0.2f;        // metres from a bone: cloth further behind it is not on its way around it
 constexpr float kOpposite = 0.5f;      // cosine of the angle to straight behind
 constexpr float kShaft = 0.3f;         // of a bone: nearer to its start, cloth is held by the limb above
-constexpr float kHinge = 0.0f;         // the same where the limb above bends with it: cloth goes around both
+constexpr float kHinge = 0.15f;        // of a bone, before a hinge: cloth there goes around both limbs
 constexpr float kLikeBone = 0.5f;      // of a bone's length: the one before it is a limb if so long
 constexpr float kClose = 0.08f, kLoose = 0.14f;  // metres from a bone in the bind pose: a sleeve, a skirt
 constexpr float kFar = 1e18f;
@@ -154,8 +154,9 @@ float Closeness(const OnBone& was) {
 bool IsBehind(const LimbCore& core, const float* bound, const float* point, float* out, float* middle) {
   const OnBone was = InBindPose(core, bound),
                is = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
-  const float least = core.above == kMostCores ? kShaft : kHinge;
-  if (!(was.along > least && is.along > least) || !SideOf(core, was, out)) return false;
+  const bool free = core.above == kMostCores;
+  if (!(was.along > (free ? kShaft : -kHinge) && is.along > (free ? kShaft : 0.0f)) || !SideOf(core, was, out))
+    return false;
   float across[3];  // also beyond the bone's end
   for (size_t c = 0; c < 3; ++c) across[c] = point[c] - core.posed_from[c] - is.along * core.along[c];
   const float apart = std::sqrt(Dot(across, across));
