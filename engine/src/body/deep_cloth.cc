@@ -297,7 +297,7 @@ void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& dee
       if ((deep.under[i] >> k & 1u) == 0 || !IsInCore(limbs.cores[k], position, away, &radius)) continue;
       const float distance = std::sqrt(Dot(away, away));
       if (!(distance > 0)) continue;
-      const float over = std::fmin(kOver * radius, kMostOver * limbs.cores[k].scale);
+      const float most = kMostOver * limbs.cores[k].scale, over = kOver * radius < most ? kOver * radius : most;
       const float height = radius + (limbs.cores[k].bends ? over : 0.0f);
       for (size_t c = 0; c < 3; ++c) position[c] += (height - distance) / distance * away[c];
     }
