@@ -50,19 +50,7 @@ class DeepClothTest : public ::testing::Test {
         }
       }
     }
-    model_.parents = parents_;
-    model_.joint_count = 4;
-    model_.inverse_bind = inverse_bind_.data();
-    model_.template_positions = bound_.data();
-    model_.faces = faces_.data();
-    model_.vertex_count = static_cast<uint32_t>(order_.size());
-    model_.triangle_count = static_cast<uint32_t>(faces_.size() / 3);
-    model_.body.positions = body_.data();
-    model_.body.joints = body_joints_.data();
-    model_.body.weights = body_weights_.data();
-    model_.body.vertex_count = static_cast<uint32_t>(body_joints_.size());
-    model_.body.influences = 1;
-    lists_.order = order_.data();
+    View(parents_);
     for (size_t j = 0; j < 4; ++j) {
       const float identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
       matrices_.insert(matrices_.end(), identity, identity + 12);
@@ -76,6 +64,23 @@ class DeepClothTest : public ::testing::Test {
     limbs_ = engine::PlaceLimbCores(&arena);
     deep_ = engine::PlaceDeepCloth(model_, &arena);
     engine::MeasureLimbCores(model_, limbs_);
+  }
+
+  // The model of what the vectors hold.
+  void View(const uint16_t* parents) {
+    model_.parents = parents;
+    model_.joint_count = 4;
+    model_.inverse_bind = inverse_bind_.data();
+    model_.template_positions = bound_.data();
+    model_.faces = faces_.data();
+    model_.vertex_count = static_cast<uint32_t>(order_.size());
+    model_.triangle_count = static_cast<uint32_t>(faces_.size() / 3);
+    model_.body.positions = body_.data();
+    model_.body.joints = body_joints_.data();
+    model_.body.weights = body_weights_.data();
+    model_.body.vertex_count = static_cast<uint32_t>(body_joints_.size());
+    model_.body.influences = 1;
+    lists_.order = order_.data();
   }
 
   std::vector<float> SheetAt(float x, float z) const {
@@ -167,17 +172,7 @@ class SleeveTest : public DeepClothTest {
       for (const size_t corner : {i, i + kAround, next, next, i + kAround, next + kAround})
         faces_.push_back(static_cast<uint16_t>(corner));
     }
-    model_.parents = chain_;
-    model_.inverse_bind = inverse_bind_.data();
-    model_.template_positions = bound_.data();
-    model_.faces = faces_.data();
-    model_.vertex_count = static_cast<uint32_t>(order_.size());
-    model_.triangle_count = static_cast<uint32_t>(faces_.size() / 3);
-    model_.body.positions = body_.data();
-    model_.body.joints = body_joints_.data();
-    model_.body.weights = body_weights_.data();
-    model_.body.vertex_count = static_cast<uint32_t>(body_joints_.size());
-    lists_.order = order_.data();
+    View(chain_);
     engine::MeasureLimbCores(model_, limbs_);
   }
 
