@@ -1,6 +1,6 @@
 // The bundled garments at each level: error against the simulated truth and against the full network, cost of a tick,
-// the freeze of an idle character, and fifty characters in a budget with costs measured here. Times depend on what else
-// the machine does and are printed only; errors and plans are bound.
+// the freeze of an idle character, and fifty characters in a budget. Times depend on what else the machine does: they
+// are printed, and planned from only where the machine is left alone (scripts/levels.sh); errors and plans are bound.
 #include "tests/stability/garment.h"
 
 #include <gtest/gtest.h>
@@ -344,8 +344,21 @@ void RecordCrowd(const std::string& garment, const Crowd& crowd) {
   EXPECT_EQ(std::fclose(file), 0);
 }
 
+// What a crowd is planned from where the machine is not left alone: the robe's medians on a quiet desktop core, rounded
+// up, in microseconds. Costs measured beside other work may leave a budget that moves nobody.
+constexpr std::array<float, DCLOTH_DRAW_COUNT> kStatedDrawing = [] {
+  std::array<float, DCLOTH_DRAW_COUNT> costs = {};
+  costs[DCLOTH_DRAW_NONE] = 2;
+  costs[DCLOTH_DRAW_COARSE] = 75;
+  costs[DCLOTH_DRAW_POSITIONS] = 60;
+  costs[DCLOTH_DRAW_FULL] = 130;
+  return costs;
+}();
+constexpr std::array<float, DCLOTH_LEVEL_COUNT> kStatedTick = {15, 25, 190, 150, 1200};
+
 // `count` characters on the clips, each at another place of it, in `budget` microseconds a frame at 60 Hz. `alone`: the
-// scene is told what its frames took; else that they took what was planned, as other work would slow them.
+// scene plans from costs measured here and is told what its frames took; else from the stated ones, and that frames
+// took what was planned.
 Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
                const std::array<LevelFigures, DCLOTH_LEVEL_COUNT>& figures, int frames, bool alone) {
   converter::AlignedBytes memory(dcloth_scene_storage_size(count));
@@ -353,10 +366,11 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
   EXPECT_EQ(scene.Create(count, memory.data(), memory.size()), Status::kOk);
   std::vector<std::unique_ptr<Character>> characters;
   for (uint32_t i = 0; i < count; ++i) characters.push_back(std::make_unique<Character>(garment.model(kPrecision)));
-  const auto drawing = MeasureDrawing(garment, &characters);
+  auto drawing = MeasureDrawing(garment, &characters);
   std::printf("drawing: nothing %.1f us, coarse %.1f, positions %.1f, everything %.1f\n",
               static_cast<double>(drawing[0]), static_cast<double>(drawing[1]), static_cast<double>(drawing[2]),
               static_cast<double>(drawing[3]));
+  if (!alone) drawing = kStatedDrawing;
   for (uint32_t i = 0; i < count; ++i) {
     dcloth_scene_character character = {};
     character.struct_size = sizeof(character);
@@ -369,7 +383,7 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
     character.undrawn_microseconds = drawing[DCLOTH_DRAW_NONE];
     character.most_undrawn = 3;
     for (size_t level = 0; level < kLevels.size(); ++level) {
-      character.tick_microseconds[level] = static_cast<float>(figures[level].tick_us);
+      character.tick_microseconds[level] = alone ? static_cast<float>(figures[level].tick_us) : kStatedTick[level];
       character.error_mm[level] = static_cast<float>(figures[level].error_mm);
     }
     EXPECT_EQ(scene.Set(i, character), Status::kOk);
@@ -418,8 +432,8 @@ Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
 }
 
 // Crowds for which drawing alone would take more than the budget. Where frames take what was planned, no plan exceeds
-// it; on a machine left alone (scripts/levels.sh) what is measured is over by 5 % in one frame of a thousand at most,
-// if the machine itself holds the same work in all others.
+// it and a tenth of the crowd moves; on a machine left alone (scripts/levels.sh) what is measured is over by 5 % in one
+// frame of a thousand at most, if the machine itself holds the same work in all others.
 TEST_P(GarmentSceneTest, CrowdsKeepTheirBudget) {
   constexpr size_t kMostOver = 3;  // of 3,000
   const bool alone = std::getenv("DCLOTH_LEVELS_JSON") != nullptr;
