@@ -11,7 +11,6 @@ using format::ModelView;
 
 constexpr float kLeastBone = 0.05f;    // metres
 constexpr float kOwnWeight = 0.5f;     // of skin that shows how thick a bone's limb is
-constexpr float kOfFree = 0.9f;        // share of the free space that is core
 constexpr float kLeastRadius = 0.02f;  // metres
 constexpr float kFurthest = 0.4f;      // metres in the bind pose: bones further from cloth are not under it
 constexpr float kBehind = 0.2f;        // metres from a bone: cloth further behind it is not on its way around it
@@ -36,41 +35,6 @@ void BindPosition(const float* inverse, float* out) {
     }
     out[r] = squared > 0 ? -sum / squared : 0.0f;
   }
-}
-
-struct OnBone {
-  float along;  // 0 to 1 between the bone's ends, beyond them less and more
-  float away[3];
-  float squared;  // |away|^2, from the bone
-};
-
-OnBone PlaceOnBone(const float* from, const float* along, float inverse_squared, const float* point) {
-  OnBone on = {};
-  float relative[3];
-  for (size_t c = 0; c < 3; ++c) relative[c] = point[c] - from[c];
-  on.along = Dot(relative, along) * inverse_squared;
-  const float clamped = on.along < 0 ? 0.0f : on.along < 1 ? on.along : 1.0f;
-  for (size_t c = 0; c < 3; ++c) on.away[c] = relative[c] - clamped * along[c];
-  on.squared = Dot(on.away, on.away);
-  return on;
-}
-
-OnBone InBindPose(const LimbCore& core, const float* point) {
-  const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
-  return PlaceOnBone(core.from, along, 1 / Dot(along, along), point);
-}
-
-// `along` is between 0 and 1.
-size_t SliceAt(float along) {
-  const auto slice = static_cast<size_t>(along * kCoreSlices);
-  return slice < kCoreSlices ? slice : kCoreSlices - 1;
-}
-
-// Eighths of a turn, in no order.
-size_t SectorAt(const float (&around)[2][3], const float* away) {
-  static_assert(kCoreSectors == 8);
-  const float u = Dot(around[0], away), w = Dot(around[1], away);
-  return (u < 0 ? 4u : 0u) + (w < 0 ? 2u : 0u) + (std::fabs(u) < std::fabs(w) ? 1u : 0u);
 }
 
 void FillAround(LimbCore* core) {
@@ -125,13 +89,13 @@ bool MeasureCore(const BodyView& body, LimbCore* core) {
   for (size_t s = 1; s < kCoreSlices; ++s) {
     last = 0;
     for (size_t k = 0; k < kCoreSectors; ++k) {
-      const float radius = own[s] && squared[s][k] < kFar ? kOfFree * std::sqrt(squared[s][k]) : 0.0f;
+      const float radius = own[s] && squared[s][k] < kFar ? kCoreOfFree * std::sqrt(squared[s][k]) : 0.0f;
       core->radii[s][k] = radius >= kLeastRadius ? radius : 0.0f;
       last = core->radii[s][k] > last ? core->radii[s][k] : last;
     }
     widest = last > widest ? last : widest;
   }
-  const float ball = kOfFree * std::sqrt(beyond);
+  const float ball = kCoreOfFree * std::sqrt(beyond);
   core->cap = ball < last ? ball : last;
   return widest > 0 && core->touched_by != 0;
 }
@@ -168,11 +132,6 @@ bool IsBehind(const LimbCore& core, const float* bound, const float* point, floa
   return IsInCore(core, middle, away, &radius);
 }
 
-float LengthOf(const LimbCore& core) {
-  const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
-  return std::sqrt(Dot(along, along));
-}
-
 // A limb is longer than thick; a trunk is not.
 bool IsLimb(const LimbCore& core) {
   float widest = 0;
@@ -200,6 +159,39 @@ void JoinAbove(float cap, LimbCore* core) {
 
 }  // namespace
 
+OnBone PlaceOnBone(const float* from, const float* along, float inverse_squared, const float* point) {
+  OnBone on = {};
+  float relative[3];
+  for (size_t c = 0; c < 3; ++c) relative[c] = point[c] - from[c];
+  on.along = Dot(relative, along) * inverse_squared;
+  const float clamped = on.along < 0 ? 0.0f : on.along < 1 ? on.along : 1.0f;
+  for (size_t c = 0; c < 3; ++c) on.away[c] = relative[c] - clamped * along[c];
+  on.squared = Dot(on.away, on.away);
+  return on;
+}
+
+OnBone InBindPose(const LimbCore& core, const float* point) {
+  const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
+  return PlaceOnBone(core.from, along, 1 / Dot(along, along), point);
+}
+
+size_t SliceAt(float along) {
+  const auto slice = static_cast<size_t>(along * kCoreSlices);
+  return slice < kCoreSlices ? slice : kCoreSlices - 1;
+}
+
+// Eighths of a turn, in no order.
+size_t SectorAt(const float (&around)[2][3], const float* away) {
+  static_assert(kCoreSectors == 8);
+  const float u = Dot(around[0], away), w = Dot(around[1], away);
+  return (u < 0 ? 4u : 0u) + (w < 0 ? 2u : 0u) + (std::fabs(u) < std::fabs(w) ? 1u : 0u);
+}
+
+float LengthOf(const LimbCore& core) {
+  const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
+  return std::sqrt(Dot(along, along));
+}
+
 LimbCores PlaceLimbCores(Arena* arena) { return {arena->Take<LimbCore>(kMostCores), arena->Take<uint32_t>(1)}; }
 
 void MeasureLimbCores(const ModelView& model, const LimbCores& limbs) {
@@ -217,12 +209,14 @@ void MeasureLimbCores(const ModelView& model, const LimbCores& limbs) {
     FillAround(&core);
     if (MeasureCore(model.body, &core)) limbs.cores[(*limbs.count)++] = core;
   }
+  for (uint32_t k = 0; k < *limbs.count; ++k) limbs.cores[k].below = kMostCores;
   for (uint32_t k = 0; k < *limbs.count; ++k) {
     LimbCore& core = limbs.cores[k];
     core.above = CoreAbove(limbs, core, model.parents[core.joint]);
     if (core.above == kMostCores) continue;
     JoinAbove(limbs.cores[core.above].cap, &core);
     core.bends = limbs.cores[core.above].bends = true;
+    limbs.cores[core.above].below = k;
   }
 }
 

@@ -19,6 +19,7 @@ inline float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b
 constexpr size_t kCoreSlices = 8;   // along the bone
 constexpr size_t kCoreSectors = 8;  // around it
 constexpr size_t kMostCores = 32;
+constexpr float kCoreOfFree = 0.9f;  // share of the free space that is core
 
 struct LimbCore {
   float from[3], to[3];                    // of the bone, bind pose, metres
@@ -33,6 +34,7 @@ struct LimbCore {
   float scale;            // host units a metre, of a frame's radii
   uint32_t joint;
   uint32_t above;      // core of the limb that this one bends with at `from`: a shank's is the thigh's; or kMostCores
+  uint32_t below;      // the core that this one is `above`, or kMostCores
   bool bends;          // with a limb above or below
   uint8_t touched_by;  // classes that touch all the skin around it; all where there are none
 };
@@ -41,6 +43,23 @@ struct LimbCores {
   LimbCore* cores;  // [kMostCores]
   uint32_t* count;  // [1]
 };
+
+// A point seen from a bone.
+struct OnBone {
+  float along;  // 0 to 1 between the bone's ends, beyond them less and more
+  float away[3];
+  float squared;  // |away|^2, from the bone
+};
+
+OnBone PlaceOnBone(const float* from, const float* along, float inverse_squared, const float* point);
+OnBone InBindPose(const LimbCore& core, const float* point);
+
+// Of the bone in the bind pose, metres.
+float LengthOf(const LimbCore& core);
+
+// `along` is between 0 and 1; `away` from the bone, in the space of `around`.
+size_t SliceAt(float along);
+size_t SectorAt(const float (&around)[2][3], const float* away);
 
 // The model has a body.
 LimbCores PlaceLimbCores(Arena* arena);

@@ -83,6 +83,7 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.sites = PlaceBodySites(model.body, arena);
   memory.touch = PlaceTouchLists(model, arena);
   memory.limbs = PlaceLimbCores(arena);
+  memory.sleeves = PlaceSleeves(model, arena);
   memory.deep = PlaceDeepCloth(model, arena);
   memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;
@@ -92,6 +93,7 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
   if (memory.touch.order == nullptr) return;
   FillTouchLists(model, memory.touch);
   MeasureLimbCores(model, memory.limbs);
+  FindSleeves(model, memory.limbs, memory.sleeves);
 }
 
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
@@ -102,6 +104,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   const double clearance = static_cast<double>(body.clearance) * units_per_metre;
   PoseBody(kernels, model, space, skin, memory);
   PoseLimbCores(memory.matrices, memory.limbs);
+  ThreadSleeves(model, memory.limbs, memory.sleeves, surface);
   LayOverLimbs(model, space.mirrored, memory.limbs, memory.touch, memory.deep, surface);
   FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
   kernels::NearestJob job = {};

@@ -10,6 +10,7 @@
 #include "engine/src/body/body_sites.h"
 #include "engine/src/body/deep_cloth.h"
 #include "engine/src/body/limb_cores.h"
+#include "engine/src/body/sleeves.h"
 #include "engine/src/body/touch_lists.h"
 #include "engine/src/draw/output.h"
 #include "engine/src/pose/pose.h"
@@ -17,7 +18,7 @@
 
 namespace dcloth::engine {
 
-// Scratch of a frame but for `touch` and `limbs`; all null where the model has no body.
+// Scratch of a frame but for `touch`, `limbs` and `sleeves`; all null where the model has no body.
 struct BodyMemory {
   float* matrices;   // [joint_count, 12]
   float* positions;  // [b, 3] posed
@@ -25,13 +26,14 @@ struct BodyMemory {
   BodySites sites;
   TouchLists touch;
   LimbCores limbs;  // measured once for each body, posed in each frame
+  Sleeves sleeves;  // found once for each body
   DeepCloth deep;
   uint16_t* beside;  // [n] for CoverCorners
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
 
-// Once, before the first KeepOutside: fills in `touch` and measures `limbs`.
+// Once, before the first KeepOutside: fills in `touch`, measures `limbs` and finds `sleeves`.
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
 // Moves each vertex of `surface` that is less than the clearance outside the closest point of what it touches of the

@@ -1,0 +1,373 @@
+#include "engine/src/body/sleeves.h"
+
+#include <cmath>
+#include <initializer_list>
+
+namespace dcloth::engine {
+namespace {
+
+using format::ModelView;
+
+// Lengths in metres, of the bind pose.
+constexpr float kAround = 0.2f;        // from a bone, at most: a sleeve hangs
+constexpr float kBegin = 0.2f;         // share of a bone without one above it; before that cloth belongs to the trunk
+constexpr size_t kRings = 32;          // from that bone's start; the last one is as long as it has to be
+constexpr float kRingWidth = 0.03f;    //
+constexpr size_t kCorners = 16;        // of a ring
+constexpr size_t kFewestCorners = 10;  // of one that is judged
+constexpr float kLimb = 1.5f;          // of the lower bone: a hand or a foot are the limb, too
+// Between a ring's edge and the bones that go through it: cloth is as good as lost; and well where it is.
+constexpr float kLost = 0.005f, kWell = 0.02f;
+constexpr float kStep = 0.4f;                  // a ring beside a lost one is lost less by this
+constexpr size_t kEnd = 4;                     // rings at a sleeve's end: they go with one that is lost
+constexpr float kFade = 0.06f;                 // from where a sleeve begins, over which it is drawn less
+constexpr float kHinge = 0.06f;                // before and after a hinge a sleeve goes around both limbs
+constexpr float kNoHinge = 0.1f;               // of two directions added: folded flat, a limb has none at its hinge
+constexpr int kBlur = 3;                       // rings before and after, over which turns are averaged
+constexpr float kUnsure = 0.2f, kSure = 0.5f;  // mean of unit vectors that tells how a ring is turned
+constexpr float kSnug = 0.01f;                 // over the thickest of the skin
+constexpr float kSlack = 0.3f;                 // of what a sleeve is wider than that
+constexpr float kFar = 1e18f;
+
+float Clamped(float x, float most = 1) { return x < 0 ? 0.0f : x < most ? x : most; }
+float Larger(float a, float b) { return a > b ? a : b; }
+
+void Cross(const float* a, const float* b, float* out) {
+  for (size_t c = 0; c < 3; ++c) out[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
+}
+
+bool Normalize(float* vector, float least) {
+  const float length = std::sqrt(Dot(vector, vector));
+  if (!(length > least)) return false;
+  for (size_t c = 0; c < 3; ++c) vector[c] /= length;
+  return true;
+}
+
+// A limb and the one that bends with it. Places along it are metres from where they meet.
+struct Chain {
+  const LimbCore *upper, *lower;
+  float upper_length, lower_length;
+  uint32_t upper_core, lower_core;
+};
+
+// Of a garment vertex on the bones of the bind pose.
+float PlaceOf(const Chain& chain, bool in_upper, const float* bound) {
+  const float along = InBindPose(in_upper ? *chain.upper : *chain.lower, bound).along;
+  return in_upper ? (along - 1) * chain.upper_length : along * chain.lower_length;
+}
+
+// In rings from the upper bone's start.
+float RingOf(const Chain& chain, float place) { return Clamped((place + chain.upper_length) / kRingWidth, kRings - 1); }
+float MiddleOf(const Chain& chain, size_t ring) {
+  return (static_cast<float>(ring) + 0.5f) * kRingWidth - chain.upper_length;
+}
+
+// A place on the posed bones, with unit vectors along them and across. Around a hinge both limbs have a share.
+struct Axis {
+  float share;  // of the lower limb
+  float at[3], along[3], across[2][3];
+};
+
+bool AxisAt(const Chain& chain, float place, Axis* axis) {
+  const LimbCore &upper = *chain.upper, &lower = *chain.lower;
+  const float share = axis->share = Clamped(0.5f * (1 + place / kHinge));
+  const float a = 1 + place / chain.upper_length, b = place / chain.lower_length;
+  float first[3], second[3];
+  for (size_t c = 0; c < 3; ++c) {
+    axis->at[c] =
+        (1 - share) * (upper.posed_from[c] + a * upper.along[c]) + share * (lower.posed_from[c] + b * lower.along[c]);
+    axis->across[0][c] = (1 - share) * upper.posed_around[0][c] + share * lower.posed_around[0][c];
+    first[c] = upper.along[c], second[c] = lower.along[c];
+  }
+  if (!Normalize(first, 0) || !Normalize(second, 0)) return false;
+  for (size_t c = 0; c < 3; ++c) axis->along[c] = (1 - share) * first[c] + share * second[c];
+  if (!Normalize(axis->along, kNoHinge)) return false;
+  const float lengthwise = Dot(axis->across[0], axis->along);
+  for (size_t c = 0; c < 3; ++c) axis->across[0][c] -= lengthwise * axis->along[c];
+  if (!Normalize(axis->across[0], kNoHinge * upper.scale)) return false;
+  Cross(axis->along, axis->across[0], axis->across[1]);
+  return true;
+}
+
+// The side on which a vertex was in the bind pose, a unit vector in the axis's directions across, and how far from the
+// bones; false on a bone.
+bool OwnSideOf(const Chain& chain, const Axis& axis, const float* bound, float* x, float* y, float* apart) {
+  float sum[3] = {};
+  *apart = 0;
+  for (const bool first : {true, false}) {
+    const LimbCore& core = first ? *chain.upper : *chain.lower;
+    const float share = first ? 1 - axis.share : axis.share;
+    const float relative[3] = {bound[0] - core.from[0], bound[1] - core.from[1], bound[2] - core.from[2]};
+    const float u = Dot(relative, core.around[0]), w = Dot(relative, core.around[1]), length = std::sqrt(u * u + w * w);
+    if (!(length > 0)) return false;
+    *apart += share * length;
+    for (size_t c = 0; c < 3; ++c)
+      sum[c] += share * (u * core.posed_around[0][c] + w * core.posed_around[1][c]) / length;
+  }
+  *x = Dot(sum, axis.across[0]);
+  *y = Dot(sum, axis.across[1]);
+  const float length = std::sqrt(*x * *x + *y * *y);
+  if (!(length > 0)) return false;
+  *x /= length;
+  *y /= length;
+  return true;
+}
+
+struct Ring {
+  float corners[kCorners][3];  // of the cloth in a sixteenth of the directions around the bone: first sums, then means
+  uint32_t counts[kCorners];
+  bool judged;         // there is cloth all around
+  bool kept;           // the bones go through it, not too near its edge
+  float lost;          // 0 to 1: how far it is laid around the limb
+  float slide;         // towards the limb's end, from where it is in the bind pose
+  float cosine, sine;  // of its turn around the limb: first sums
+  float turned;        // vertices in the sums
+};
+
+size_t CornerAt(float u, float w) {
+  constexpr float kSlopes[kCorners / 4 - 1] = {0.41421356f, 1, 2.41421356f};
+  const float a = std::fabs(u), b = std::fabs(w);
+  size_t at = 0;
+  while (at < kCorners / 4 - 1 && b > kSlopes[at] * a) ++at;
+  if (u < 0) at = kCorners / 2 - 1 - at;
+  return w < 0 ? kCorners - 1 - at : at;
+}
+
+// visit(vertex, bound, place, position)
+template <typename Visit>
+void VisitSleeve(const ModelView& model, const Sleeves& sleeves, const Chain& chain, const Surface& surface,
+                 Visit visit) {
+  for (size_t v = 0; v < model.vertex_count; ++v) {
+    const uint8_t core = sleeves.cores[v];
+    if (core != chain.upper_core && core != chain.lower_core) continue;
+    const float* bound = model.template_positions + 3 * v;
+    visit(v, bound, PlaceOf(chain, core == chain.upper_core, bound), surface.PositionOf(v));
+  }
+}
+
+// 1 or -1 where the stretch goes through the triangle, by the side that it comes from, else 0; `part` of it lies
+// before.
+int GoesThrough(const float* from, const float* along, const float* a, const float* b, const float* c, float* part) {
+  float ab[3], ac[3], to[3], across[3], turned[3];
+  for (size_t i = 0; i < 3; ++i) ab[i] = b[i] - a[i], ac[i] = c[i] - a[i], to[i] = from[i] - a[i];
+  Cross(along, ac, across);
+  Cross(to, ab, turned);
+  const float volume = Dot(ab, across);
+  if (volume == 0) return 0;
+  const float u = Dot(to, across) / volume, v = Dot(along, turned) / volume;
+  *part = Dot(ac, turned) / volume;
+  if (!(u >= 0 && v >= 0 && u + v <= 1 && *part >= 0 && *part < 1)) return 0;
+  return volume < 0 ? 1 : -1;
+}
+
+// The bones go through a ring that holds them, once more from its one side than from the other.
+void Judge(const Chain& chain, float middle_place, Ring* ring) {
+  const float* corners[kCorners];
+  size_t count = 0;
+  float middle[3] = {};
+  for (size_t k = 0; k < kCorners; ++k) {
+    if (ring->counts[k] == 0) continue;
+    for (float& c : ring->corners[k]) c /= static_cast<float>(ring->counts[k]);
+    for (size_t c = 0; c < 3; ++c) middle[c] += ring->corners[k][c];
+    corners[count++] = ring->corners[k];
+  }
+  ring->judged = count >= kFewestCorners;
+  if (!ring->judged) return;
+  for (float& c : middle) c /= static_cast<float>(count);
+  int times = 0;
+  float squared = kFar;
+  for (const bool first : {true, false}) {
+    const LimbCore& core = first ? *chain.upper : *chain.lower;
+    const float length = first ? 1 : kLimb;
+    const float along[3] = {length * core.along[0], length * core.along[1], length * core.along[2]};
+    float turn[3], part = 0;
+    Cross(core.posed_around[0], core.posed_around[1], turn);
+    const int side = Dot(turn, core.along) < 0 ? -1 : 1;  // a host's space may be mirrored
+    for (size_t k = 0; k < count; ++k) {
+      const int found = side * GoesThrough(core.posed_from, along, middle, corners[k], corners[(k + 1) % count], &part);
+      times += found;
+      const float place = first ? (part - 1) * chain.upper_length : part * length * chain.lower_length;
+      if (found > 0) ring->slide = place - middle_place;
+      const float apart = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, corners[k]).squared;
+      squared = apart < squared ? apart : squared;
+    }
+  }
+  const float apart = std::sqrt(squared) / chain.upper->scale;
+  ring->lost = times == 1 ? Clamped((kWell - apart) / (kWell - kLost)) : 1.0f;
+  ring->kept = !(ring->lost > 0.5f);
+}
+
+// Of rings that are not kept, from those before and after that are. Before the first of them a shoulder may have drawn
+// the cloth off the bones.
+void FillSlides(Ring* rings) {
+  size_t last = kRings;
+  for (size_t r = 0; r < kRings; ++r) {
+    if (rings[r].kept) {
+      last = r;
+      continue;
+    }
+    size_t next = r + 1;
+    while (next < kRings && !rings[next].kept) ++next;
+    if (last == kRings) {
+      rings[r].judged = false;
+      rings[r].lost = 0;
+      rings[r].slide = next < kRings ? rings[next].slide : 0.0f;
+    } else if (next == kRings) {
+      rings[r].slide = rings[last].slide;
+    } else {
+      const float share = static_cast<float>(r - last) / static_cast<float>(next - last);
+      rings[r].slide = rings[last].slide + share * (rings[next].slide - rings[last].slide);
+    }
+  }
+}
+
+// How rings that are kept are turned tells how the others near them are; further away the next one does.
+void FillTurns(Ring* rings) {
+  float cosines[kRings] = {}, sines[kRings] = {}, counts[kRings] = {};
+  for (int r = 0; r < static_cast<int>(kRings); ++r) {
+    for (int other = r - kBlur; other <= r + kBlur; ++other) {
+      if (other < 0 || other >= static_cast<int>(kRings)) continue;
+      cosines[r] += rings[other].cosine;
+      sines[r] += rings[other].sine;
+      counts[r] += rings[other].turned;
+    }
+  }
+  size_t last = kRings;
+  for (size_t r = 0; r < kRings; ++r) {
+    size_t from = r;
+    while (from < kRings && !(counts[from] > 0)) ++from;
+    if (last < kRings && (from == kRings || r - last < from - r)) from = last;
+    if (counts[r] > 0) last = r;
+    rings[r].cosine = 1;
+    rings[r].sine = 0;
+    if (from == kRings) continue;
+    const float length = std::sqrt(cosines[from] * cosines[from] + sines[from] * sines[from]);
+    const float sure = Clamped((length / counts[from] - kUnsure) / (kSure - kUnsure));
+    if (!(sure > 0)) continue;
+    rings[r].cosine = sure * cosines[from] / length + 1 - sure;
+    rings[r].sine = sure * sines[from] / length;
+  }
+}
+
+// A ring at a place between the middles of two.
+struct Between {
+  float slide, cosine, sine, lost;
+};
+
+Between RingAt(const Chain& chain, const Ring* rings, float place) {
+  const float at = Clamped(RingOf(chain, place) - 0.5f, kRings - 1.001f);
+  const auto first = static_cast<size_t>(at);
+  const float share = at - static_cast<float>(first);
+  const Ring &a = rings[first], &b = rings[first + 1];
+  return {a.slide + share * (b.slide - a.slide), a.cosine + share * (b.cosine - a.cosine),
+          a.sine + share * (b.sine - a.sine), a.lost + share * (b.lost - a.lost)};
+}
+
+// Fills in `rings`; false where the limb goes well through all of them.
+bool MeasureRings(const ModelView& model, const Chain& chain, const Sleeves& sleeves, const Surface& surface,
+                  Ring* rings) {
+  float begin = chain.lower_length;
+  VisitSleeve(model, sleeves, chain, surface, [&](size_t v, const float* bound, float place, const float* position) {
+    begin = place < begin ? place : begin;
+    Ring* ring = &rings[static_cast<size_t>(RingOf(chain, place))];
+    const LimbCore& core = sleeves.cores[v] == chain.upper_core ? *chain.upper : *chain.lower;
+    const float relative[3] = {bound[0] - core.from[0], bound[1] - core.from[1], bound[2] - core.from[2]};
+    const size_t corner = CornerAt(Dot(relative, core.around[0]), Dot(relative, core.around[1]));
+    for (size_t c = 0; c < 3; ++c) ring->corners[corner][c] += position[c];
+    ++ring->counts[corner];
+  });
+  for (size_t r = 0; r < kRings; ++r) Judge(chain, MiddleOf(chain, r), &rings[r]);
+  FillSlides(rings);
+  for (size_t r = 1; r < kRings; ++r) {
+    const bool end = rings[r].judged && (r + kEnd >= kRings || !rings[r + kEnd].judged);
+    rings[r].lost = Larger(rings[r].lost, rings[r - 1].lost - (end ? 0.0f : kStep));
+  }
+  bool lost = false;
+  for (size_t r = kRings; r-- > 0;) {
+    if (r + 1 < kRings) rings[r].lost = Larger(rings[r].lost, rings[r + 1].lost - kStep);
+    lost |= rings[r].lost > 0;
+  }
+  if (!lost) return false;
+  for (size_t r = 0; r < kRings; ++r) rings[r].lost *= Clamped((MiddleOf(chain, r) - begin) / kFade);
+  VisitSleeve(model, sleeves, chain, surface, [&](size_t, const float* bound, float place, const float* position) {
+    Ring* ring = &rings[static_cast<size_t>(RingOf(chain, place))];
+    Axis axis;
+    float x, y, apart;
+    if (!ring->kept || !AxisAt(chain, place + RingAt(chain, rings, place).slide, &axis)) return;
+    if (!OwnSideOf(chain, axis, bound, &x, &y, &apart)) return;
+    const float away[3] = {position[0] - axis.at[0], position[1] - axis.at[1], position[2] - axis.at[2]};
+    const float u = Dot(away, axis.across[0]), w = Dot(away, axis.across[1]), length = std::sqrt(u * u + w * w);
+    if (!(length > 0)) return;
+    ring->cosine += (x * u + y * w) / length;
+    ring->sine += (x * w - y * u) / length;
+    ring->turned += 1;
+  });
+  FillTurns(rings);
+  return true;
+}
+
+// Of the skin around a bone, the thickest.
+float ThicknessAt(const LimbCore& core, float along) {
+  float widest = 0;
+  for (const float radius : core.radii[static_cast<size_t>(Clamped(along) * (kCoreSlices - 1))])
+    widest = Larger(widest, radius);
+  return widest / kCoreOfFree;
+}
+
+// Where a vertex lies close around the limb, as its ring is turned; false where that has no place.
+bool SnugPlace(const Chain& chain, const Between& ring, const float* bound, float place, float* out) {
+  Axis axis;
+  float x, y, apart;
+  const float turn = std::sqrt(ring.cosine * ring.cosine + ring.sine * ring.sine);
+  if (!(turn > 0) || !AxisAt(chain, place, &axis) || !OwnSideOf(chain, axis, bound, &x, &y, &apart)) return false;
+  const float u = (ring.cosine * x - ring.sine * y) / turn, w = (ring.sine * x + ring.cosine * y) / turn;
+  const float least = kSnug + (1 - axis.share) * ThicknessAt(*chain.upper, 1 + place / chain.upper_length) +
+                      axis.share * ThicknessAt(*chain.lower, place / chain.lower_length);
+  const float height = chain.upper->scale * (least + (apart > least ? kSlack * (apart - least) : 0.0f));
+  for (size_t c = 0; c < 3; ++c) out[c] = axis.at[c] + height * (u * axis.across[0][c] + w * axis.across[1][c]);
+  return true;
+}
+
+}  // namespace
+
+Sleeves PlaceSleeves(const ModelView& model, Arena* arena) { return {arena->Take<uint8_t>(model.vertex_count)}; }
+
+void FindSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves& sleeves) {
+  uint8_t sectors[kMostCores][kCoreSlices] = {};
+  for (const bool fill : {false, true}) {
+    for (size_t v = 0; v < model.vertex_count; ++v) {
+      OnBone nearest = {};
+      nearest.squared = kAround * kAround;
+      uint32_t at = kMostCores;
+      for (uint32_t k = 0; k < *limbs.count; ++k) {
+        const OnBone on = InBindPose(limbs.cores[k], model.template_positions + 3 * v);
+        if (on.squared < nearest.squared) nearest = on, at = k;
+      }
+      sleeves.cores[v] = kNoSleeve;
+      if (at == kMostCores || !limbs.cores[at].bends) continue;
+      if (limbs.cores[at].above == kMostCores && nearest.along < kBegin) continue;
+      uint8_t* all = &sectors[at][SliceAt(Clamped(nearest.along))];
+      *all |= static_cast<uint8_t>(1u << SectorAt(limbs.cores[at].around, nearest.away));
+      if (fill && *all == 0xFF) sleeves.cores[v] = static_cast<uint8_t>(at);
+    }
+  }
+}
+
+void ThreadSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves& sleeves, const Surface& surface) {
+  for (uint32_t upper = 0; upper < *limbs.count; ++upper) {
+    const LimbCore& first = limbs.cores[upper];
+    if (first.above != kMostCores || first.below == kMostCores) continue;
+    const LimbCore& second = limbs.cores[first.below];
+    const Chain chain = {&first, &second, LengthOf(first), LengthOf(second), upper, first.below};
+    Ring rings[kRings] = {};
+    if (!(first.scale > 0) || !MeasureRings(model, chain, sleeves, surface, rings)) continue;
+    VisitSleeve(model, sleeves, chain, surface, [&](size_t, const float* bound, float place, float* position) {
+      float snug[3];
+      const Between ring = RingAt(chain, rings, place);
+      if (!(ring.lost > 0) || !SnugPlace(chain, ring, bound, place + ring.slide, snug)) return;
+      for (size_t c = 0; c < 3; ++c) position[c] += ring.lost * (snug[c] - position[c]);
+    });
+  }
+}
+
+}  // namespace dcloth::engine

@@ -1,0 +1,176 @@
+// A thigh of 80 mm with a sheet of cloth in front of it and an arm before the sheet; and an arm in a sleeve.
+#ifndef DCLOTH_TESTS_UNIT_ENGINE_BODY_LIMBS_H_
+#define DCLOTH_TESTS_UNIT_ENGINE_BODY_LIMBS_H_
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "engine/src/body/deep_cloth.h"
+#include "engine/src/body/sleeves.h"
+
+namespace dcloth::testing {
+
+constexpr float kThigh = 0.08f, kArm = 0.05f, kLength = 0.4f, kBeside = 0.3f, kSheetZ = 0.15f;
+constexpr size_t kColumns = 41, kRows = 31;
+constexpr float kSpacing = 0.01f;
+
+// Joints: the thigh's and its knee, the arm's and its hand. Both bones point down -y.
+class ThighAndSheet : public ::testing::Test {
+ protected:
+  ThighAndSheet() {
+    for (const float x : {0.0f, kBeside}) {
+      for (const float y : {0.0f, -kLength}) {
+        const float inverse[12] = {1, 0, 0, -x, 0, 1, 0, -y, 0, 0, 1, -x};
+        inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
+      }
+      const float radius = x == 0 ? kThigh : kArm;
+      for (int ring = 0; ring <= 40; ++ring) {
+        for (int i = 0; i < 32; ++i) {
+          const float turn = static_cast<float>(i) * 0.19634954f, y = -kLength * static_cast<float>(ring) / 40;
+          body_.insert(body_.end(), {x + radius * std::cos(turn), y, x + radius * std::sin(turn)});
+          body_joints_.push_back(x == 0 ? 0 : 2);
+        }
+      }
+    }
+    body_weights_.assign(body_joints_.size(), 1.0f);
+    for (size_t r = 0; r < kRows; ++r) {
+      for (size_t c = 0; c < kColumns; ++c) {
+        const float x = kSpacing * (static_cast<float>(c) - 0.5f * (kColumns - 1));
+        bound_.insert(bound_.end(), {x, -0.05f - kSpacing * static_cast<float>(r), kSheetZ});
+        order_.push_back(static_cast<uint16_t>(order_.size()));
+      }
+    }
+    for (size_t r = 0; r + 1 < kRows; ++r) {
+      for (size_t c = 0; c + 1 < kColumns; ++c) {
+        const auto a = static_cast<uint16_t>(r * kColumns + c), b = static_cast<uint16_t>(a + kColumns);
+        for (const int corner : {0, 2, 1, 1, 2, 3}) {
+          const uint16_t corners[4] = {a, static_cast<uint16_t>(a + 1), b, static_cast<uint16_t>(b + 1)};
+          faces_.push_back(corners[corner]);
+        }
+      }
+    }
+    View(parents_);
+    for (size_t j = 0; j < 4; ++j) {
+      const float identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+      matrices_.insert(matrices_.end(), identity, identity + 12);
+    }
+    engine::Arena sizes(nullptr);
+    engine::PlaceLimbCores(&sizes);
+    engine::PlaceDeepCloth(model_, &sizes);
+    engine::PlaceSleeves(model_, &sizes);
+    memory_.resize(sizes.size() + 64);
+    const auto address = reinterpret_cast<uintptr_t>(memory_.data());
+    engine::Arena arena(memory_.data() + (64 - address % 64) % 64);
+    limbs_ = engine::PlaceLimbCores(&arena);
+    deep_ = engine::PlaceDeepCloth(model_, &arena);
+    sleeves_ = engine::PlaceSleeves(model_, &arena);
+    engine::MeasureLimbCores(model_, limbs_);
+  }
+
+  // The model of what the vectors hold.
+  void View(const uint16_t* parents) {
+    model_.parents = parents;
+    model_.joint_count = 4;
+    model_.inverse_bind = inverse_bind_.data();
+    model_.template_positions = bound_.data();
+    model_.faces = faces_.data();
+    model_.vertex_count = static_cast<uint32_t>(order_.size());
+    model_.triangle_count = static_cast<uint32_t>(faces_.size() / 3);
+    model_.body.positions = body_.data();
+    model_.body.joints = body_joints_.data();
+    model_.body.weights = body_weights_.data();
+    model_.body.vertex_count = static_cast<uint32_t>(body_joints_.size());
+    model_.body.influences = 1;
+    lists_.order = order_.data();
+  }
+
+  std::vector<float> SheetAt(float x, float z) const {
+    std::vector<float> sheet = bound_;
+    for (size_t i = 0; i < sheet.size(); i += 3) sheet[i] += x, sheet[i + 2] = z;
+    return sheet;
+  }
+
+  void Lay(std::vector<float>* sheet, bool mirrored = false) {
+    engine::PoseLimbCores(matrices_.data(), limbs_);
+    engine::Surface surface = {};
+    surface.positions = sheet->data();
+    surface.position_stride_bytes = 12;
+    engine::LayOverLimbs(model_, mirrored, limbs_, lists_, deep_, surface);
+  }
+
+  const uint16_t parents_[4] = {format::kNoParent, 0, format::kNoParent, 2};
+  std::vector<float> inverse_bind_, body_, body_weights_, bound_, matrices_;
+  std::vector<uint8_t> body_joints_, memory_;
+  std::vector<uint16_t> order_, faces_;
+  format::ModelView model_ = {};
+  engine::TouchLists lists_ = {};
+  engine::LimbCores limbs_ = {};
+  engine::DeepCloth deep_ = {};
+  engine::Sleeves sleeves_ = {};
+};
+
+// Two bones of an arm that bends between them about x, a hand, and a sleeve around the elbow: rings of 32 vertices, so
+// that each patch of 64 goes around the arm and has no side.
+class ArmInSleeve : public ThighAndSheet {
+ protected:
+  static constexpr float kBone = 0.3f, kSleeve = 0.06f;
+  static constexpr size_t kRings = 25, kAround = 32;
+
+  ArmInSleeve() {
+    for (auto* of : {&inverse_bind_, &body_, &body_weights_, &bound_}) of->clear();
+    for (auto* of : {&order_, &faces_}) of->clear();
+    body_joints_.clear();
+    for (int j = 0; j < 4; ++j) {
+      const float inverse[12] = {1, 0, 0, 0, 0, 1, 0, kBone * static_cast<float>(j), 0, 0, 1, 0};
+      inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
+    }
+    for (int ring = 0; ring <= 90; ++ring) {
+      const float y = -0.01f * static_cast<float>(ring);
+      AppendRing(kArm, y, &body_);
+      body_joints_.insert(body_joints_.end(), kAround, static_cast<uint8_t>(ring < 30 ? 0 : ring < 60 ? 1 : 2));
+    }
+    body_weights_.assign(body_joints_.size(), 1.0f);
+    for (size_t r = 0; r < kRings; ++r) AppendRing(kSleeve, -0.18f - kSpacing * static_cast<float>(r), &bound_);
+    for (size_t i = 0; i < kRings * kAround; ++i) {
+      order_.push_back(static_cast<uint16_t>(i));
+      if (i + kAround >= kRings * kAround) continue;
+      const size_t next = i % kAround == kAround - 1 ? i + 1 - kAround : i + 1;
+      for (const size_t corner : {i, i + kAround, next, next, i + kAround, next + kAround})
+        faces_.push_back(static_cast<uint16_t>(corner));
+    }
+    View(chain_);
+    engine::MeasureLimbCores(model_, limbs_);
+  }
+
+  static void AppendRing(float radius, float y, std::vector<float>* positions) {
+    for (size_t i = 0; i < kAround; ++i) {
+      const float turn = static_cast<float>(i) * 0.19634954f;
+      positions->insert(positions->end(), {radius * std::cos(turn), y, radius * std::sin(turn)});
+    }
+  }
+
+  // The forearm and the hand turn about the elbow.
+  void Bend(float angle) {
+    const float c = std::cos(angle), s = std::sin(angle);
+    const float matrix[12] = {1, 0, 0, 0, 0, c, -s, kBone * (c - 1), 0, s, c, kBone * s};
+    for (const size_t j : {1, 2}) std::memcpy(&matrices_[12 * j], matrix, sizeof(matrix));
+  }
+
+  // A vertex's place in the frame of its bone.
+  void Unbend(size_t i, const float* position, float* out) const {
+    const float* matrix = matrices_.data() + (bound_[i + 1] > -kBone ? 0 : 12);
+    for (size_t c = 0; c < 3; ++c) {
+      out[c] = 0;
+      for (size_t r = 0; r < 3; ++r) out[c] += matrix[4 * r + c] * (position[r] - matrix[4 * r + 3]);
+    }
+  }
+
+  const uint16_t chain_[4] = {format::kNoParent, 0, 1, 2};
+};
+
+}  // namespace dcloth::testing
+
+#endif  // DCLOTH_TESTS_UNIT_ENGINE_BODY_LIMBS_H_
