@@ -17,7 +17,7 @@ constexpr size_t kCorners = 16;        // of a ring
 constexpr size_t kFewestCorners = 10;  // of one that is judged
 constexpr float kLimb = 1.5f;          // of the lower bone: a hand or a foot are the limb, too
 // Between a ring's edge and the bones that go through it: cloth is as good as lost; and well where it is.
-constexpr float kLost = 0.005f, kWell = 0.02f;
+constexpr float kLost = 0.02f, kWell = 0.03f;
 constexpr float kStep = 0.4f;                  // a ring beside a lost one is lost less by this
 constexpr size_t kEnd = 4;                     // rings at a sleeve's end: they go with one that is lost
 constexpr float kFade = 0.06f;                 // from where a sleeve begins, over which it is drawn less
