@@ -12,7 +12,7 @@ using format::ModelView;
 constexpr float kAround = 0.2f;        // from a bone, at most: a sleeve hangs
 constexpr float kBegin = 0.2f;         // share of a bone without one above it; before that cloth belongs to the trunk
 constexpr size_t kRings = 32;          // from that bone's start; the last one is as long as it has to be
-constexpr float kRingWidth = 0.03f;    //
+constexpr float kRingWidth = 0.03f;    // of the others
 constexpr size_t kCorners = 16;        // of a ring
 constexpr size_t kFewestCorners = 10;  // of one that is judged
 constexpr float kLimb = 1.5f;          // of the lower bone: a hand or a foot are the limb, too
@@ -334,22 +334,27 @@ Sleeves PlaceSleeves(const ModelView& model, Arena* arena) { return {arena->Take
 
 void FindSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves& sleeves) {
   uint8_t sectors[kMostCores][kCoreSlices] = {};
-  for (const bool fill : {false, true}) {
-    for (size_t v = 0; v < model.vertex_count; ++v) {
-      OnBone nearest = {};
-      nearest.squared = kAround * kAround;
-      uint32_t at = kMostCores;
-      for (uint32_t k = 0; k < *limbs.count; ++k) {
-        const OnBone on = InBindPose(limbs.cores[k], model.template_positions + 3 * v);
-        if (on.squared < nearest.squared) nearest = on, at = k;
-      }
-      sleeves.cores[v] = kNoSleeve;
-      if (at == kMostCores || !limbs.cores[at].bends) continue;
-      if (limbs.cores[at].above == kMostCores && nearest.along < kBegin) continue;
-      uint8_t* all = &sectors[at][SliceAt(Clamped(nearest.along))];
-      *all |= static_cast<uint8_t>(1u << SectorAt(limbs.cores[at].around, nearest.away));
-      if (fill && *all == 0xFF) sleeves.cores[v] = static_cast<uint8_t>(at);
+  const auto sectors_at = [&](size_t v, const OnBone& on) {
+    return &sectors[sleeves.cores[v]][SliceAt(Clamped(on.along))];
+  };
+  for (size_t v = 0; v < model.vertex_count; ++v) {
+    OnBone nearest = {};
+    nearest.squared = kAround * kAround;
+    uint32_t at = kMostCores;
+    for (uint32_t k = 0; k < *limbs.count; ++k) {
+      const OnBone on = InBindPose(limbs.cores[k], model.template_positions + 3 * v);
+      if (on.squared < nearest.squared) nearest = on, at = k;
     }
+    sleeves.cores[v] = kNoSleeve;
+    if (at == kMostCores || !limbs.cores[at].bends) continue;
+    if (limbs.cores[at].above == kMostCores && nearest.along < kBegin) continue;
+    sleeves.cores[v] = static_cast<uint8_t>(at);
+    *sectors_at(v, nearest) |= static_cast<uint8_t>(1u << SectorAt(limbs.cores[at].around, nearest.away));
+  }
+  for (size_t v = 0; v < model.vertex_count; ++v) {
+    if (sleeves.cores[v] == kNoSleeve) continue;
+    const OnBone on = InBindPose(limbs.cores[sleeves.cores[v]], model.template_positions + 3 * v);
+    if (*sectors_at(v, on) != 0xFF) sleeves.cores[v] = kNoSleeve;
   }
 }
 
