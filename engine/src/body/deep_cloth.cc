@@ -16,9 +16,6 @@ constexpr int kMostLimbs = 3;         // that a vertex leaves one after another
 constexpr int kRingsBehind = 16;      // around deep cloth, of cloth behind a core
 constexpr int kRings = 2;             // of neighbours that give way
 constexpr int kSmoothings = 8;
-// Above the core of a limb that bends lies its skin; PushOut is to meet that one, not the skin that a bent knee folds
-// into itself. Share of the radius; metres.
-constexpr float kOver = 0.25f, kMostOver = 0.01f;
 constexpr uint16_t kAsked = kNotDeep - 1;  // a place: not behind a core; more than any place
 static_assert(kMostDeep <= kAsked);
 
@@ -188,24 +185,6 @@ void FillPlaces(const ModelView& model, const DeepCloth& deep, size_t found) {
   for (size_t i = 0; i < found; ++i) deep.places[deep.vertices[i]] = static_cast<uint16_t>(i);
 }
 
-// visit(vertex, count) for neighbours of the first `found` vertices that are not among them. It says whether they join
-// them; returns how many there are then.
-template <typename Visit>
-size_t AddRing(const ModelView& model, const DeepCloth& deep, size_t found, Visit visit) {
-  const size_t before = found, most = Most(model);
-  for (size_t t = 0; t < model.triangle_count; ++t) {
-    const uint16_t* face = model.faces + 3 * t;
-    bool beside = false;
-    for (size_t k = 0; k < 3; ++k) beside |= deep.places[face[k]] < before;
-    for (size_t k = 0; k < 3 && beside && found < most; ++k) {
-      if (deep.places[face[k]] != kNotDeep || !visit(face[k], found)) continue;
-      deep.places[face[k]] = static_cast<uint16_t>(found);
-      deep.vertices[found++] = face[k];
-    }
-  }
-  return found;
-}
-
 // Of vertex `v` at `place`; returns its nearest core.
 uint32_t FillUnder(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, uint16_t v, size_t place) {
   uint32_t nearest;
@@ -215,16 +194,16 @@ uint32_t FillUnder(const ModelView& model, const LimbCores& limbs, const DeepClo
 }
 
 // Cloth that joins deep cloth and lies behind the core of the bone nearest to it; returns how many there are then.
-size_t AddBehind(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found,
+size_t AddBehind(const ModelView& model, const LimbCores& limbs, uint32_t swept, const DeepCloth& deep, size_t found,
                  const Surface& surface) {
   FillPlaces(model, deep, found);
   for (int ring = 0; ring < kRingsBehind; ++ring) {
     const size_t before = found;
-    found = AddRing(model, deep, found, [&](uint16_t v, size_t place) {
+    found = AddRing(model, deep.places, deep.vertices, found, [&](uint16_t v, size_t place) {
       float out[3], middle[3];
       const uint32_t nearest = FillUnder(model, limbs, deep, v, place);
-      const bool behind =
-          IsBehindCore(limbs, deep.under[place], nearest, BoundOf(model, v), surface.PositionOf(v), out, middle);
+      const bool behind = IsBehindCore(limbs, deep.under[place] & ~swept, nearest, BoundOf(model, v),
+                                       surface.PositionOf(v), out, middle);
       if (!behind) deep.places[v] = kAsked;
       return behind;
     });
@@ -237,7 +216,7 @@ size_t AddBehind(const ModelView& model, const LimbCores& limbs, const DeepCloth
 size_t AddRings(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found) {
   FillPlaces(model, deep, found);
   for (int ring = 0; ring < kRings; ++ring) {
-    found = AddRing(model, deep, found, [&](uint16_t v, size_t place) {
+    found = AddRing(model, deep.places, deep.vertices, found, [&](uint16_t v, size_t place) {
       FillUnder(model, limbs, deep, v, place);
       return true;
     });
@@ -246,47 +225,20 @@ size_t AddRings(const ModelView& model, const LimbCores& limbs, const DeepCloth&
 }
 
 // Around the limb that has gone through it.
-void LiftAround(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t place, float* position) {
+void LiftAround(const ModelView& model, const LimbCores& limbs, uint32_t swept, const DeepCloth& deep, size_t place,
+                float* position) {
   float out[3], at[3];
   const float* bound = BoundOf(model, deep.vertices[place]);
-  if (!IsBehindCore(limbs, deep.under[place], deep.nearest[place], bound, position, out, at)) return;
+  if (!IsBehindCore(limbs, deep.under[place] & ~swept, deep.nearest[place], bound, position, out, at)) return;
   if (!LiftOut(limbs, deep.under[place], out, at)) return;
   for (size_t c = 0; c < 3; ++c) position[c] = at[c];
-}
-
-size_t ListTriangles(const ModelView& model, const DeepCloth& deep) {
-  size_t count = 0;
-  const size_t most = 3 * Most(model);
-  for (size_t t = 0; t < model.triangle_count && count < most; ++t) {
-    const uint16_t* face = model.faces + 3 * t;
-    const bool deep_corner = (deep.places[face[0]] & deep.places[face[1]] & deep.places[face[2]]) != kNotDeep;
-    if (deep_corner) deep.triangles[count++] = static_cast<uint32_t>(t);
-  }
-  return count;
-}
-
-void AddMove(const Surface& surface, const DeepCloth& deep, uint16_t vertex, float* sum) {
-  const uint16_t place = deep.places[vertex];
-  sum[3] += 1;
-  if (place == kNotDeep) return;
-  const float *position = surface.PositionOf(vertex), *start = deep.starts + size_t{3} * place;
-  for (size_t c = 0; c < 3; ++c) sum[c] += position[c] - start[c];
 }
 
 // Each vertex moves as its neighbours do on average, and from there across the bone out of the cores under it. Moves
 // are smoothed, not places: so pleats stay, and cloth that is hardly in a core is hardly moved.
 void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found, size_t triangles,
             const Surface& surface) {
-  for (size_t i = 0; i < 4 * found; ++i) deep.sums[i] = 0;
-  for (size_t t = 0; t < triangles; ++t) {
-    const uint16_t* face = model.faces + size_t{3} * deep.triangles[t];
-    for (size_t k = 0; k < 3; ++k) {
-      const uint16_t place = deep.places[face[k]];
-      if (place == kNotDeep) continue;
-      AddMove(surface, deep, face[(k + 1) % 3], deep.sums + size_t{4} * place);
-      AddMove(surface, deep, face[(k + 2) % 3], deep.sums + size_t{4} * place);
-    }
-  }
+  SumMoves(model, deep.places, deep.starts, deep.triangles, triangles, surface, found, deep.sums);
   for (size_t i = 0; i < found; ++i) {
     const float *sum = deep.sums + 4 * i, *start = deep.starts + 3 * i;
     if (!(sum[3] > 0)) continue;
@@ -297,8 +249,7 @@ void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& dee
       if ((deep.under[i] >> k & 1u) == 0 || !IsInCore(limbs.cores[k], position, away, &radius)) continue;
       const float distance = std::sqrt(Dot(away, away));
       if (!(distance > 0)) continue;
-      const float most = kMostOver * limbs.cores[k].scale, over = kOver * radius < most ? kOver * radius : most;
-      const float height = radius + (limbs.cores[k].bends ? over : 0.0f);
+      const float height = radius + SkinOver(limbs.cores[k], radius);
       for (size_t c = 0; c < 3; ++c) position[c] += (height - distance) / distance * away[c];
     }
   }
@@ -321,15 +272,15 @@ DeepCloth PlaceDeepCloth(const ModelView& model, Arena* arena) {
   return deep;
 }
 
-void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs, const TouchLists& lists,
-                  const DeepCloth& deep, const Surface& surface) {
+size_t LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs, uint32_t swept,
+                    const TouchLists& lists, const DeepCloth& deep, const Surface& surface) {
   const size_t lifted = *limbs.count == 0 ? 0 : FindDeep(model, limbs, lists, deep, surface);
   if (lifted == 0) {
     for (size_t v = 0; v < model.vertex_count; ++v) deep.places[v] = kNotDeep;
-    return;
+    return 0;
   }
   FillSides(model, mirrored, lists, deep, lifted, surface);
-  const size_t behind = AddBehind(model, limbs, deep, lifted, surface);
+  const size_t behind = AddBehind(model, limbs, swept, deep, lifted, surface);
   const size_t found = AddRings(model, limbs, deep, behind);
   for (size_t i = 0; i < found; ++i) {
     float* position = surface.PositionOf(deep.vertices[i]);
@@ -337,11 +288,49 @@ void LayOverLimbs(const ModelView& model, bool mirrored, const LimbCores& limbs,
     if (i < lifted) {
       LiftDeep(model, limbs, deep, i, position);
     } else if (i < behind) {
-      LiftAround(model, limbs, deep, i, position);
+      LiftAround(model, limbs, swept, deep, i, position);
     }
   }
-  const size_t triangles = ListTriangles(model, deep);
+  const size_t triangles = ListTriangles(model, deep.places, deep.places, deep.triangles);
   for (int k = 0; k < kSmoothings; ++k) Smooth(model, limbs, deep, found, triangles, surface);
+  return triangles;
+}
+
+size_t ListTriangles(const ModelView& model, const uint16_t* places, const uint16_t* other_places,
+                     uint32_t* triangles) {
+  size_t count = 0;
+  const size_t most = 3 * Most(model);
+  for (size_t t = 0; t < model.triangle_count && count < most; ++t) {
+    const uint16_t* face = model.faces + 3 * t;
+    const bool listed = (places[face[0]] & places[face[1]] & places[face[2]]) != kNotDeep ||
+                        (other_places[face[0]] & other_places[face[1]] & other_places[face[2]]) != kNotDeep;
+    if (listed) triangles[count++] = static_cast<uint32_t>(t);
+  }
+  return count;
+}
+
+void SumMoves(const ModelView& model, const uint16_t* places, const float* starts, const uint32_t* triangles,
+              size_t triangle_count, const Surface& surface, size_t found, float* sums) {
+  for (size_t i = 0; i < 4 * found; ++i) sums[i] = 0;
+  for (size_t t = 0; t < triangle_count; ++t) {
+    const uint16_t* face = model.faces + size_t{3} * triangles[t];
+    float moves[3][3] = {};
+    for (size_t k = 0; k < 3; ++k) {
+      const uint16_t place = places[face[k]];
+      if (place == kNotDeep) continue;
+      const float *position = surface.PositionOf(face[k]), *start = starts + size_t{3} * place;
+      for (size_t c = 0; c < 3; ++c) moves[k][c] = position[c] - start[c];
+    }
+    for (size_t k = 0; k < 3; ++k) {
+      const uint16_t place = places[face[k]];
+      if (place == kNotDeep) continue;
+      float* sum = sums + size_t{4} * place;
+      for (size_t next = 1; next < 3; ++next) {
+        for (size_t c = 0; c < 3; ++c) sum[c] += moves[(k + next) % 3][c];
+      }
+      sum[3] += 2;
+    }
+  }
 }
 
 float MoveOf(const DeepCloth& deep, const Surface& surface, size_t vertex) {

@@ -18,7 +18,8 @@ constexpr float kOpposite = 0.5f;      // cosine of the angle to straight behind
 constexpr float kShaft = 0.3f;         // of a bone: nearer to its start, cloth is held by the limb above
 constexpr float kHinge = 0.15f;        // of a bone, before a hinge: cloth there goes around both limbs
 constexpr float kLikeBone = 0.5f;      // of a bone's length: the one before it is a limb if so long
-constexpr float kClose = 0.08f, kLoose = 0.14f;  // metres from a bone in the bind pose: a sleeve, a skirt
+constexpr float kClose = 0.08f, kLoose = 0.14f;    // metres from a bone in the bind pose: a sleeve, a skirt
+constexpr float kOver = 0.25f, kMostOver = 0.01f;  // of a core's radius; metres
 constexpr float kFar = 1e18f;
 
 void Transform(const float* matrix, const float* point, float* out) {
@@ -264,6 +265,11 @@ uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit, uin
     }
     if (below) under |= 1u << k;
   }
+  for (uint32_t k = 0; k < *limbs.count; ++k) {
+    const uint32_t above = limbs.cores[k].above;
+    const bool is_foot = above != kMostCores && limbs.cores[above].above != kMostCores;
+    if (is_foot && found[k].squared < kFar) under |= (under >> above & 1u) << k;
+  }
   return under;
 }
 
@@ -279,6 +285,12 @@ bool IsInCore(const LimbCore& core, const float* point, float* away, float* radi
   *radius = metres * core.scale;
   for (size_t c = 0; c < 3; ++c) away[c] = on.away[c];
   return on.squared < *radius * *radius;
+}
+
+float SkinOver(const LimbCore& core, float radius) {
+  const float most = kMostOver * core.scale, over = kOver * radius;
+  if (!core.bends) return 0;
+  return over < most ? over : most;
 }
 
 float OwnSide(const LimbCore& core, const float* bound, float* out) {

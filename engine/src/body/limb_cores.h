@@ -72,9 +72,9 @@ void MeasureLimbCores(const format::ModelView& model, const LimbCores& limbs);
 void PoseLimbCores(const float* matrices, const LimbCores& limbs);
 
 // The cores, a bit each, that in the bind pose lie under a garment vertex at `point`: on the inner side of the plane
-// across its distance to the nearest bone, and not far from it. A hand beside a skirt does not; both legs do. `bit` is
-// of the vertex's class, 0 where every vertex touches everything. `nearest` is the core of that bone, kMostCores where
-// there is none.
+// across its distance to the nearest bone, and not far from it. A hand beside a skirt does not; both legs do. A foot
+// does where its shank does. `bit` is of the vertex's class, 0 where every vertex touches everything. `nearest` is the
+// core of that bone, kMostCores where there is none.
 uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit, uint32_t* nearest);
 
 // Whether the posed core may reach into a ball.
@@ -82,6 +82,10 @@ bool ReachesInto(const LimbCore& core, const float* centre, float radius);
 
 // Whether the posed core holds `point`; if so, `away` is the way to it from the bone and `radius` the core's there.
 bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius);
+
+// Above the core of a limb that bends lies its skin; cloth that is laid over it is to meet that one, not the skin that
+// a bent knee folds into itself. What to add to a core's radius.
+float SkinOver(const LimbCore& core, float radius);
 
 // Unit vector `out` across the posed bone to the side on which a garment vertex was at `bound` in the bind pose.
 // Returns 0 to 1: how surely it belongs there. A sleeve, close to its bone, goes with the limb; a skirt swings.

@@ -84,6 +84,7 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.touch = PlaceTouchLists(model, arena);
   memory.limbs = PlaceLimbCores(arena);
   memory.sleeves = PlaceSleeves(model, arena);
+  memory.swept = PlaceSweptCloth(model, arena);
   memory.deep = PlaceDeepCloth(model, arena);
   memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;
@@ -94,6 +95,7 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
   FillTouchLists(model, memory.touch);
   MeasureLimbCores(model, memory.limbs);
   FindSleeves(model, memory.limbs, memory.sleeves);
+  FindSweptCloth(model, memory.limbs, memory.sleeves, memory.swept);
 }
 
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
@@ -105,7 +107,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   PoseBody(kernels, model, space, skin, memory);
   PoseLimbCores(memory.matrices, memory.limbs);
   ThreadSleeves(model, memory.limbs, memory.sleeves, surface);
-  LayOverLimbs(model, space.mirrored, memory.limbs, memory.touch, memory.deep, surface);
+  LayOrSweep(model, space.mirrored, memory.matrices, memory.limbs, memory.touch, memory.deep, memory.swept, surface);
   FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
   kernels::NearestJob job = {};
   uint16_t nearest[kernels::kNearestPatch], suspect[kernels::kNearestPatch];

@@ -11,6 +11,7 @@
 #include "engine/src/body/deep_cloth.h"
 #include "engine/src/body/limb_cores.h"
 #include "engine/src/body/sleeves.h"
+#include "engine/src/body/swept_limbs.h"
 #include "engine/src/body/touch_lists.h"
 #include "engine/src/draw/output.h"
 #include "engine/src/pose/pose.h"
@@ -18,22 +19,23 @@
 
 namespace dcloth::engine {
 
-// Scratch of a frame but for `touch`, `limbs` and `sleeves`; all null where the model has no body.
+// Scratch of a frame but for what is found once for each body; all null where the model has no body.
 struct BodyMemory {
   float* matrices;   // [joint_count, 12]
   float* positions;  // [b, 3] posed
   float* normals;    // [b, 3]
   BodySites sites;
-  TouchLists touch;
-  LimbCores limbs;  // measured once for each body, posed in each frame
-  Sleeves sleeves;  // found once for each body
+  TouchLists touch;  // once
+  LimbCores limbs;   // measured once, posed in each frame
+  Sleeves sleeves;   // once
+  SweptCloth swept;  // its limbs once
   DeepCloth deep;
   uint16_t* beside;  // [n] for CoverCorners
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
 
-// Once, before the first KeepOutside: fills in `touch`, measures `limbs` and finds `sleeves`.
+// Once, before the first KeepOutside: fills in `touch`, measures `limbs`, finds `sleeves` and the limbs of `swept`.
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
 // Moves each vertex of `surface` that is less than the clearance outside the closest point of what it touches of the

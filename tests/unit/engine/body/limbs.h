@@ -1,15 +1,18 @@
-// A thigh of 80 mm with a sheet of cloth in front of it and an arm before the sheet; and an arm in a sleeve.
+// A thigh of 80 mm with a sheet of cloth in front of it and an arm before the sheet; an arm in a sleeve; a leg in a
+// skirt.
 #ifndef DCLOTH_TESTS_UNIT_ENGINE_BODY_LIMBS_H_
 #define DCLOTH_TESTS_UNIT_ENGINE_BODY_LIMBS_H_
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <vector>
 
 #include "engine/src/body/deep_cloth.h"
 #include "engine/src/body/sleeves.h"
+#include "engine/src/body/swept_limbs.h"
 
 namespace dcloth::testing {
 
@@ -98,7 +101,7 @@ class ThighAndSheet : public ::testing::Test {
     engine::Surface surface = {};
     surface.positions = sheet->data();
     surface.position_stride_bytes = 12;
-    engine::LayOverLimbs(model_, mirrored, limbs_, lists_, deep_, surface);
+    engine::LayOverLimbs(model_, mirrored, limbs_, 0, lists_, deep_, surface);
   }
 
   const uint16_t parents_[4] = {format::kNoParent, 0, format::kNoParent, 2};
@@ -169,6 +172,126 @@ class ArmInSleeve : public ThighAndSheet {
   }
 
   const uint16_t chain_[4] = {format::kNoParent, 0, 1, 2};
+};
+
+// A leg of two bones and a foot that hangs from a hip, in a skirt.
+class LegInSkirt : public ThighAndSheet {
+ protected:
+  static constexpr float kSkirt = 0.22f, kFoot = 0.15f;
+  static constexpr size_t kRows = 61, kAround = 120;
+
+  LegInSkirt() {
+    for (auto* of : {&inverse_bind_, &body_, &body_weights_, &bound_}) of->clear();
+    for (auto* of : {&order_, &faces_}) of->clear();
+    body_joints_.clear();
+    for (const float y : {0.0f, 0.0f, -kLength, -2 * kLength, -2 * kLength - kFoot}) {
+      const float inverse[12] = {1, 0, 0, 0, 0, 1, 0, -y, 0, 0, 1, 0};
+      inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
+    }
+    for (int ring = 0; ring <= 95; ++ring) {
+      const float y = -0.01f * static_cast<float>(ring);
+      AppendRing(ring < 40 ? kThigh : kArm, y, 32, &body_);
+      body_joints_.insert(body_joints_.end(), 32, static_cast<uint8_t>(ring < 40 ? 1 : ring < 80 ? 2 : 3));
+    }
+    body_weights_.assign(body_joints_.size(), 1.0f);
+    for (size_t r = 0; r < kRows; ++r) AppendRing(kSkirt, -kSpacing * static_cast<float>(r), kAround, &bound_);
+    for (size_t i = 0; i < kRows * kAround; ++i) {
+      order_.push_back(static_cast<uint16_t>(i));
+      if (i + kAround >= kRows * kAround) continue;
+      const size_t next = i % kAround == kAround - 1 ? i + 1 - kAround : i + 1;
+      for (const size_t corner : {i, next, i + kAround, next, next + kAround, i + kAround})
+        faces_.push_back(static_cast<uint16_t>(corner));
+    }
+    View(chain_);
+    model_.joint_count = 5;
+    matrices_.insert(matrices_.end(), matrices_.begin(), matrices_.begin() + 12);
+    engine::Arena sizes(nullptr);
+    engine::PlaceDeepCloth(model_, &sizes);
+    engine::PlaceSleeves(model_, &sizes);
+    engine::PlaceSweptCloth(model_, &sizes);
+    memory_of_skirt_.resize(sizes.size() + 64);
+    const auto address = reinterpret_cast<uintptr_t>(memory_of_skirt_.data());
+    engine::Arena arena(memory_of_skirt_.data() + (64 - address % 64) % 64);
+    deep_ = engine::PlaceDeepCloth(model_, &arena);
+    sleeves_ = engine::PlaceSleeves(model_, &arena);
+    swept_ = engine::PlaceSweptCloth(model_, &arena);
+    engine::MeasureLimbCores(model_, limbs_);
+    engine::FindSleeves(model_, limbs_, sleeves_);
+    engine::FindSweptCloth(model_, limbs_, sleeves_, swept_);
+  }
+
+  static void AppendRing(float radius, float y, size_t around, std::vector<float>* positions) {
+    for (size_t i = 0; i < around; ++i) {
+      const float turn = 6.28318531f * (static_cast<float>(i) + 0.3f) / static_cast<float>(around);
+      positions->insert(positions->end(), {radius * std::cos(turn), y, radius * std::sin(turn)});
+    }
+  }
+
+  // The leg is lifted forward by `hip`, and its knee bent by `knee`.
+  void Lift(float hip, float knee) {
+    const float c = std::cos(hip), s = std::sin(hip), d = std::cos(hip - knee), t = std::sin(hip - knee);
+    const float thigh[12] = {1, 0, 0, 0, 0, c, s, 0, 0, -s, c, 0};
+    const float shank[12] = {1, 0, 0, 0, 0, d, t, kLength * (d - c), 0, -t, d, kLength * (s - t)};
+    std::memcpy(&matrices_[12], thigh, sizeof(thigh));
+    for (const size_t j : {2, 3, 4}) std::memcpy(&matrices_[12 * j], shank, sizeof(shank));
+  }
+
+  // Blown backward, so much a metre below the hip.
+  std::vector<float> Skirt(float slope) const {
+    std::vector<float> skirt = bound_;
+    for (size_t i = 2; i < skirt.size(); i += 3) skirt[i] += slope * skirt[i - 1];
+    return skirt;
+  }
+
+  void LayOrSweep(std::vector<float>* skirt, bool mirrored = false) {
+    engine::PoseLimbCores(matrices_.data(), limbs_);
+    engine::Surface surface = {};
+    surface.positions = skirt->data();
+    surface.position_stride_bytes = 12;
+    engine::LayOrSweep(model_, mirrored, matrices_.data(), limbs_, lists_, deep_, swept_, surface);
+  }
+
+  // Triangles of which the middle is deep in the leg.
+  int TornOn(const std::vector<float>& skirt) const {
+    int count = 0;
+    for (size_t t = 0; t < faces_.size(); t += 3) {
+      float middle[3] = {}, away[3], radius;
+      for (size_t i = 0; i < 9; ++i) middle[i % 3] += skirt[3 * faces_[t + i / 3] + i % 3] / 3;
+      for (uint32_t k = 0; k < *limbs_.count; ++k) {
+        if (engine::IsInCore(limbs_.cores[k], middle, away, &radius))
+          count += std::sqrt(engine::Dot(away, away)) < 0.5f * radius;
+      }
+    }
+    return count;
+  }
+
+  // Triangles that a bone goes through.
+  int CrossedBy(const std::vector<float>& skirt) const {
+    const auto volume = [](const float* a, const float* b, const float* c, const float* d) {
+      float ab[3], ac[3], ad[3];
+      for (size_t i = 0; i < 3; ++i) ab[i] = b[i] - a[i], ac[i] = c[i] - a[i], ad[i] = d[i] - a[i];
+      return ab[0] * (ac[1] * ad[2] - ac[2] * ad[1]) + ab[1] * (ac[2] * ad[0] - ac[0] * ad[2]) +
+             ab[2] * (ac[0] * ad[1] - ac[1] * ad[0]);
+    };
+    int count = 0;
+    for (uint32_t k = 0; k < *limbs_.count; ++k) {
+      const engine::LimbCore& bone = limbs_.cores[k];
+      float to[3];
+      for (size_t c = 0; c < 3; ++c) to[c] = bone.posed_from[c] + bone.along[c];
+      for (size_t t = 0; t < faces_.size(); t += 3) {
+        const float* at[3] = {&skirt[3 * faces_[t]], &skirt[3 * faces_[t + 1]], &skirt[3 * faces_[t + 2]]};
+        if (volume(at[0], at[1], at[2], bone.posed_from) * volume(at[0], at[1], at[2], to) > 0) continue;
+        int sides = 0;
+        for (size_t i = 0; i < 3; ++i) sides += volume(bone.posed_from, to, at[i], at[(i + 1) % 3]) > 0 ? 1 : -1;
+        count += std::abs(sides) == 3;
+      }
+    }
+    return count;
+  }
+
+  const uint16_t chain_[5] = {format::kNoParent, 0, 1, 2, 3};
+  std::vector<uint8_t> memory_of_skirt_;
+  engine::SweptCloth swept_ = {};
 };
 
 }  // namespace dcloth::testing

@@ -1,0 +1,124 @@
+// A leg that was drawn outside of its skirt takes the skirt along.
+#include "engine/src/body/swept_limbs.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "tests/unit/engine/body/limbs.h"
+
+namespace dcloth::testing {
+namespace {
+
+struct Drawn {
+  float hip, knee;  // radians
+  float slope;      // of the skirt
+};
+
+// Where each vertex alone is taken out of the leg, the bones still go through the cloth.
+TEST_F(LegInSkirt, ClothThatLayingTearsIsTakenAlong) {
+  for (const Drawn& drawn : {Drawn{0.3f, 2, 0}, Drawn{0.3f, 2, 0.2f}, Drawn{0.6f, 0, 0},
+                             Drawn{0.6f, 1, 0.2f}, Drawn{0.9f, 2, 0}}) {
+    Lift(drawn.hip, drawn.knee);
+    std::vector<float> laid = Skirt(drawn.slope), swept = laid;
+    Lay(&laid);
+    EXPECT_GE(TornOn(laid), 3) << drawn.hip << " " << drawn.knee;
+    EXPECT_GE(CrossedBy(laid), 3) << drawn.hip << " " << drawn.knee;
+    LayOrSweep(&swept);
+    EXPECT_EQ(TornOn(swept), 0) << drawn.hip << " " << drawn.knee;
+    EXPECT_EQ(CrossedBy(swept), 0) << drawn.hip << " " << drawn.knee;
+  }
+}
+
+TEST_F(LegInSkirt, ClothThatWasLaidWellKeepsItsBits) {
+  for (const Drawn& drawn : {Drawn{0, 0, 0.2f}, Drawn{0, 0, 0.4f}, Drawn{0.3f, 0, 0.2f}, Drawn{0.3f, 1, 0.2f},
+                             Drawn{0.6f, 1, 0}}) {
+    Lift(drawn.hip, drawn.knee);
+    std::vector<float> laid = Skirt(drawn.slope), swept = laid;
+    Lay(&laid);
+    LayOrSweep(&swept);
+    EXPECT_EQ(swept, laid) << drawn.hip << " " << drawn.knee;
+  }
+}
+
+// Half of the way back the leg is still outside of the skirt, or that hangs behind the leg in the bind pose, too.
+TEST_F(LegInSkirt, WhatNoSweepMendsIsLaid) {
+  for (const Drawn& drawn : {Drawn{0.3f, 0, 0.4f}, Drawn{0, 2, 0}, Drawn{0.9f, 0, 0}, Drawn{1.2f, 0, 0}}) {
+    Lift(drawn.hip, drawn.knee);
+    std::vector<float> laid = Skirt(drawn.slope), swept = laid;
+    Lay(&laid);
+    EXPECT_GT(TornOn(laid), 0) << drawn.hip;
+    LayOrSweep(&swept);
+    EXPECT_EQ(swept, laid) << drawn.hip;
+  }
+}
+
+TEST_F(LegInSkirt, NoFrameRemembersTheLast) {
+  Lift(0.9f, 2);
+  std::vector<float> first = Skirt(0);
+  LayOrSweep(&first);
+  Lift(0.3f, 2);
+  std::vector<float> other = Skirt(0.2f);
+  LayOrSweep(&other);
+  Lift(0.9f, 2);
+  std::vector<float> again = Skirt(0);
+  LayOrSweep(&again);
+  EXPECT_EQ(again, first);
+}
+
+TEST_F(LegInSkirt, AFootLiesUnderWhatItsShankDoes) {
+  ASSERT_EQ(*limbs_.count, 3u);
+  uint32_t nearest;
+  const float hem[3] = {kSkirt, -0.6f, 0}, waist[3] = {kSkirt, -0.05f, 0};
+  EXPECT_EQ(engine::CoresUnder(limbs_, hem, 0, &nearest), 7u);
+  EXPECT_EQ(engine::CoresUnder(limbs_, waist, 0, &nearest), 1u) << "0.4 m from the shank";
+  for (const uint8_t legs : std::vector<uint8_t>(swept_.limbs, swept_.limbs + order_.size())) ASSERT_EQ(legs, 1);
+}
+
+TEST_F(ArmInSleeve, SleevesAreNotSwept) {
+  std::vector<uint8_t> memory(32 * order_.size() + 65536);
+  engine::Arena arena(memory.data() + (64 - reinterpret_cast<uintptr_t>(memory.data()) % 64) % 64);
+  const engine::SweptCloth swept = engine::PlaceSweptCloth(model_, &arena);
+  engine::FindSleeves(model_, limbs_, sleeves_);
+  engine::FindSweptCloth(model_, limbs_, sleeves_, swept);
+  for (size_t v = 0; v < order_.size(); ++v) ASSERT_EQ(swept.limbs[v], 0) << v;
+}
+
+TEST_F(LegInSkirt, MirroredSpacesGiveTheMirrorImage) {
+  Lift(0.6f, 2);
+  std::vector<float> skirt = Skirt(0), host = skirt;
+  const std::vector<float> before = skirt;
+  LayOrSweep(&skirt);
+  EXPECT_NE(skirt, before);
+  for (size_t i = 0; i < host.size(); i += 3) host[i] *= -100, host[i + 1] *= 100, host[i + 2] *= 100;
+  for (size_t i = 0; i < matrices_.size(); i += 4) {
+    const float scale = i % 12 == 0 ? -100.0f : 100.0f;
+    for (size_t c = 0; c < 4; ++c) matrices_[i + c] *= scale;
+  }
+  LayOrSweep(&host, true);
+  size_t apart = 0;
+  for (size_t i = 0; i < host.size(); ++i)
+    apart += !(std::fabs(0.01f * host[i] * (i % 3 == 0 ? -1.0f : 1.0f) - skirt[i]) < 1e-4f);
+  EXPECT_EQ(apart, 0u);
+}
+
+// Joints without size or torn apart, cloth that is nowhere: an end, and nothing that is no number where there was none.
+TEST_F(LegInSkirt, BrokenPosesEnd) {
+  Lift(0.9f, 2);
+  const std::vector<float> matrices = matrices_;
+  for (const float scale : {0.0f, 1e-30f, 1e18f}) {
+    matrices_ = matrices;
+    for (size_t i = 12; i < 36; ++i) matrices_[i] *= scale;
+    for (const float size : {0.0f, 1.0f, 1e15f}) {
+      std::vector<float> skirt = Skirt(0);
+      for (float& x : skirt) x *= size;
+      LayOrSweep(&skirt);
+      for (const float x : skirt) ASSERT_TRUE(std::isfinite(x)) << scale << " " << size;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace dcloth::testing
