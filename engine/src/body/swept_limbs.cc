@@ -13,9 +13,9 @@ constexpr size_t kMostParts = 3;  // of a limb: thigh, shank, foot
 // What is torn, in triangles: the sum over those through a limb of how much nearer to its bone than kDeep they come, in
 // shares of the core's radius. So much is a tear; so much of what there was is none.
 constexpr float kDeep = 0.7f, kTorn = 0.05f, kLess = 0.25f;
-constexpr float kStep = 0.02f;      // metres, of a sweep: less than a core is thick
-constexpr float kMostSteps = 32;    // longer sweeps take longer steps
-constexpr int kRings = 8;           // around what was pushed, that give way
+constexpr float kStep = 0.02f;    // metres, of a sweep: less than a core is thick
+constexpr float kMostSteps = 32;  // longer sweeps take longer steps
+constexpr int kRings = 8;         // around what was pushed, that give way
 constexpr int kSpreads = 16;
 constexpr float kFar = 1e18f;
 
@@ -117,8 +117,8 @@ bool FillLimb(const ModelView& model, const float* matrices, const LimbCores& li
   return true;
 }
 
-float TornBy(const ModelView& model, const Limb& limb, const uint32_t* triangles, size_t count,
-             const SweptCloth& swept, const Surface& surface) {
+float TornBy(const ModelView& model, const Limb& limb, const uint32_t* triangles, size_t count, const SweptCloth& swept,
+             const Surface& surface) {
   float torn = 0;
   for (size_t t = 0; t < count; ++t) {
     const uint16_t *face = model.faces + size_t{3} * triangles[t], a = face[0], b = face[1], c = face[2];

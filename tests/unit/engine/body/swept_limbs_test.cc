@@ -19,8 +19,8 @@ struct Drawn {
 
 // Where each vertex alone is taken out of the leg, the bones still go through the cloth.
 TEST_F(LegInSkirt, ClothThatLayingTearsIsTakenAlong) {
-  for (const Drawn& drawn : {Drawn{0.3f, 2, 0}, Drawn{0.3f, 2, 0.2f}, Drawn{0.6f, 0, 0},
-                             Drawn{0.6f, 1, 0.2f}, Drawn{0.9f, 2, 0}}) {
+  for (const Drawn& drawn :
+       {Drawn{0.3f, 2, 0}, Drawn{0.3f, 2, 0.2f}, Drawn{0.6f, 0, 0}, Drawn{0.6f, 1, 0.2f}, Drawn{0.9f, 2, 0}}) {
     Lift(drawn.hip, drawn.knee);
     std::vector<float> laid = Skirt(drawn.slope), swept = laid;
     Lay(&laid);
@@ -33,8 +33,8 @@ TEST_F(LegInSkirt, ClothThatLayingTearsIsTakenAlong) {
 }
 
 TEST_F(LegInSkirt, ClothThatWasLaidWellKeepsItsBits) {
-  for (const Drawn& drawn : {Drawn{0, 0, 0.2f}, Drawn{0, 0, 0.4f}, Drawn{0.3f, 0, 0.2f}, Drawn{0.3f, 1, 0.2f},
-                             Drawn{0.6f, 1, 0}}) {
+  for (const Drawn& drawn :
+       {Drawn{0, 0, 0.2f}, Drawn{0, 0, 0.4f}, Drawn{0.3f, 0, 0.2f}, Drawn{0.3f, 1, 0.2f}, Drawn{0.6f, 1, 0}}) {
     Lift(drawn.hip, drawn.knee);
     std::vector<float> laid = Skirt(drawn.slope), swept = laid;
     Lay(&laid);
