@@ -15,6 +15,9 @@
 namespace dcloth::engine {
 
 inline float Dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+inline void Cross(const float* a, const float* b, float* out) {
+  for (size_t c = 0; c < 3; ++c) out[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
+}
 
 constexpr size_t kCoreSlices = 8;   // along the bone
 constexpr size_t kCoreSectors = 8;  // around it

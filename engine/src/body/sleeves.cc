@@ -32,10 +32,6 @@ constexpr float kFar = 1e18f;
 float Clamped(float x, float most = 1) { return x < 0 ? 0.0f : x < most ? x : most; }
 float Larger(float a, float b) { return a > b ? a : b; }
 
-void Cross(const float* a, const float* b, float* out) {
-  for (size_t c = 0; c < 3; ++c) out[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
-}
-
 bool Normalize(float* vector, float least) {
   const float length = std::sqrt(Dot(vector, vector));
   if (!(length > least)) return false;

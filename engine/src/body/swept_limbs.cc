@@ -25,10 +25,6 @@ struct Start {
 };
 constexpr Start kStarts[] = {{0.25f, 0.25f}, {0.5f, 0.5f}, {0, 0.25f}};
 
-void Cross(const float* a, const float* b, float* out) {
-  for (size_t c = 0; c < 3; ++c) out[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
-}
-
 // The smallest that takes a posed bone to where the joint above it holds it in the bind pose.
 struct Turn {
   float axis[3];       // unit vector, or zero
@@ -302,12 +298,13 @@ void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, co
   size_t moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
   VisitLimbs(limbs, [&](const LimbCore&, uint32_t upper, uint8_t bit) {
     Limb limb;
-    if (!FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
+    if (sweeps == kMostSweeps || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
     const float torn = TornBy(model, limb, deep.triangles, moved, swept, surface);
     if (!(torn > kTorn)) return;
     TakeBack(model, deep.places, deep.starts, surface);
     for (const Start& from : kStarts) {
-      if (sweeps++ == kMostSweeps) break;
+      if (sweeps == kMostSweeps) break;
+      ++sweeps;
       Spread(model, swept, PushAlong(model, limb, from, swept, deep.places, surface), deep, surface);
       LayOverLimbs(model, mirrored, limbs, cores | limb.cores, lists, deep, surface);
       moved = ListTriangles(model, deep.places, swept.places, deep.triangles);
