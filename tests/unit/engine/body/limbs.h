@@ -20,6 +20,13 @@ constexpr float kThigh = 0.08f, kArm = 0.05f, kLength = 0.4f, kBeside = 0.3f, kS
 constexpr size_t kColumns = 41, kRows = 31;
 constexpr float kSpacing = 0.01f;
 
+inline void AppendRing(float radius, float y, size_t around, float offset, std::vector<float>* positions) {
+  for (size_t i = 0; i < around; ++i) {
+    const float turn = 6.28318531f * (static_cast<float>(i) + offset) / static_cast<float>(around);
+    positions->insert(positions->end(), {radius * std::cos(turn), y, radius * std::sin(turn)});
+  }
+}
+
 // Joints: the thigh's and its knee, the arm's and its hand. Both bones point down -y.
 class ThighAndSheet : public ::testing::Test {
  protected:
@@ -90,6 +97,25 @@ class ThighAndSheet : public ::testing::Test {
     lists_.order = order_.data();
   }
 
+  // Forgets thigh, arm and sheet.
+  void Clear() {
+    for (auto* of : {&inverse_bind_, &body_, &body_weights_, &bound_}) of->clear();
+    for (auto* of : {&order_, &faces_}) of->clear();
+    body_joints_.clear();
+  }
+
+  // Cloth, downward from `y`.
+  void AppendTube(float radius, float y, size_t rows, size_t around, float offset) {
+    for (size_t r = 0; r < rows; ++r) AppendRing(radius, y - kSpacing * static_cast<float>(r), around, offset, &bound_);
+    for (size_t i = 0; i < rows * around; ++i) {
+      order_.push_back(static_cast<uint16_t>(i));
+      if (i + around >= rows * around) continue;
+      const size_t next = i % around == around - 1 ? i + 1 - around : i + 1;
+      for (const size_t corner : {i, next, i + around, next, next + around, i + around})
+        faces_.push_back(static_cast<uint16_t>(corner));
+    }
+  }
+
   std::vector<float> SheetAt(float x, float z) const {
     std::vector<float> sheet = bound_;
     for (size_t i = 0; i < sheet.size(); i += 3) sheet[i] += x, sheet[i + 2] = z;
@@ -123,36 +149,20 @@ class ArmInSleeve : public ThighAndSheet {
   static constexpr size_t kRings = 25, kAround = 32;
 
   ArmInSleeve() {
-    for (auto* of : {&inverse_bind_, &body_, &body_weights_, &bound_}) of->clear();
-    for (auto* of : {&order_, &faces_}) of->clear();
-    body_joints_.clear();
+    Clear();
     for (int j = 0; j < 4; ++j) {
       const float inverse[12] = {1, 0, 0, 0, 0, 1, 0, kBone * static_cast<float>(j), 0, 0, 1, 0};
       inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
     }
     for (int ring = 0; ring <= 90; ++ring) {
       const float y = -0.01f * static_cast<float>(ring);
-      AppendRing(kArm, y, &body_);
+      AppendRing(kArm, y, kAround, 0, &body_);
       body_joints_.insert(body_joints_.end(), kAround, static_cast<uint8_t>(ring < 30 ? 0 : ring < 60 ? 1 : 2));
     }
     body_weights_.assign(body_joints_.size(), 1.0f);
-    for (size_t r = 0; r < kRings; ++r) AppendRing(kSleeve, -0.18f - kSpacing * static_cast<float>(r), &bound_);
-    for (size_t i = 0; i < kRings * kAround; ++i) {
-      order_.push_back(static_cast<uint16_t>(i));
-      if (i + kAround >= kRings * kAround) continue;
-      const size_t next = i % kAround == kAround - 1 ? i + 1 - kAround : i + 1;
-      for (const size_t corner : {i, i + kAround, next, next, i + kAround, next + kAround})
-        faces_.push_back(static_cast<uint16_t>(corner));
-    }
+    AppendTube(kSleeve, -0.18f, kRings, kAround, 0);
     View(chain_);
     engine::MeasureLimbCores(model_, limbs_);
-  }
-
-  static void AppendRing(float radius, float y, std::vector<float>* positions) {
-    for (size_t i = 0; i < kAround; ++i) {
-      const float turn = static_cast<float>(i) * 0.19634954f;
-      positions->insert(positions->end(), {radius * std::cos(turn), y, radius * std::sin(turn)});
-    }
   }
 
   // The forearm and the hand turn about the elbow.
@@ -181,27 +191,18 @@ class LegInSkirt : public ThighAndSheet {
   static constexpr size_t kRows = 61, kAround = 120;
 
   LegInSkirt() {
-    for (auto* of : {&inverse_bind_, &body_, &body_weights_, &bound_}) of->clear();
-    for (auto* of : {&order_, &faces_}) of->clear();
-    body_joints_.clear();
+    Clear();
     for (const float y : {0.0f, 0.0f, -kLength, -2 * kLength, -2 * kLength - kFoot}) {
       const float inverse[12] = {1, 0, 0, 0, 0, 1, 0, -y, 0, 0, 1, 0};
       inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
     }
     for (int ring = 0; ring <= 95; ++ring) {
       const float y = -0.01f * static_cast<float>(ring);
-      AppendRing(ring < 40 ? kThigh : kArm, y, 32, &body_);
+      AppendRing(ring < 40 ? kThigh : kArm, y, 32, 0.3f, &body_);
       body_joints_.insert(body_joints_.end(), 32, static_cast<uint8_t>(ring < 40 ? 1 : ring < 80 ? 2 : 3));
     }
     body_weights_.assign(body_joints_.size(), 1.0f);
-    for (size_t r = 0; r < kRows; ++r) AppendRing(kSkirt, -kSpacing * static_cast<float>(r), kAround, &bound_);
-    for (size_t i = 0; i < kRows * kAround; ++i) {
-      order_.push_back(static_cast<uint16_t>(i));
-      if (i + kAround >= kRows * kAround) continue;
-      const size_t next = i % kAround == kAround - 1 ? i + 1 - kAround : i + 1;
-      for (const size_t corner : {i, next, i + kAround, next, next + kAround, i + kAround})
-        faces_.push_back(static_cast<uint16_t>(corner));
-    }
+    AppendTube(kSkirt, 0, kRows, kAround, 0.3f);
     View(chain_);
     model_.joint_count = 5;
     matrices_.insert(matrices_.end(), matrices_.begin(), matrices_.begin() + 12);
@@ -218,13 +219,6 @@ class LegInSkirt : public ThighAndSheet {
     engine::MeasureLimbCores(model_, limbs_);
     engine::FindSleeves(model_, limbs_, sleeves_);
     engine::FindSweptCloth(model_, limbs_, sleeves_, swept_);
-  }
-
-  static void AppendRing(float radius, float y, size_t around, std::vector<float>* positions) {
-    for (size_t i = 0; i < around; ++i) {
-      const float turn = 6.28318531f * (static_cast<float>(i) + 0.3f) / static_cast<float>(around);
-      positions->insert(positions->end(), {radius * std::cos(turn), y, radius * std::sin(turn)});
-    }
   }
 
   // The leg is lifted forward by `hip`, and its knee bent by `knee`.

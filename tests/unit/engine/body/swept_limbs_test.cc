@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
+#include <utility>
 #include <vector>
 
 #include "tests/unit/engine/body/limbs.h"
@@ -17,45 +17,47 @@ struct Drawn {
   float slope;      // of the skirt
 };
 
-// Where each vertex alone is taken out of the leg, the bones still go through the cloth.
-TEST_F(LegInSkirt, ClothThatLayingTearsIsTakenAlong) {
-  for (const Drawn& drawn :
-       {Drawn{0.3f, 2, 0}, Drawn{0.3f, 2, 0.2f}, Drawn{0.6f, 0, 0}, Drawn{0.6f, 1, 0.2f}, Drawn{0.9f, 2, 0}}) {
+class SweptLimbsTest : public LegInSkirt {
+ protected:
+  std::pair<std::vector<float>, std::vector<float>> LaidAndSwept(const Drawn& drawn) {
     Lift(drawn.hip, drawn.knee);
     std::vector<float> laid = Skirt(drawn.slope), swept = laid;
     Lay(&laid);
+    LayOrSweep(&swept);
+    return {laid, swept};
+  }
+};
+
+// Where each vertex alone is taken out of the leg, the bones still go through the cloth.
+TEST_F(SweptLimbsTest, ClothThatLayingTearsIsTakenAlong) {
+  for (const Drawn& drawn :
+       {Drawn{0.3f, 2, 0}, Drawn{0.3f, 2, 0.2f}, Drawn{0.6f, 0, 0}, Drawn{0.6f, 1, 0.2f}, Drawn{0.9f, 2, 0}}) {
+    const auto [laid, swept] = LaidAndSwept(drawn);
     EXPECT_GE(TornOn(laid), 3) << drawn.hip << " " << drawn.knee;
     EXPECT_GE(CrossedBy(laid), 3) << drawn.hip << " " << drawn.knee;
-    LayOrSweep(&swept);
     EXPECT_EQ(TornOn(swept), 0) << drawn.hip << " " << drawn.knee;
     EXPECT_EQ(CrossedBy(swept), 0) << drawn.hip << " " << drawn.knee;
   }
 }
 
-TEST_F(LegInSkirt, ClothThatWasLaidWellKeepsItsBits) {
+TEST_F(SweptLimbsTest, ClothThatWasLaidWellKeepsItsBits) {
   for (const Drawn& drawn :
        {Drawn{0, 0, 0.2f}, Drawn{0, 0, 0.4f}, Drawn{0.3f, 0, 0.2f}, Drawn{0.3f, 1, 0.2f}, Drawn{0.6f, 1, 0}}) {
-    Lift(drawn.hip, drawn.knee);
-    std::vector<float> laid = Skirt(drawn.slope), swept = laid;
-    Lay(&laid);
-    LayOrSweep(&swept);
+    const auto [laid, swept] = LaidAndSwept(drawn);
     EXPECT_EQ(swept, laid) << drawn.hip << " " << drawn.knee;
   }
 }
 
 // Half of the way back the leg is still outside of the skirt, or that hangs behind the leg in the bind pose, too.
-TEST_F(LegInSkirt, WhatNoSweepMendsIsLaid) {
+TEST_F(SweptLimbsTest, WhatNoSweepMendsIsLaid) {
   for (const Drawn& drawn : {Drawn{0.3f, 0, 0.4f}, Drawn{0, 2, 0}, Drawn{0.9f, 0, 0}, Drawn{1.2f, 0, 0}}) {
-    Lift(drawn.hip, drawn.knee);
-    std::vector<float> laid = Skirt(drawn.slope), swept = laid;
-    Lay(&laid);
+    const auto [laid, swept] = LaidAndSwept(drawn);
     EXPECT_GT(TornOn(laid), 0) << drawn.hip;
-    LayOrSweep(&swept);
     EXPECT_EQ(swept, laid) << drawn.hip;
   }
 }
 
-TEST_F(LegInSkirt, NoFrameRemembersTheLast) {
+TEST_F(SweptLimbsTest, NoFrameRemembersTheLast) {
   Lift(0.9f, 2);
   std::vector<float> first = Skirt(0);
   LayOrSweep(&first);
@@ -68,7 +70,7 @@ TEST_F(LegInSkirt, NoFrameRemembersTheLast) {
   EXPECT_EQ(again, first);
 }
 
-TEST_F(LegInSkirt, AFootLiesUnderWhatItsShankDoes) {
+TEST_F(SweptLimbsTest, AFootLiesUnderWhatItsShankDoes) {
   ASSERT_EQ(*limbs_.count, 3u);
   uint32_t nearest;
   const float hem[3] = {kSkirt, -0.6f, 0}, waist[3] = {kSkirt, -0.05f, 0};
@@ -86,7 +88,7 @@ TEST_F(ArmInSleeve, SleevesAreNotSwept) {
   for (size_t v = 0; v < order_.size(); ++v) ASSERT_EQ(swept.limbs[v], 0) << v;
 }
 
-TEST_F(LegInSkirt, MirroredSpacesGiveTheMirrorImage) {
+TEST_F(SweptLimbsTest, MirroredSpacesGiveTheMirrorImage) {
   Lift(0.6f, 2);
   std::vector<float> skirt = Skirt(0), host = skirt;
   const std::vector<float> before = skirt;
@@ -105,7 +107,7 @@ TEST_F(LegInSkirt, MirroredSpacesGiveTheMirrorImage) {
 }
 
 // Joints without size or torn apart, cloth that is nowhere: an end, and nothing that is no number where there was none.
-TEST_F(LegInSkirt, BrokenPosesEnd) {
+TEST_F(SweptLimbsTest, BrokenPosesEnd) {
   Lift(0.9f, 2);
   const std::vector<float> matrices = matrices_;
   for (const float scale : {0.0f, 1e-30f, 1e18f}) {
