@@ -459,7 +459,7 @@ DCLOTH_API size_t dcloth_cloth_storage_size(const dcloth_model* model);
  * Memory: storage only.
  * Thread: any.
  * Errors: ARGUMENT, ALIGNMENT, MEMORY.
- * Cost: clears the memory; with a skin also 1.5 ms for 10,000 vertices, to find limbs and what goes around them, and
+ * Cost: clears the memory; with a skin also 3 ms for 10,000 vertices, to find limbs and what goes around them, and
  *   for files before format 1.5 1 ms more, to sort them. */
 DCLOTH_API dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size_t storage_size,
                                              dcloth_cloth** cloth, dcloth_error* error);
