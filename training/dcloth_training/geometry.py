@@ -9,6 +9,12 @@ CANDIDATE_FACES = 48
 _BLOCK = 256      # points whose candidates are in memory together
 
 
+def doubled_areas(corner):
+    """[c] of the plane triangles corner [c, 3, 2]: positive where they turn anticlockwise."""
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
 def _on_segment(p, a, b):
     """Parameter t in [0, 1] of the point of a + t (b - a) nearest to p; all [k, 3]."""
     d = b - a

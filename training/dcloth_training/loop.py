@@ -108,7 +108,7 @@ def fit(stage, module, epochs, batches, validate, folder, *, seed=0, rate=1e-3, 
         for loss in shared.steps(batches, functools.partial(seed_epoch, seed, stage, epoch), parameters, shards):
             torch.nn.utils.clip_grad_norm_(parameters, CLIP_NORM)
             optimiser.step()
-            total, steps = total + float(loss), steps + 1
+            total, steps = total + float(loss.detach()), steps + 1
         if not math.isfinite(total):
             raise FloatingPointError(f"{stage}: loss not finite in epoch {epoch + 1}; "
                                      f"lower --rate, or resume from an older checkpoint")

@@ -91,12 +91,12 @@ def test_a_gpu_that_is_not_there_is_refused(capsys, monkeypatch):
     assert "--device cuda" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("shards", ["1", "2"])
-def test_all_stages_meet_their_data_on_the_device(tiny, tmp_path, monkeypatch, shards):
+@pytest.mark.parametrize("shards, base", [("1", "learned"), ("2", "learned"), ("1", "rigid")])
+def test_all_stages_meet_their_data_on_the_device(tiny, tmp_path, monkeypatch, shards, base):
     monkeypatch.setattr(train_checks, "device", lambda options, refuse: None)
     short = [option if option not in ("10", "20") else "2" for option in SMALL]
     options = train.arguments(["--data", str(tiny), "--out", str(tmp_path / "run"), *short, "--settle-epochs", "1",
-                               "--validate-every", "1", "--device", "cuda", "--shards", shards])
+                               "--validate-every", "1", "--device", "cuda", "--shards", shards, "--static-base", base])
     with PretendedGpu(monkeypatch) as gpu:
         net = train.run(options)[0]
     assert gpu.brought > 100 and not any(_away(p) for p in net.parameters())

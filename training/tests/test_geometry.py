@@ -82,3 +82,11 @@ def test_triangles_of_very_different_sizes_are_searched_exactly():
     assert np.array_equal(face, away.argmin(1)) and (face >= len(faces) - 60).any()
     assert np.array_equal(np.linalg.norm(found - points, axis=1), away.min(1))
     assert np.allclose((bary[..., None] * vertices[faces[face]]).sum(1), found, atol=1e-12)
+
+
+def test_plane_triangles_have_the_areas_that_they_have_in_space():
+    corner = np.random.default_rng(5).standard_normal((50, 3, 2))
+    flat = np.concatenate([corner, np.zeros((50, 3, 1))], 2)
+    expected = np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])[:, 2]
+    np.testing.assert_allclose(geometry.doubled_areas(corner), expected, rtol=1e-12)
+    assert (expected > 0).any() and (expected < 0).any()

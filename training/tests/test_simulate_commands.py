@@ -88,6 +88,18 @@ def test_what_was_not_cloth_is_not_tried_again(tmp_path, monkeypatch, capsys):
         go()
 
 
+def test_a_folder_begun_with_other_triangles_is_refused(tmp_path):
+    """Other versions of numpy and scipy cut as many vertices and other triangles."""
+    worn = garment.GARMENTS["skirt"](figure.load())
+    path = str(tmp_path / "character.safetensors")
+    there = {"cloth_template": worn.vertices.astype(np.float32), "cloth_faces": worn.faces}
+    safetensors_io.write(path, there, {})
+    assert len(run.put_on(str(tmp_path), "skirt")[1].vertices) == len(worn.vertices)
+    safetensors_io.write(path, {**there, "cloth_faces": np.roll(worn.faces, 1, 0)}, {})
+    with pytest.raises(ValueError, match="character.safetensors: other triangles than the skirt cut here"):
+        run.put_on(str(tmp_path), "skirt")
+
+
 def test_floor_wants_a_clip_that_can_be(tmp_path, capsys):
     assert floor.main(["--data", str(tmp_path), "mocap/walk"]) == 2
     told = capsys.readouterr().err

@@ -97,8 +97,8 @@ def pattern(vertices, faces, uv):
     flat = _flat(corner, down)
     if uv is None:
         return flat, "no texture coordinates: the mesh as it stands is the rest shape, the warp runs down"
-    area = 0.5 * np.abs(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]))
-    turned = np.cross(uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0])
+    area = 0.5 * np.abs(geometry.doubled_areas(flat))
+    turned = geometry.doubled_areas(uv)
     chart = _charts(faces, uv)
     whole = np.bincount(chart, 0.5 * np.abs(turned))
     scale = np.sqrt(np.bincount(chart, area) / np.maximum(whole, 1e-18))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from .. import geometry
 from ..motion.skeleton import LOWER_BODY, WHOLE_BODY
 from . import body as parts
 from . import pattern
@@ -62,7 +63,7 @@ def _layout(sewn, gap=0.05):
     for panel in range(count):
         pair = sewn.panel % count == panel
         flat, right = sewn.pattern[pair], sewn.panel[pair] >= count
-        if np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]).sum() < 0:    # cut with the wrong side up
+        if geometry.doubled_areas(flat).sum() < 0:    # cut with the wrong side up
             flat = flat * [-1, 1]
         left_low, left_high = flat[~right, :, 0].min(), flat[~right, :, 0].max()
         if left_low < -1e-9 < 1e-9 < left_high:    # they overlap where the garment opens

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
+from .. import geometry
+
 RELAXATIONS = 80
 
 
@@ -64,7 +66,7 @@ def triangulate(outline, spacing, lines=(), seed=0):
         faces = Delaunay(points).simplices
         faces = faces[inside(points[faces].mean(1), outline)]
         corner = points[faces]
-        area = 0.5 * np.abs(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
+        area = 0.5 * np.abs(geometry.doubled_areas(corner))
         weight, total = np.zeros(len(points)), np.zeros((len(points), 2))
         for k in range(3):
             np.add.at(weight, faces[:, k], area)
@@ -77,7 +79,7 @@ def triangulate(outline, spacing, lines=(), seed=0):
     faces = Delaunay(points).simplices
     faces = faces[inside(points[faces].mean(1), outline)]
     corner = points[faces]
-    turned = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    turned = geometry.doubled_areas(corner)
     faces = faces[np.abs(turned) > 1e-3 * spacing ** 2]
     turned = turned[np.abs(turned) > 1e-3 * spacing ** 2]
     return points, np.where(turned[:, None] > 0, faces, faces[:, [0, 2, 1]]).astype(np.int32)

@@ -45,10 +45,14 @@ def put_on(folder, name):
     body, worn = figure.load(), garment.GARMENTS[name](figure.load())
     path = os.path.join(folder, "character.safetensors")
     if os.path.exists(path):
-        hanging = safetensors_io.read(path)[0]["cloth_template"].astype(np.float64)
+        there = safetensors_io.read(path)[0]
+        hanging = there["cloth_template"].astype(np.float64)
         if hanging.shape != worn.vertices.shape:
             raise ValueError(f"{path}: {len(hanging)} cloth vertices, the {name} has {len(worn.vertices)}; take "
                              "a folder of its own for each garment")
+        if not np.array_equal(there["cloth_faces"], worn.faces):
+            raise ValueError(f"{path}: other triangles than the {name} cut here. Other versions of numpy and scipy cut "
+                             "panels into other triangles; simulate with those that began the folder, or take another")
         return body, dataclasses.replace(worn, vertices=hanging)
     worn, moving, lopsided = cloth_job.hung(worn, body)
     print(f"{name}: hanging, it moves {1e3 * moving:.3f} mm a frame; left and right differed by "

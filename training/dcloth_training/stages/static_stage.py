@@ -66,7 +66,8 @@ class StaticStage(nn.Module):
     @torch.no_grad()
     def lay(self, weights, influences):
         """Skins with `weights` [n, m], the strongest `influences` of each vertex, and D = 0, for all poses."""
-        self.residual_weights.copy_((weights - self.initial_weights) / len(self.residual_weights))
+        change = weights.to(self.initial_weights) - self.initial_weights
+        self.residual_weights.copy_(change / len(self.residual_weights))
         self.prune(influences)
         nn.init.zeros_(self.mlp[2].weight)
         nn.init.zeros_(self.mlp[2].bias)
