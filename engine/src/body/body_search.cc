@@ -9,7 +9,10 @@ constexpr uint32_t kMaxSteps = 8;
 constexpr double kSame = 1e-9;  // of squared distances to one point over two faces, which round apart
 constexpr double kClearlyFurther = 1e-6;
 constexpr size_t kMostSeen = 1 + 3 * kMaxSteps;  // vertices that a walk looks around
-constexpr double kTouching = 1e-14;              // of a face's area: a squared distance below it gives no direction
+constexpr size_t kBlock = 16;        // groups whose boxes are looked at together; their rows are padded to it
+constexpr float kRounding = 1e-6f;   // of a coordinate: more than it is rounded by as a float
+constexpr float kMore = 1 + 1e-5f;   // more than what floats round a squared distance by
+constexpr double kTouching = 1e-14;  // of a face's area: a squared distance below it gives no direction
 
 struct Vec {
   double x, y, z;
@@ -79,6 +82,9 @@ bool IsOnRim(const PosedBody& posed, uint32_t vertex) {
   return false;
 }
 
+// The larger one.
+float OrZero(float value) { return 0.5f * (value + std::fabs(value)); }
+
 class Walk {
  public:
   Walk(const PosedBody& posed, Vec point) : posed_(posed), point_(point) {}
@@ -99,6 +105,10 @@ class Walk {
     const size_t stride = kernels::NearestBoundStride(job.groups);
     for (size_t g = 0; g < job.groups; ++g) {
       const float* bounds = job.bounds + g;
+      if (g % kBlock == 0 && squared_ > 0 && !BlockMayHoldNearer(bounds, stride)) {
+        g += kBlock - 1;
+        continue;
+      }
       if (!MayHoldNearer(Beyond(bounds, stride), bounds[kernels::kSlack * stride])) continue;
       const size_t place = kernels::GroupPlace(job, g);
       const float* site = job.sites + place * kernels::kNearestSiteFloats * kSites;
@@ -142,6 +152,29 @@ class Walk {
   // Squared, all of them; slacks are rounded to floats.
   bool MayHoldNearer(double distance, float slack) const {
     return !found_ || distance <= squared_ + (1 + kClearlyFurther) * static_cast<double>(slack);
+  }
+
+  // MayHoldNearer of any of kBlock groups, or a little more: floats, of boxes a little larger. Without a comparison, so
+  // that compilers compute groups side by side.
+  bool BlockMayHoldNearer(const float* bounds, size_t stride) const {
+    const float p[3] = {static_cast<float>(point_.x), static_cast<float>(point_.y), static_cast<float>(point_.z)};
+    const float most = static_cast<float>(squared_) * kMore, *slack = bounds + kernels::kSlack * stride;
+    float nearer[kBlock];
+    for (size_t i = 0; i < kBlock; ++i) nearer[i] = most + kMore * slack[i];
+    for (size_t c = 0; c < 3; ++c) {
+      const float* low = bounds + (kernels::kLow + c) * stride;
+      const float* high = bounds + (kernels::kHigh + c) * stride;
+      const float at = p[c], margin = kRounding * std::fabs(at);
+      for (size_t i = 0; i < kBlock; ++i) {
+        const float gap = OrZero(std::fabs(at - 0.5f * (low[i] + high[i])) - 0.5f * (high[i] - low[i]) - margin);
+        nearer[i] -= gap * gap;
+      }
+    }
+    for (float& by : nearer) by = OrZero(by);
+    for (size_t half = kBlock / 2; half > 0; half /= 2) {
+      for (size_t i = 0; i < half; ++i) nearer[i] += nearer[i + half];
+    }
+    return nearer[0] > 0;
   }
 
   // How far the point is from a group's box, squared.

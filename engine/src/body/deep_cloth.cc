@@ -1,6 +1,7 @@
 #include "engine/src/body/deep_cloth.h"
 
 #include <cmath>
+#include <cstring>
 
 #include "kernels/kernels.h"
 
@@ -238,7 +239,7 @@ void LiftAround(const ModelView& model, const LimbCores& limbs, uint32_t swept, 
 // are smoothed, not places: so pleats stay, and cloth that is hardly in a core is hardly moved.
 void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t found, size_t triangles,
             const Surface& surface) {
-  SumMoves(model, deep.places, deep.starts, deep.triangles, triangles, surface, found, deep.sums);
+  SumMoves(model, deep.places, deep.starts, deep.triangles, triangles, surface, deep.vertices, found, deep.sums);
   for (size_t i = 0; i < found; ++i) {
     const float *sum = deep.sums + 4 * i, *start = deep.starts + 3 * i;
     if (!(sum[3] > 0)) continue;
@@ -267,7 +268,7 @@ DeepCloth PlaceDeepCloth(const ModelView& model, Arena* arena) {
   deep.nearest = arena->Take<uint8_t>(most);
   deep.triangles = arena->Take<uint32_t>(3 * most);
   deep.starts = arena->Take<float>(3 * most);
-  deep.sums = arena->Take<float>(4 * most);
+  deep.sums = arena->Take<float>(8 * (most + 1));
   deep.sides = arena->Take<float>(3 * PatchCount(model));
   return deep;
 }
@@ -310,25 +311,30 @@ size_t ListTriangles(const ModelView& model, const uint16_t* places, const uint1
 }
 
 void SumMoves(const ModelView& model, const uint16_t* places, const float* starts, const uint32_t* triangles,
-              size_t triangle_count, const Surface& surface, size_t found, float* sums) {
-  for (size_t i = 0; i < 4 * found; ++i) sums[i] = 0;
+              size_t triangle_count, const Surface& surface, const uint16_t* vertices, size_t found, float* sums) {
+  constexpr size_t kRow = 4;
+  float* moves = sums + kRow * (Most(model) + 1);
+  for (size_t i = 0; i < found; ++i) {
+    const float* position = surface.PositionOf(vertices[i]);
+    for (size_t c = 0; c < 3; ++c) moves[kRow * i + c] = position[c] - starts[3 * i + c];
+    moves[kRow * i + 3] = 1;
+  }
+  const float stays[kRow] = {0, 0, 0, 1};
+  std::memcpy(moves + kRow * found, stays, sizeof stays);
+  std::memset(sums, 0, sizeof(float) * kRow * (found + 1));
   for (size_t t = 0; t < triangle_count; ++t) {
     const uint16_t* face = model.faces + size_t{3} * triangles[t];
-    float moves[3][3] = {};
+    size_t place[3];
+    float corners[3][kRow];
     for (size_t k = 0; k < 3; ++k) {
-      const uint16_t place = places[face[k]];
-      if (place == kNotDeep) continue;
-      const float *position = surface.PositionOf(face[k]), *start = starts + size_t{3} * place;
-      for (size_t c = 0; c < 3; ++c) moves[k][c] = position[c] - start[c];
+      place[k] = kRow * (places[face[k]] < found ? places[face[k]] : found);
+      std::memcpy(corners[k], moves + place[k], sizeof corners[k]);
     }
     for (size_t k = 0; k < 3; ++k) {
-      const uint16_t place = places[face[k]];
-      if (place == kNotDeep) continue;
-      float* sum = sums + size_t{4} * place;
-      for (size_t next = 1; next < 3; ++next) {
-        for (size_t c = 0; c < 3; ++c) sum[c] += moves[(k + next) % 3][c];
-      }
-      sum[3] += 2;
+      float sum[kRow];
+      std::memcpy(sum, sums + place[k], sizeof sum);
+      for (size_t c = 0; c < kRow; ++c) sum[c] = sum[c] + corners[(k + 1) % 3][c] + corners[(k + 2) % 3][c];
+      std::memcpy(sums + place[k], sum, sizeof sum);
     }
   }
 }

@@ -26,7 +26,7 @@ struct DeepCloth {
   uint8_t* nearest;     // [kMostDeep], the core of the bone nearest in the bind pose, kMostCores where there is none
   uint32_t* triangles;  // [3 kMostDeep], which have such a vertex
   float* starts;        // [kMostDeep, 3], where they lay
-  float* sums;          // [kMostDeep, 4], of a vertex's neighbours' moves, and how many they are
+  float* sums;          // [2, kMostDeep + 1, 4], SumMoves
   float* sides;         // [patches, 3], unit vectors out of the garment
 };
 
@@ -60,10 +60,10 @@ size_t AddRing(const format::ModelView& model, uint16_t* places, uint16_t* verti
 size_t ListTriangles(const format::ModelView& model, const uint16_t* places, const uint16_t* other_places,
                      uint32_t* triangles);
 
-// `sums` [found, 4]: of the moves of a vertex's neighbours since `starts` [found, 3], and how many neighbours there
-// are.
+// `sums` [found, 4] of the `vertices`: of the moves of their neighbours since `starts` [found, 3], and how many
+// neighbours there are, each as often as triangles share it. Behind them is scratch for the moves themselves.
 void SumMoves(const format::ModelView& model, const uint16_t* places, const float* starts, const uint32_t* triangles,
-              size_t triangle_count, const Surface& surface, size_t found, float* sums);
+              size_t triangle_count, const Surface& surface, const uint16_t* vertices, size_t found, float* sums);
 
 // How far a vertex was moved, host units.
 float MoveOf(const DeepCloth& deep, const Surface& surface, size_t vertex);

@@ -160,17 +160,6 @@ void JoinAbove(float cap, LimbCore* core) {
 
 }  // namespace
 
-OnBone PlaceOnBone(const float* from, const float* along, float inverse_squared, const float* point) {
-  OnBone on = {};
-  float relative[3];
-  for (size_t c = 0; c < 3; ++c) relative[c] = point[c] - from[c];
-  on.along = Dot(relative, along) * inverse_squared;
-  const float clamped = on.along < 0 ? 0.0f : on.along < 1 ? on.along : 1.0f;
-  for (size_t c = 0; c < 3; ++c) on.away[c] = relative[c] - clamped * along[c];
-  on.squared = Dot(on.away, on.away);
-  return on;
-}
-
 OnBone InBindPose(const LimbCore& core, const float* point) {
   const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
   return PlaceOnBone(core.from, along, 1 / Dot(along, along), point);
@@ -278,9 +267,7 @@ bool ReachesInto(const LimbCore& core, const float* centre, float radius) {
   return PlaceOnBone(core.posed_from, core.along, core.inverse_squared, centre).squared <= apart * apart;
 }
 
-bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius) {
-  const OnBone on = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
-  if (!(on.along > 0 && on.squared < core.reach * core.reach)) return false;
+bool IsInCore(const LimbCore& core, const OnBone& on, float* away, float* radius) {
   const float metres = on.along < 1 ? core.radii[SliceAt(on.along)][SectorAt(core.posed_around, on.away)] : core.cap;
   *radius = metres * core.scale;
   for (size_t c = 0; c < 3; ++c) away[c] = on.away[c];

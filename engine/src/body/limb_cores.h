@@ -54,7 +54,16 @@ struct OnBone {
   float squared;  // |away|^2, from the bone
 };
 
-OnBone PlaceOnBone(const float* from, const float* along, float inverse_squared, const float* point);
+inline OnBone PlaceOnBone(const float* from, const float* along, float inverse_squared, const float* point) {
+  OnBone on = {};
+  float relative[3];
+  for (size_t c = 0; c < 3; ++c) relative[c] = point[c] - from[c];
+  on.along = Dot(relative, along) * inverse_squared;
+  const float clamped = on.along < 0 ? 0.0f : on.along < 1 ? on.along : 1.0f;
+  for (size_t c = 0; c < 3; ++c) on.away[c] = relative[c] - clamped * along[c];
+  on.squared = Dot(on.away, on.away);
+  return on;
+}
 OnBone InBindPose(const LimbCore& core, const float* point);
 
 // Of the bone in the bind pose, metres.
@@ -83,8 +92,13 @@ uint32_t CoresUnder(const LimbCores& limbs, const float* point, uint8_t bit, uin
 // Whether the posed core may reach into a ball.
 bool ReachesInto(const LimbCore& core, const float* centre, float radius);
 
-// Whether the posed core holds `point`; if so, `away` is the way to it from the bone and `radius` the core's there.
-bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius);
+// Whether the posed core holds `point`, seen `on` its bone, within its reach; if so, `away` is the way to it from the
+// bone and `radius` the core's there.
+bool IsInCore(const LimbCore& core, const OnBone& on, float* away, float* radius);
+inline bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius) {
+  const OnBone on = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
+  return on.along > 0 && on.squared < core.reach * core.reach && IsInCore(core, on, away, radius);
+}
 
 // Above the core of a limb that bends lies its skin; cloth that is laid over it is to meet that one, not the skin that
 // a bent knee folds into itself. What to add to a core's radius.

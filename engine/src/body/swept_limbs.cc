@@ -247,7 +247,8 @@ void Spread(const ModelView& model, const SweptCloth& swept, size_t pushed, cons
   }
   const size_t triangles = ListTriangles(model, swept.places, swept.places, scratch.triangles);
   for (int pass = 0; pass < kSpreads; ++pass) {
-    SumMoves(model, swept.places, swept.starts, scratch.triangles, triangles, surface, found, scratch.sums);
+    SumMoves(model, swept.places, swept.starts, scratch.triangles, triangles, surface, swept.vertices, found,
+             scratch.sums);
     for (size_t i = pushed; i < found; ++i) {
       const float *sum = scratch.sums + 4 * i, *start = swept.starts + 3 * i;
       float* position = surface.PositionOf(swept.vertices[i]);
