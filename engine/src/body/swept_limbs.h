@@ -33,7 +33,7 @@ void FindSweptCloth(const format::ModelView& model, const LimbCores& limbs, cons
 
 // LayOverLimbs, and again after a sweep for each limb that it tore cloth on. `matrices` [joint_count, 12] take the bind
 // pose to the host's space; `limbs` are posed. Cost beyond LayOverLimbs, 10,000 vertices: 0.05 ms where that found
-// cloth in a core, and 4 ms a sweep, of which a frame has three at most; 20 ms was the most that three took.
+// cloth in a core, and 3 ms a sweep, of which a frame has three at most; 15 ms was the most that three took.
 void LayOrSweep(const format::ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
                 const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface);
 
