@@ -10,8 +10,9 @@ constexpr double kSame = 1e-9;  // of squared distances to one point over two fa
 constexpr double kClearlyFurther = 1e-6;
 constexpr size_t kMostSeen = 1 + 3 * kMaxSteps;  // vertices that a walk looks around
 constexpr size_t kBlock = 16;        // groups whose boxes are looked at together; their rows are padded to it
-constexpr float kRounding = 1e-6f;   // of a coordinate: more than it is rounded by as a float
+constexpr float kRounding = 1e-6f;   // of coordinates: more than floats round what is between them by
 constexpr float kMore = 1 + 1e-5f;   // more than what floats round a squared distance by
+constexpr float kLeast = 1e-30f;     // a squared distance that floats still tell from zero
 constexpr double kTouching = 1e-14;  // of a face's area: a squared distance below it gives no direction
 
 struct Vec {
@@ -101,24 +102,11 @@ class Walk {
 
   // A corner of a face is at most that face's distance and the corner's slack away (body_sites.cc).
   void Everywhere(const kernels::NearestJob& job, const TouchLists& lists) {
-    constexpr size_t kSites = kernels::kNearestGroup;
     const size_t stride = kernels::NearestBoundStride(job.groups);
-    for (size_t g = 0; g < job.groups; ++g) {
-      const float* bounds = job.bounds + g;
-      if (g % kBlock == 0 && squared_ > 0 && !BlockMayHoldNearer(bounds, stride)) {
-        g += kBlock - 1;
-        continue;
-      }
-      if (!MayHoldNearer(Beyond(bounds, stride), bounds[kernels::kSlack * stride])) continue;
-      const size_t place = kernels::GroupPlace(job, g);
-      const float* site = job.sites + place * kernels::kNearestSiteFloats * kSites;
-      for (size_t k = 0; k < kSites; ++k, ++site) {
-        const Vec at = {static_cast<double>(site[0]), static_cast<double>(site[kSites]),
-                        static_cast<double>(site[2 * kSites])};
-        const Vec apart = point_ - at;
-        if (!MayHoldNearer(Dot(apart, apart), site[(kernels::kNearestSiteFloats - 1) * kSites])) continue;
-        LookAround(static_cast<uint32_t>(BodyVertexAt(*posed_.body, lists, place * kSites + k)));
-      }
+    for (size_t block = 0; block < job.groups; block += kBlock) {
+      if (found_ && !BlockMayHoldNearer(job.bounds + block, stride)) continue;
+      const size_t end = block + kBlock < job.groups ? block + kBlock : job.groups;
+      LookAroundGroups(job, lists, block, end);
     }
   }
 
@@ -149,6 +137,24 @@ class Walk {
   }
 
  private:
+  void LookAroundGroups(const kernels::NearestJob& job, const TouchLists& lists, size_t begin, size_t end) {
+    constexpr size_t kSites = kernels::kNearestGroup;
+    const size_t stride = kernels::NearestBoundStride(job.groups);
+    for (size_t g = begin; g < end; ++g) {
+      const float* bounds = job.bounds + g;
+      if (!MayHoldNearer(Beyond(bounds, stride), bounds[kernels::kSlack * stride])) continue;
+      const size_t place = kernels::GroupPlace(job, g);
+      const float* site = job.sites + place * kernels::kNearestSiteFloats * kSites;
+      for (size_t k = 0; k < kSites; ++k, ++site) {
+        const Vec at = {static_cast<double>(site[0]), static_cast<double>(site[kSites]),
+                        static_cast<double>(site[2 * kSites])};
+        const Vec apart = point_ - at;
+        if (!MayHoldNearer(Dot(apart, apart), site[(kernels::kNearestSiteFloats - 1) * kSites])) continue;
+        LookAround(static_cast<uint32_t>(BodyVertexAt(*posed_.body, lists, place * kSites + k)));
+      }
+    }
+  }
+
   // Squared, all of them; slacks are rounded to floats.
   bool MayHoldNearer(double distance, float slack) const {
     return !found_ || distance <= squared_ + (1 + kClearlyFurther) * static_cast<double>(slack);
@@ -158,14 +164,15 @@ class Walk {
   // that compilers compute groups side by side.
   bool BlockMayHoldNearer(const float* bounds, size_t stride) const {
     const float p[3] = {static_cast<float>(point_.x), static_cast<float>(point_.y), static_cast<float>(point_.z)};
-    const float most = static_cast<float>(squared_) * kMore, *slack = bounds + kernels::kSlack * stride;
+    const float most = static_cast<float>(squared_) * kMore + kLeast, *slack = bounds + kernels::kSlack * stride;
     float nearer[kBlock];
     for (size_t i = 0; i < kBlock; ++i) nearer[i] = most + kMore * slack[i];
     for (size_t c = 0; c < 3; ++c) {
       const float* low = bounds + (kernels::kLow + c) * stride;
       const float* high = bounds + (kernels::kHigh + c) * stride;
-      const float at = p[c], margin = kRounding * std::fabs(at);
+      const float at = p[c];
       for (size_t i = 0; i < kBlock; ++i) {
+        const float margin = kRounding * (std::fabs(at) + std::fabs(low[i]) + std::fabs(high[i]));
         const float gap = OrZero(std::fabs(at - 0.5f * (low[i] + high[i])) - 0.5f * (high[i] - low[i]) - margin);
         nearer[i] -= gap * gap;
       }
@@ -174,7 +181,7 @@ class Walk {
     for (size_t half = kBlock / 2; half > 0; half /= 2) {
       for (size_t i = 0; i < half; ++i) nearer[i] += nearer[i + half];
     }
-    return nearer[0] > 0;
+    return !(nearer[0] <= 0);  // what is not a number may
   }
 
   // How far the point is from a group's box, squared.
