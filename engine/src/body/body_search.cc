@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "engine/src/body/vec.h"
+
 namespace dcloth::engine {
 namespace {
 
@@ -14,15 +16,6 @@ constexpr float kRounding = 1e-6f;   // of coordinates: more than floats round w
 constexpr float kMore = 1 + 1e-5f;   // more than what floats round a squared distance by
 constexpr float kLeast = 1e-30f;     // a squared distance that floats still tell from zero
 constexpr double kTouching = 1e-14;  // of a face's area: a squared distance below it gives no direction
-
-struct Vec {
-  double x, y, z;
-};
-Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
-double Dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec Cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 
 constexpr uint8_t kA = 1, kB = 2, kC = 4;
 
@@ -209,10 +202,7 @@ class Walk {
     return nearer;
   }
 
-  Vec Corner(uint32_t vertex) const {
-    const float* p = posed_.positions + size_t{3} * vertex;
-    return {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])};
-  }
+  Vec Corner(uint32_t vertex) const { return VecAt(posed_.positions + size_t{3} * vertex); }
 
   // Where the best face is seen squarely, a face beyond its plane holds nothing nearer, nor is it seen more squarely:
   // all faces around, where the body is convex.

@@ -10,6 +10,8 @@
 
 namespace dcloth::engine {
 
+constexpr uint16_t kNotNear = 0xFFFF;  // in place of a body vertex, where the skin is far
+
 struct PosedBody {
   const format::BodyView* body;
   const float* positions;  // [b, 3]

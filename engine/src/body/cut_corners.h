@@ -11,8 +11,6 @@
 
 namespace dcloth::engine {
 
-constexpr uint16_t kNotNear = 0xFFFF;
-
 // Lifts edges and triangles whose middle is under the skin, until it is `clearance` above. They are looked at where the
 // skin beside their ends bends so much over their length that it may reach them.
 //   posed    which body; the touch bit of each vertex is taken in place of its own

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "engine/src/body/crossings.h"
 #include "engine/src/body/cut_corners.h"
 
 namespace dcloth::engine {
@@ -71,6 +72,71 @@ bool PushPastRim(const PosedBody& posed, const ClosestPoint& rim, double clearan
   return true;
 }
 
+// The pushes of a frame, class by class.
+class Pushes {
+ public:
+  Pushes(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
+         const BodyMemory& memory, const Surface& surface, double clearance, double reach)
+      : kernels_(kernels),
+        memory_(memory),
+        surface_(surface),
+        clearance_(clearance),
+        budget_(SearchBudgetOf(model.vertex_count)),
+        posed_{&model.body, memory.positions, space.mirrored ? -1.0 : 1.0, 0} {
+    job_.points = surface.positions;
+    job_.point_stride_bytes = surface.position_stride_bytes;
+    job_.reach = static_cast<float>(reach);
+    job_.clearance = static_cast<float>(clearance);
+    job_.nearest = nearest_;
+    job_.suspect = suspect_;
+    job_.looks = &looks_;
+  }
+  Pushes(const Pushes&) = delete;
+  Pushes& operator=(const Pushes&) = delete;
+
+  // False where there is nothing to push out of.
+  bool Use(const TouchClass& touch) {
+    if (touch.vertex_count == 0 || touch.group_count == 0) return false;
+    UseSites(touch, memory_.sites, &job_);
+    posed_.touch_bit = touch.bit;
+    return true;
+  }
+
+  // Vertices of the class in use, `laid` clearances further where they were moved far before. False where the frame's
+  // searches have run out.
+  bool Push(const uint16_t* vertices, size_t count, double laid) {
+    for (size_t begin = 0; begin < count; begin += job_.points_count) {
+      if (budget_.looks == 0) return false;
+      job_.order = vertices + begin;
+      job_.points_count = count - begin < kernels::kNearestPatch ? count - begin : kernels::kNearestPatch;
+      looks_ = 0;
+      kernels_.nearest(job_);
+      budget_.looks -= looks_ < budget_.looks ? looks_ : budget_.looks;
+      for (size_t i = 0; i < job_.points_count; ++i) {
+        if (suspect_[i] == kernels::kNoSite) continue;
+        const double moved = static_cast<double>(MoveOf(memory_.deep, surface_, job_.order[i])) / clearance_;
+        const double share = moved < kLaidBy ? moved / kLaidBy : 1;
+        memory_.beside[job_.order[i]] = PushOut(posed_, job_, memory_.touch, i, (1 + laid * share) * clearance_,
+                                                moved > kFarPush, &budget_, surface_.PositionOf(job_.order[i]));
+      }
+    }
+    return true;
+  }
+
+  uint32_t* faces() { return &budget_.faces; }
+
+ private:
+  const kernels::KernelTable& kernels_;
+  const BodyMemory& memory_;
+  const Surface& surface_;
+  const double clearance_;
+  SearchBudget budget_;
+  PosedBody posed_;
+  kernels::NearestJob job_ = {};
+  uint32_t looks_ = 0;
+  uint16_t nearest_[kernels::kNearestPatch], suspect_[kernels::kNearestPatch];
+};
+
 }  // namespace
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
@@ -109,42 +175,29 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   ThreadSleeves(model, memory.limbs, memory.sleeves, surface);
   LayOrSweep(model, space.mirrored, memory.matrices, memory.limbs, memory.touch, memory.deep, memory.swept, surface);
   FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
-  kernels::NearestJob job = {};
-  uint16_t nearest[kernels::kNearestPatch], suspect[kernels::kNearestPatch];
-  job.points = surface.positions;
-  job.point_stride_bytes = surface.position_stride_bytes;
-  job.reach = static_cast<float>(static_cast<double>(body.reach) * units_per_metre);
-  job.clearance = static_cast<float>(clearance);
-  job.nearest = nearest;
-  job.suspect = suspect;
   for (size_t v = 0; v < model.vertex_count; ++v) memory.beside[v] = kNotNear;
-  SearchBudget budget = SearchBudgetOf(model.vertex_count);
-  uint32_t looks = 0;
-  job.looks = &looks;
+  Pushes pushes(kernels, model, space, memory, surface, clearance, static_cast<double>(body.reach) * units_per_metre);
   for (size_t c = 0; c < ClassCount(model); ++c) {
     const TouchClass touch = ClassAt(model, memory.touch, c);
-    if (touch.vertex_count == 0 || touch.group_count == 0) continue;
-    UseSites(touch, memory.sites, &job);
-    const PosedBody posed = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, touch.bit};
-    for (size_t begin = 0; begin < touch.vertex_count; begin += job.points_count) {
-      if (budget.looks == 0) return;
-      const size_t left = touch.vertex_count - begin;
-      job.order = touch.vertices + begin;
-      job.points_count = left < kernels::kNearestPatch ? left : kernels::kNearestPatch;
-      looks = 0;
-      kernels.nearest(job);
-      budget.looks -= looks < budget.looks ? looks : budget.looks;
-      for (size_t i = 0; i < job.points_count; ++i) {
-        if (suspect[i] == kernels::kNoSite) continue;
-        const double laid = static_cast<double>(MoveOf(memory.deep, surface, job.order[i])) / clearance;
-        const double share = laid < kLaidBy ? laid / kLaidBy : 1;
-        memory.beside[job.order[i]] = PushOut(posed, job, memory.touch, i, (1 + kLaid * share) * clearance,
-                                              laid > kFarPush, &budget, surface.PositionOf(job.order[i]));
-      }
-    }
+    if (!pushes.Use(touch)) continue;
+    if (!pushes.Push(touch.vertices, touch.vertex_count, kLaid)) return;
   }
   const PosedBody whole = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, 0};
-  CoverCorners(model, whole, memory.normals, memory.beside, clearance, surface, &budget.faces);
+  CoverCorners(model, whole, memory.normals, memory.beside, clearance, surface, pushes.faces());
+  const CrossedBody crossed = {whole, memory.normals, memory.sites, memory.touch, memory.beside, clearance};
+  const size_t moved = Uncross(model, crossed, memory.deep, surface, pushes.faces());
+  for (size_t c = 0; c < ClassCount(model) && moved != 0; ++c) {
+    if (!pushes.Use(ClassAt(model, memory.touch, c))) continue;
+    uint16_t vertices[kernels::kNearestPatch];
+    size_t count = 0;
+    for (size_t i = 0; i < moved; ++i) {
+      const uint16_t vertex = memory.deep.vertices[i];
+      if (body.touch_classes == nullptr || body.touch_classes[vertex] == c) vertices[count++] = vertex;
+      if (count < kernels::kNearestPatch && i + 1 < moved) continue;
+      if (count != 0 && !pushes.Push(vertices, count, 0)) return;
+      count = 0;
+    }
+  }
 }
 
 uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,

@@ -30,7 +30,7 @@ struct BodyMemory {
   Sleeves sleeves;   // once
   SweptCloth swept;  // its limbs once
   DeepCloth deep;
-  uint16_t* beside;  // [n] for CoverCorners
+  uint16_t* beside;  // [n] for CoverCorners and Uncross
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
@@ -72,7 +72,7 @@ inline SearchBudget SearchBudgetOf(uint32_t vertices) {
 // that is too narrow. Where the closest point lies on the rim of what counts, out of the skin beyond it if the point is
 // just under that, else not at all. `position` is the point's; `far_moved` says that it was laid elsewhere, so that its
 // nearest site may tell nothing; `budget` is what is left in the frame. Returns a body vertex beside the last closest
-// point that is not on the rim, or kNotNear (cut_corners.h).
+// point that is not on the rim, or kNotNear.
 uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
                  double clearance, bool far_moved, SearchBudget* budget, float* position);
 

@@ -12,6 +12,8 @@ namespace dcloth::testing {
 
 class LooseFaces {
  public:
+  static constexpr float kClearance = 0.002f;
+
   // Three corners of three coordinates a face.
   explicit LooseFaces(const std::vector<float>& positions)
       : positions_(positions), rows_(positions.size() / 3 + 1), normals_(positions.size(), 0.577f) {
@@ -31,11 +33,11 @@ class LooseFaces {
     slacks_.resize(b);
     sites_.resize(groups * kernels::kNearestSiteFloats * kernels::kNearestGroup);
     bounds_.resize(kernels::kNearestBounds * kernels::NearestBoundStride(groups));
-    const engine::BodySites sites = {offsets_.data(), slacks_.data(), sites_.data(), bounds_.data(), nullptr, groups};
-    engine::FillBodySites(body_, lists_, positions_.data(), normals_.data(), 0.002f, sites);
+    body_sites_ = {offsets_.data(), slacks_.data(), sites_.data(), bounds_.data(), nullptr, groups};
+    engine::FillBodySites(body_, lists_, positions_.data(), normals_.data(), kClearance, body_sites_);
     engine::TouchClass all = {};
     all.group_count = groups;
-    engine::UseSites(all, sites, &job_);
+    engine::UseSites(all, body_sites_, &job_);
   }
   LooseFaces(const LooseFaces&) = delete;
   LooseFaces& operator=(const LooseFaces&) = delete;
@@ -44,12 +46,14 @@ class LooseFaces {
   engine::PosedBody posed() const { return {&body_, positions_.data(), 1, 0}; }
   const kernels::NearestJob& job() const { return job_; }
   const engine::TouchLists& lists() const { return lists_; }
+  const engine::BodySites& sites() const { return body_sites_; }
 
  private:
   std::vector<float> positions_;
   std::vector<uint16_t> corners_, columns_;
   std::vector<uint32_t> rows_;
   std::vector<float> normals_, offsets_, slacks_, sites_, bounds_;
+  engine::BodySites body_sites_ = {};
   engine::TouchLists lists_ = {};
   format::BodyView body_ = {};
   kernels::NearestJob job_ = {};
