@@ -13,12 +13,12 @@ using format::BodyView;
 using format::ModelView;
 
 constexpr int kMostPushes = 8;
-constexpr int kTrials = 3;        // pushes after which parts are given up that have not come half the way out
-constexpr double kOver = 0.1;     // clearances beyond where nothing crosses
-constexpr double kMostLift = 2;   // clearances, of a push
-constexpr double kFurthest = 8;   // clearances, of all pushes together
+constexpr int kTrials = 3;              // pushes after which parts are given up that have not come half the way out
+constexpr double kOver = 0.1;           // clearances beyond where nothing crosses
+constexpr double kMostLift = 2;         // clearances, of a push
+constexpr double kFurthest = 8;         // clearances, of all pushes together
 constexpr uint8_t kMostTogether = 128;  // vertices of a part at first; more are in a tangle
-constexpr int kRings = 3;         // around cloth that was pushed, that give way
+constexpr int kRings = 3;               // around cloth that was pushed, that give way
 constexpr int kSmoothings = 6;
 
 constexpr double kWhole = 1 << 20;  // of a unit vector: integers sum up to the same in any order
@@ -210,7 +210,8 @@ class Uncrossing {
       const Vec out = VecAt(deep_.sums + 4 * i);
       const double lift = static_cast<double>(deep_.sums[4 * i + 3]) + kOver * body_.clearance;
       const double most = kMostLift * body_.clearance;
-      Put(i, VecAt(surface_.PositionOf(deep_.vertices[i])) + ((lift < most ? lift : most) / std::sqrt(Dot(out, out))) * out);
+      Put(i, VecAt(surface_.PositionOf(deep_.vertices[i])) +
+                 ((lift < most ? lift : most) / std::sqrt(Dot(out, out))) * out);
       Clear(i);
     }
   }
@@ -223,9 +224,7 @@ class Uncrossing {
   }
 
   Vec StartOf(size_t place) const { return VecAt(deep_.starts + 3 * place); }
-  Vec MoveSinceStart(size_t place) const {
-    return VecAt(surface_.PositionOf(deep_.vertices[place])) - StartOf(place);
-  }
+  Vec MoveSinceStart(size_t place) const { return VecAt(surface_.PositionOf(deep_.vertices[place])) - StartOf(place); }
 
   // Parts of the lists hang together in triangles; `patches` leads from a place to its part's root.
   void JoinParts() {

@@ -25,8 +25,8 @@ class CrossingsTest : public ::testing::Test {
     for (size_t r = 0; r < kSide; ++r) {
       for (size_t c = 0; c < kSide; ++c) {
         const float middle = 0.5f * static_cast<float>(kSide - 1);
-        flat_.insert(flat_.end(), {kSpacing * (static_cast<float>(c) - middle), 0,
-                                   kSpacing * (static_cast<float>(r) - middle)});
+        flat_.insert(flat_.end(),
+                     {kSpacing * (static_cast<float>(c) - middle), 0, kSpacing * (static_cast<float>(r) - middle)});
         if (r + 1 == kSide || c + 1 == kSide) continue;
         const auto a = static_cast<uint16_t>(r * kSide + c), below = static_cast<uint16_t>(a + kSide);
         for (const int corner : {0, 2, 1, 1, 2, 3}) {
@@ -88,8 +88,8 @@ class CrossingsTest : public ::testing::Test {
   uint32_t Run(uint32_t faces = kPlenty, double outward = 1) {
     FillBodySites(model_.body, lists_, body_.data(), normals_.data(), static_cast<float>(kClearance), sites_);
     const Surface surface = {cloth_.data(), 3 * sizeof(float), nullptr, 0, nullptr, 0};
-    const CrossedBody body = {{&model_.body, body_.data(), outward, 0}, normals_.data(), sites_, lists_,
-                              beside_.data(), kClearance};
+    const CrossedBody body = {
+        {&model_.body, body_.data(), outward, 0}, normals_.data(), sites_, lists_, beside_.data(), kClearance};
     Uncross(model_, body, deep_, surface, &faces);
     return faces;
   }
