@@ -13,12 +13,12 @@ using format::BodyView;
 using format::ModelView;
 
 constexpr int kMostPushes = 8;
-constexpr int kTrials = 3;              // pushes after which parts are given up that have not come half the way out
-constexpr double kOver = 0.1;           // clearances beyond where nothing crosses
-constexpr double kMostLift = 2;         // clearances, of a push
-constexpr double kFurthest = 8;         // clearances, of all pushes together
-constexpr uint8_t kMostTogether = 128;  // vertices of a part at first; more are in a tangle
-constexpr int kRings = 3;               // around cloth that was pushed, that give way
+constexpr int kTrials = 3;             // pushes after which parts are given up that have not come half the way out
+constexpr double kOver = 0.1;          // clearances beyond where nothing crosses
+constexpr double kMostLift = 2;        // clearances, of a push
+constexpr double kFurthest = 8;        // clearances, of all pushes together
+constexpr uint8_t kMostTogether = 64;  // vertices of a part at first; more are in a tangle
+constexpr int kRings = 3;              // around cloth that was pushed, that give way
 constexpr int kSmoothings = 6;
 
 constexpr double kWhole = 1 << 20;  // of a unit vector: integers sum up to the same in any order

@@ -64,7 +64,7 @@ uint32_t NearFaces::FindGroups(const Surface& surface, TriangleBatch* batch) con
       if (nearer[i] > 0) batch->groups[batch->group_count++] = static_cast<uint16_t>(block + i);
     }
   }
-  return static_cast<uint32_t>(1 + sites_.groups / kBlock + batch->group_count);
+  return static_cast<uint32_t>(1 + sites_.groups / kBlock + batch->count * batch->group_count / 2);
 }
 
 bool NearFaces::MayCross(const Surface& surface, const TriangleBatch& batch, size_t index, size_t group,

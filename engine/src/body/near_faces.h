@@ -45,7 +45,7 @@ class NearFaces {
         clearance_(clearance),
         stride_(kernels::NearestBoundStride(sites.groups)) {}
 
-  // The boxes of the triangles, and the groups near any. Returns what it took, in faces looked at.
+  // The boxes of the triangles, and the groups near any. Returns what this and Each take beside visits, in faces.
   uint32_t FindGroups(const Surface& surface, TriangleBatch* batch) const;
 
   // visit(corners) once for each face that triangle `index` may cross: such a face has each corner at a site that is
