@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "engine/src/body/near_faces.h"
+#include "engine/src/body/spread_moves.h"
 #include "engine/src/body/triangle_crossing.h"
 
 namespace dcloth::engine {
@@ -16,10 +17,8 @@ constexpr int kMostPushes = 8;
 constexpr int kTrials = 3;             // pushes after which parts are given up that have not come half the way out
 constexpr double kOver = 0.1;          // clearances beyond where nothing crosses
 constexpr double kMostLift = 2;        // clearances, of a push
-constexpr double kFurthest = 8;        // clearances, of all pushes together
+constexpr double kFurthest = 16;       // clearances, of all pushes together
 constexpr uint8_t kMostTogether = 64;  // vertices of a part at first; more are in a tangle
-constexpr int kRings = 3;              // around cloth that was pushed, that give way
-constexpr int kSmoothings = 6;
 
 constexpr double kWhole = 1 << 20;  // of a unit vector: integers sum up to the same in any order
 
@@ -41,11 +40,12 @@ struct Push {
 // x, y, z of its direction and its lift; `patches` and `nearest` serve for parts.
 class Uncrossing {
  public:
-  Uncrossing(const ModelView& model, const CrossedBody& body, const DeepCloth& deep, const Surface& surface,
-             uint32_t* faces)
+  Uncrossing(const ModelView& model, const CrossedBody& body, const DeepCloth& deep, float* moves,
+             const Surface& surface, uint32_t* faces)
       : model_(model),
         body_(body),
         deep_(deep),
+        moves_(moves),
         surface_(surface),
         near_(model.body, body.sites, body.lists, static_cast<float>(body.clearance)),
         faces_(faces) {}
@@ -62,8 +62,7 @@ class Uncrossing {
       if (push == kTrials) KeepPromisingParts();
     }
     KeepPartsOutside();
-    Spread();
-    return found_;
+    return SpreadMoves(model_, deep_, found_, moves_, surface_);
   }
 
  private:
@@ -305,38 +304,10 @@ class Uncrossing {
     DropParts(0);
   }
 
-  // Each vertex moves as its neighbours do on average, one that was pushed no less than it was.
-  void Spread() {
-    const size_t pushed = found_;
-    if (pushed == 0) return;
-    for (int ring = 0; ring < kRings; ++ring) {
-      found_ = AddRing(model_, deep_.places, deep_.vertices, found_, [this](uint16_t v, size_t place) {
-        for (size_t c = 0; c < 3; ++c) deep_.starts[3 * place + c] = surface_.PositionOf(v)[c];
-        return true;
-      });
-    }
-    const size_t triangles = ListTriangles(model_, deep_.places, deep_.places, deep_.triangles);
-    for (int k = 0; k < kSmoothings; ++k) {
-      SumMoves(model_, deep_.places, deep_.starts, deep_.triangles, triangles, surface_, deep_.vertices, found_,
-               deep_.sums);
-      for (size_t i = 0; i < found_; ++i) {
-        const float* sum = deep_.sums + 4 * i;
-        if (!(sum[3] > 0)) continue;
-        const Vec mean = (1 / static_cast<double>(sum[3])) * VecAt(sum);
-        Put(i, StartOf(i) + (i < pushed ? NoLess(MoveSinceStart(i), mean) : mean));
-      }
-    }
-  }
-
-  // `move`, as long as `mean` is along it if that is longer.
-  static Vec NoLess(Vec move, Vec mean) {
-    const double squared = Dot(move, move), share = squared > 0 ? Dot(mean, move) / squared : 0;
-    return (share > 1 ? share : 1) * move;
-  }
-
   const ModelView& model_;
   const CrossedBody& body_;
   const DeepCloth& deep_;
+  float* moves_;
   const Surface& surface_;
   const NearFaces near_;
   uint32_t* faces_;
@@ -346,11 +317,11 @@ class Uncrossing {
 
 }  // namespace
 
-size_t Uncross(const ModelView& model, const CrossedBody& body, const DeepCloth& deep, const Surface& surface,
-               uint32_t* faces) {
+size_t Uncross(const ModelView& model, const CrossedBody& body, const DeepCloth& deep, float* moves,
+               const Surface& surface, uint32_t* faces) {
   uint32_t left = *faces / 2;  // the rest is for what was moved
   *faces -= left;
-  const size_t moved = Uncrossing(model, body, deep, surface, &left).Run();
+  const size_t moved = Uncrossing(model, body, deep, moves, surface, &left).Run();
   *faces += left;
   return moved;
 }

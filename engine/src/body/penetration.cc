@@ -5,6 +5,7 @@
 
 #include "engine/src/body/crossings.h"
 #include "engine/src/body/cut_corners.h"
+#include "engine/src/body/spread_moves.h"
 
 namespace dcloth::engine {
 namespace {
@@ -48,6 +49,9 @@ constexpr double kLaid = 1, kLaidBy = 5;
 // nothing of.
 constexpr double kFarPush = 2;
 
+// Clearances. Cloth around vertices that were moved further gives way.
+constexpr double kLongMove = 2;
+
 constexpr double kPastRim = 5;  // clearances under skin beyond a rim, at most: a sleeve may lie deep in the trunk
 
 double SquaredDistance(const double* a, const float* b) {
@@ -78,11 +82,13 @@ class Pushes {
   Pushes(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
          const BodyMemory& memory, const Surface& surface, double clearance, double reach)
       : kernels_(kernels),
+        model_(model),
         memory_(memory),
         surface_(surface),
         clearance_(clearance),
         budget_(SearchBudgetOf(model.vertex_count)),
-        posed_{&model.body, memory.positions, space.mirrored ? -1.0 : 1.0, 0} {
+        posed_{&model.body, memory.positions, space.mirrored ? -1.0 : 1.0, 0},
+        listed_(CountListed(model, memory.deep)) {
     job_.points = surface.positions;
     job_.point_stride_bytes = surface.position_stride_bytes;
     job_.reach = static_cast<float>(reach);
@@ -102,9 +108,9 @@ class Pushes {
     return true;
   }
 
-  // Vertices of the class in use, `laid` clearances further where they were moved far before. False where the frame's
-  // searches have run out.
-  bool Push(const uint16_t* vertices, size_t count, double laid) {
+  // Vertices of the class in use; at `first` those that were laid elsewhere go further out. Lists what is moved. False
+  // where the frame's searches have run out.
+  bool Push(const uint16_t* vertices, size_t count, bool first) {
     for (size_t begin = 0; begin < count; begin += job_.points_count) {
       if (budget_.looks == 0) return false;
       job_.order = vertices + begin;
@@ -114,10 +120,38 @@ class Pushes {
       budget_.looks -= looks_ < budget_.looks ? looks_ : budget_.looks;
       for (size_t i = 0; i < job_.points_count; ++i) {
         if (suspect_[i] == kernels::kNoSite) continue;
-        const double moved = static_cast<double>(MoveOf(memory_.deep, surface_, job_.order[i])) / clearance_;
-        const double share = moved < kLaidBy ? moved / kLaidBy : 1;
-        memory_.beside[job_.order[i]] = PushOut(posed_, job_, memory_.touch, i, (1 + laid * share) * clearance_,
-                                                moved > kFarPush, &budget_, surface_.PositionOf(job_.order[i]));
+        const uint16_t vertex = job_.order[i];
+        const double laid = first ? static_cast<double>(MoveOf(memory_.deep, surface_, vertex)) / clearance_ : 0;
+        const double share = laid < kLaidBy ? laid / kLaidBy : 1;
+        float* position = surface_.PositionOf(vertex);
+        const float start[3] = {position[0], position[1], position[2]};
+        memory_.beside[vertex] = PushOut(posed_, job_, memory_.touch, i, (1 + kLaid * share) * clearance_,
+                                         laid > kFarPush, &budget_, position);
+        listed_ = ListMove(memory_.deep, listed_, vertex, start, surface_);
+      }
+    }
+    return true;
+  }
+
+  // Cloth around what was moved far gives way, and may be under other skin then. False as above.
+  bool Spread() {
+    const size_t moved =
+        SpreadLongMoves(model_, memory_.deep, listed_, kLongMove * clearance_, memory_.swept.starts, surface_);
+    return moved == 0 || PushListed();
+  }
+
+  // Once more. False as above.
+  bool PushListed() {
+    for (size_t c = 0; c < ClassCount(model_); ++c) {
+      const TouchClass touch = ClassAt(model_, memory_.touch, c);
+      if (!Use(touch)) continue;
+      uint16_t vertices[kernels::kNearestPatch];
+      size_t count = 0;
+      for (size_t i = 0; i < touch.vertex_count; ++i) {
+        if (memory_.deep.places[touch.vertices[i]] != kNotDeep) vertices[count++] = touch.vertices[i];
+        if (count < kernels::kNearestPatch && i + 1 < touch.vertex_count) continue;
+        if (count != 0 && !Push(vertices, count, false)) return false;
+        count = 0;
       }
     }
     return true;
@@ -127,11 +161,13 @@ class Pushes {
 
  private:
   const kernels::KernelTable& kernels_;
+  const format::ModelView& model_;
   const BodyMemory& memory_;
   const Surface& surface_;
   const double clearance_;
   SearchBudget budget_;
   PosedBody posed_;
+  size_t listed_;  // in `deep`
   kernels::NearestJob job_ = {};
   uint32_t looks_ = 0;
   uint16_t nearest_[kernels::kNearestPatch], suspect_[kernels::kNearestPatch];
@@ -180,24 +216,13 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   for (size_t c = 0; c < ClassCount(model); ++c) {
     const TouchClass touch = ClassAt(model, memory.touch, c);
     if (!pushes.Use(touch)) continue;
-    if (!pushes.Push(touch.vertices, touch.vertex_count, kLaid)) return;
+    if (!pushes.Push(touch.vertices, touch.vertex_count, true)) return;
   }
+  if (!pushes.Spread()) return;
   const PosedBody whole = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, 0};
   CoverCorners(model, whole, memory.normals, memory.beside, clearance, surface, pushes.faces());
   const CrossedBody crossed = {whole, memory.normals, memory.sites, memory.touch, memory.beside, clearance};
-  const size_t moved = Uncross(model, crossed, memory.deep, surface, pushes.faces());
-  for (size_t c = 0; c < ClassCount(model) && moved != 0; ++c) {
-    if (!pushes.Use(ClassAt(model, memory.touch, c))) continue;
-    uint16_t vertices[kernels::kNearestPatch];
-    size_t count = 0;
-    for (size_t i = 0; i < moved; ++i) {
-      const uint16_t vertex = memory.deep.vertices[i];
-      if (body.touch_classes == nullptr || body.touch_classes[vertex] == c) vertices[count++] = vertex;
-      if (count < kernels::kNearestPatch && i + 1 < moved) continue;
-      if (count != 0 && !pushes.Push(vertices, count, 0)) return;
-      count = 0;
-    }
-  }
+  if (Uncross(model, crossed, memory.deep, memory.swept.starts, surface, pushes.faces()) != 0) pushes.PushListed();
 }
 
 uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,

@@ -576,9 +576,10 @@ TEST_F(BodyFitTest, MovesTheSurfaceOntoTheSkin) {
     }
     const double fitted = Deepest(&cloth, host);
     // The model's 2 mm and 3 more. Vertices of the surface meet the skin, its triangles of 4 cm bend a little under it;
-    // the test's coarse cloth is lifted further, until none of its edges and triangles cuts the egg.
+    // the test's coarse cloth is lifted further, until none of its edges and triangles cuts the egg, and gives way
+    // around.
     EXPECT_LT(fitted, -0.004);
-    EXPECT_GT(fitted, -0.018);
+    EXPECT_GT(fitted, -0.025);
     if (girth <= 1) continue;
     OwnedCloth bones(opened_);
     Host bare = host;

@@ -45,13 +45,13 @@ class PenetrationTest : public ::testing::Test {
   OpenedModel opened_{model_};
 };
 
-TEST_F(PenetrationTest, NoVertexIsLeftUnderTheSkinAndNoOtherMovesInwards) {
+TEST_F(PenetrationTest, NoVertexIsLeftUnderTheSkinAndNoOtherIsDrawnInto) {
   ASSERT_EQ(opened_.status(), DCLOTH_OK) << opened_.error().text;
   EXPECT_EQ(dcloth_model_body_vertex_count(opened_.get()), 282u);
   for (const std::string& isa : UsableIsas()) {
     ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
     OwnedCloth cloth(opened_);
-    size_t under = 0, deep = 0, clear = 0;
+    size_t under = 0, deep = 0, clear = 0, gave_way = 0;
     for (int tick = 0; tick < kTicks; ++tick) {
       ASSERT_EQ(cloth.Tick(Pose(tick), kAll), DCLOTH_OK);
       std::vector<float> before, after;
@@ -62,9 +62,11 @@ TEST_F(PenetrationTest, NoVertexIsLeftUnderTheSkinAndNoOtherMovesInwards) {
         const Point from = At(before, i), to = At(after, i);
         const double height = SignedDistance(body_, posed, from);
         const double move = std::hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-        if (height > body_.clearance + kRounding) {  // outwards alone, where the cloth beside it cut the skin
-          ASSERT_GE(SignedDistance(body_, posed, to), height - kRounding) << isa << " tick " << tick << " vertex " << i;
+        if (height > body_.clearance + kRounding) {  // gives way, where the cloth beside it was under the skin
+          ASSERT_GE(SignedDistance(body_, posed, to), 0.99 * body_.clearance - kRounding)
+              << isa << " tick " << tick << " vertex " << i << " from " << height;
           clear += std::memcmp(&before[6 * i], &after[6 * i], 12) == 0;
+          gave_way += height > 3 * body_.clearance && move > 2 * body_.clearance;
           continue;
         }
         ASSERT_GE(SignedDistance(body_, posed, to), 0.99 * body_.clearance - kRounding)
@@ -77,6 +79,7 @@ TEST_F(PenetrationTest, NoVertexIsLeftUnderTheSkinAndNoOtherMovesInwards) {
     EXPECT_GT(under, 100u) << isa;
     EXPECT_GT(deep, 10u) << isa;
     EXPECT_GT(clear, 1000u) << isa;
+    EXPECT_GT(gave_way, 100u) << isa;
   }
   dcloth_isa_select(nullptr);
 }
@@ -167,7 +170,7 @@ TEST_F(PenetrationTest, ModelsWithoutABodyTakeTheFlag) {
 }
 
 // Joints scaled to nothing leave no surface, a reach of little leaves deep vertices where they are: neither is a fault.
-TEST_F(PenetrationTest, CollapsedBodiesAndShortReachesMoveNothing) {
+TEST_F(PenetrationTest, CollapsedBodiesAndShortReachesPushNothing) {
   OwnedCloth cloth(opened_);
   std::vector<float> pose = Pose(0);
   for (size_t j = 0; j < pose.size(); j += 16) {
@@ -189,13 +192,14 @@ TEST_F(PenetrationTest, CollapsedBodiesAndShortReachesMoveNothing) {
   ASSERT_EQ(Skin(&near, Pose(3), 0, &without), DCLOTH_OK);
   ASSERT_EQ(Skin(&near, Pose(3), DCLOTH_OUTPUT_OUTSIDE_BODY, &with), DCLOTH_OK);
   const std::vector<Point> posed = PoseBody(body, shallow.numbers, Pose(3));
-  size_t deep = 0;
+  size_t deep = 0, taken_along = 0;
   for (size_t i = 0; i < n(); ++i) {
     if (SignedDistance(body, posed, At(without, i)) > -0.05 - kRounding) continue;
-    EXPECT_EQ(std::memcmp(&without[6 * i], &with[6 * i], 12), 0) << i;
+    taken_along += SignedDistance(body, posed, At(with, i)) > 0;
     ++deep;
   }
   EXPECT_GT(deep, 0u);
+  EXPECT_LT(taken_along, deep / 4) << "cloth that was pushed far takes some of what is beside it along";
 }
 
 }  // namespace
