@@ -66,7 +66,8 @@ float WeightOf(const BodyView& body, size_t vertex, uint32_t joint) {
 
 // Radii and classes, from the skin that the joint moves; false where nothing is left. The first slice is no core: what
 // lies around a joint when it is bound sticks out when it is bent. Around the other end a ball may be.
-bool MeasureCore(const BodyView& body, LimbCore* core) {
+bool MeasureCore(const BodyView& body, uint32_t child, LimbCore* core) {
+  const float along[3] = {core->to[0] - core->from[0], core->to[1] - core->from[1], core->to[2] - core->from[2]};
   float squared[kCoreSlices][kCoreSectors], beyond = kFar;
   bool own[kCoreSlices] = {};
   for (auto& slice : squared) {
@@ -75,6 +76,12 @@ bool MeasureCore(const BodyView& body, LimbCore* core) {
   core->touched_by = 0xFF;
   for (size_t v = 0; v < body.vertex_count; ++v) {
     const float weight = WeightOf(body, v, core->joint);
+    if (weight + WeightOf(body, v, child) >= kOwnWeight) {
+      const float past[3] = {body.positions[3 * v] - core->to[0], body.positions[3 * v + 1] - core->to[1],
+                             body.positions[3 * v + 2] - core->to[2]};
+      const float tip = Dot(past, along) / LengthOf(*core);
+      core->tip = tip > core->tip ? tip : core->tip;
+    }
     if (!(weight > 0)) continue;
     const OnBone on = InBindPose(*core, body.positions + 3 * v);
     if (on.along >= 1 && on.squared < beyond) beyond = on.squared;
@@ -197,7 +204,7 @@ void MeasureLimbCores(const ModelView& model, const LimbCores& limbs) {
     const float along[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
     if (!(Dot(along, along) > kLeastBone * kLeastBone)) continue;
     FillAround(&core);
-    if (MeasureCore(model.body, &core)) limbs.cores[(*limbs.count)++] = core;
+    if (MeasureCore(model.body, child, &core)) limbs.cores[(*limbs.count)++] = core;
   }
   for (uint32_t k = 0; k < *limbs.count; ++k) limbs.cores[k].below = kMostCores;
   for (uint32_t k = 0; k < *limbs.count; ++k) {

@@ -29,6 +29,7 @@ struct LimbCore {
   float around[2][3];                      // unit vectors across the bone and each other, bind pose
   float radii[kCoreSlices][kCoreSectors];  // metres; slices from `from` to `to`; 0 where there is no core
   float cap;                               // radius of the ball around `to` that is core beyond it, metres
+  float tip;                               // how far skin reaches beyond `to`, metres
   float posed_from[3];                     // of this frame, in the host's space
   float along[3];                          // posed `to` less posed `from`
   float posed_around[2][3];
@@ -98,6 +99,17 @@ bool IsInCore(const LimbCore& core, const OnBone& on, float* away, float* radius
 inline bool IsInCore(const LimbCore& core, const float* point, float* away, float* radius) {
   const OnBone on = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
   return on.along > 0 && on.squared < core.reach * core.reach && IsInCore(core, on, away, radius);
+}
+
+// visit(upper core, its index, bit) for each of the first eight limbs that bend.
+template <typename Visit>
+void VisitLimbs(const LimbCores& limbs, Visit visit) {
+  constexpr uint32_t kMostLimbs = 8;
+  uint32_t found = 0;
+  for (uint32_t k = 0; k < *limbs.count && found < kMostLimbs; ++k) {
+    const LimbCore& core = limbs.cores[k];
+    if (core.above == kMostCores && core.below != kMostCores) visit(core, k, static_cast<uint8_t>(1u << found++));
+  }
 }
 
 // Above the core of a limb that bends lies its skin; cloth that is laid over it is to meet that one, not the skin that

@@ -5,6 +5,7 @@
 
 #include "engine/src/body/crossings.h"
 #include "engine/src/body/cut_corners.h"
+#include "engine/src/body/kicked_cloth.h"
 #include "engine/src/body/spread_moves.h"
 
 namespace dcloth::engine {
@@ -209,6 +210,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   PoseBody(kernels, model, space, skin, memory);
   PoseLimbCores(memory.matrices, memory.limbs);
   ThreadSleeves(model, memory.limbs, memory.sleeves, surface);
+  TakeAlong(model, space.mirrored, memory.limbs, memory.swept, surface);
   LayOrSweep(model, space.mirrored, memory.matrices, memory.limbs, memory.touch, memory.deep, memory.swept, surface);
   FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
   for (size_t v = 0; v < model.vertex_count; ++v) memory.beside[v] = kNotNear;

@@ -7,7 +7,6 @@ namespace {
 
 using format::ModelView;
 
-constexpr uint32_t kMostLimbs = 8;
 constexpr int kMostSweeps = 3;    // of a frame
 constexpr size_t kMostParts = 3;  // of a limb: thigh, shank, foot
 // What is torn, in triangles: the sum over those through a limb of how much nearer to its bone than kDeep they come, in
@@ -84,16 +83,6 @@ LimbPose PoseAt(const Limb& limb, const Start& shares) {
     RotateAbout(limb.upper, shares.upper, limb.parts[0]->posed_from, &pose.parts[k]);
   }
   return pose;
-}
-
-// visit(upper core, its index, bit) for each limb that bends.
-template <typename Visit>
-void VisitLimbs(const LimbCores& limbs, Visit visit) {
-  uint32_t found = 0;
-  for (uint32_t k = 0; k < *limbs.count && found < kMostLimbs; ++k) {
-    const LimbCore& core = limbs.cores[k];
-    if (core.above == kMostCores && core.below != kMostCores) visit(core, k, static_cast<uint8_t>(1u << found++));
-  }
 }
 
 // False where it cannot be turned.

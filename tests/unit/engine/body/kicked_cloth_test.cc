@@ -1,0 +1,127 @@
+// A foot that was drawn through the back of its skirt takes the skirt along.
+#include "engine/src/body/kicked_cloth.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/unit/engine/body/limbs.h"
+
+namespace dcloth::testing {
+namespace {
+
+class KickedClothTest : public LegInSkirt {
+ protected:
+  void TakeAlong(std::vector<float>* skirt, bool mirrored = false) {
+    engine::PoseLimbCores(matrices_.data(), limbs_);
+    engine::Surface surface = {};
+    surface.positions = skirt->data();
+    surface.position_stride_bytes = 12;
+    engine::TakeAlong(model_, mirrored, limbs_, swept_, surface);
+  }
+
+  std::vector<float> Taken(float hip, float knee) {
+    Lift(hip, knee);
+    std::vector<float> skirt = Skirt(0);
+    TakeAlong(&skirt);
+    return skirt;
+  }
+
+  // How far behind the hip something is, at most.
+  static float Back(const std::vector<float>& skirt) {
+    float back = 0;
+    for (size_t i = 2; i < skirt.size(); i += 3) back = std::fmax(back, -skirt[i]);
+    return back;
+  }
+};
+
+TEST_F(KickedClothTest, AFootThroughTheBackTakesItAlong) {
+  for (const float knee : {1.8f, 2.0f, 2.2f}) {
+    const std::vector<float> skirt = Taken(0.5f, knee), before = Skirt(0);
+    const float foot = (kLength + kFoot) * std::sin(knee - 0.5f) - kLength * std::sin(0.5f);
+    EXPECT_GT(foot, kSkirt + 0.05f) << knee;
+    EXPECT_GT(CrossedBy(before), 0) << knee;
+    EXPECT_EQ(CrossedBy(skirt), 0) << knee;
+    EXPECT_GT(Back(skirt), foot) << knee;
+    EXPECT_LT(Back(skirt), foot + 0.03f) << knee;
+    for (size_t i = 0; i < skirt.size(); i += 3) {
+      for (size_t c = 0; c < 3 && before[i + 2] > 0; ++c) ASSERT_EQ(skirt[i + c], before[i + c]) << "the front stays";
+    }
+  }
+}
+
+// No slope is steeper than the cloth can be stretched to.
+TEST_F(KickedClothTest, ClothAroundGoesAlongLessAndLess) {
+  const std::vector<float> skirt = Taken(0.5f, 2), before = Skirt(0);
+  float longest = 0;
+  for (size_t t = 0; t < faces_.size(); t += 3) {
+    for (size_t k = 0; k < 3; ++k) {
+      const size_t a = 3 * faces_[t + k], b = 3 * faces_[t + (k + 1) % 3];
+      const auto length = [&](const std::vector<float>& of) {
+        return std::hypot(of[b] - of[a], of[b + 1] - of[a + 1], of[b + 2] - of[a + 2]);
+      };
+      longest = std::fmax(longest, length(skirt) / length(before));
+    }
+  }
+  EXPECT_GT(longest, 1.2f);
+  EXPECT_LT(longest, 2);
+}
+
+TEST_F(KickedClothTest, ALegInsideLeavesTheSkirtAlone) {
+  for (const float knee : {0.0f, 0.6f, 1.5f}) EXPECT_EQ(Taken(0.5f, knee), Skirt(0)) << knee;
+}
+
+TEST_F(KickedClothTest, ALegThatIsFarOutDoesToo) { EXPECT_EQ(Taken(0, 1.8f), Skirt(0)); }
+
+// The knee is out in front, and the foot back in.
+TEST_F(KickedClothTest, AFootThatComesInDoesToo) {
+  Lift(1.5f, 1.95f);
+  ASSERT_GT(CrossedBy(Taken(1.5f, 1.95f)), 0);
+  EXPECT_EQ(Taken(1.5f, 1.95f), Skirt(0));
+}
+
+// Below where the leg comes out, the back stands off as far as takes the foot in again.
+TEST_F(KickedClothTest, AFootThatGoesInAgainDoesToo) {
+  Lift(0.5f, 1.8f);
+  std::vector<float> skirt = Skirt(0);
+  for (size_t i = 0; i < skirt.size(); i += 3) {
+    const float below = -0.47f - skirt[i + 1];
+    if (skirt[i + 2] < 0 && below > 0) skirt[i + 2] -= std::fmin(10 * below, 0.2f);
+  }
+  const std::vector<float> before = skirt;
+  TakeAlong(&skirt);
+  EXPECT_EQ(CrossedBy(before), 2);
+  EXPECT_EQ(skirt, before);
+}
+
+TEST_F(KickedClothTest, MirroredSpacesGiveTheMirrorImage) {
+  std::vector<float> skirt = Taken(0.5f, 2), host = Skirt(0);
+  EXPECT_NE(skirt, host);
+  for (size_t i = 0; i < host.size(); i += 3) host[i] *= -100, host[i + 1] *= 100, host[i + 2] *= 100;
+  for (size_t i = 0; i < matrices_.size(); i += 4) {
+    const float scale = i % 12 == 0 ? -100.0f : 100.0f;
+    for (size_t c = 0; c < 4; ++c) matrices_[i + c] *= scale;
+  }
+  TakeAlong(&host, true);
+  for (size_t i = 0; i < host.size(); ++i) ASSERT_NEAR(0.01f * host[i] * (i % 3 == 0 ? -1.0f : 1.0f), skirt[i], 1e-5f);
+}
+
+// Joints without size or torn apart, cloth that is nowhere: nothing that is no number where there was none.
+TEST_F(KickedClothTest, BrokenPosesEnd) {
+  Lift(0.5f, 2);
+  const std::vector<float> matrices = matrices_;
+  for (const float scale : {0.0f, 1e-30f, 1e18f}) {
+    matrices_ = matrices;
+    for (size_t i = 12; i < 60; ++i) matrices_[i] *= scale;
+    for (const float size : {0.0f, 1.0f, 1e15f}) {
+      std::vector<float> skirt = Skirt(0);
+      for (float& x : skirt) x *= size;
+      TakeAlong(&skirt);
+      for (const float x : skirt) ASSERT_TRUE(std::isfinite(x)) << scale << " " << size;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace dcloth::testing
