@@ -12,7 +12,7 @@ using format::ModelView;
 constexpr size_t kMostBones = 2;   // shank, foot
 constexpr double kFurthest = 0.2;  // metres from where a limb comes out to its tip
 constexpr double kSteep = 0.6;     // cosine to the panel's normal: a foot that hangs down along a panel drags no hem
-constexpr double kBeyond = 0.01;   // metres, that cloth is moved beyond the tip
+constexpr double kBeyond = 0.01;   // metres, that cloth is moved beyond the tip; less where the limb comes out less
 constexpr double kFlat = 0.045;    // metres from the limb's axis: moved as a whole, over the toes
 constexpr double kSlope = 1.5;     // metres further out a metre of the move, to where nothing moves
 constexpr double kLayers = 0.1;    // metres along the axis from where the limb comes out, of cloth that goes along
@@ -116,7 +116,8 @@ void TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, co
     const Vec tip = way.points[way.count - 1] - exit.at;
     const double length = std::sqrt(Dot(tip, tip));
     if (!(length > 0)) return;
-    const Vec axis = (1 / length) * tip, move = (length + kBeyond * scale) * axis;
+    const double beyond = kBeyond * scale;
+    const Vec axis = (1 / length) * tip, move = (length + (length < beyond ? length : beyond)) * axis;
     const double flat = kFlat * scale, around = flat + kSlope * length, layers = kLayers * scale;
     for (size_t v = 0; v < model.vertex_count; ++v) {
       if ((swept.limbs[v] & bit) == 0) continue;

@@ -68,6 +68,17 @@ TEST_F(KickedClothTest, ClothAroundGoesAlongLessAndLess) {
   EXPECT_LT(longest, 2);
 }
 
+TEST_F(KickedClothTest, ToesThatJustComeOutTakeLittleAlong) {
+  Lift(0.5f, 2);
+  std::vector<float> skirt = Skirt(0.34f);
+  const std::vector<float> before = skirt;
+  TakeAlong(&skirt);
+  float furthest = 0;
+  for (size_t i = 0; i < skirt.size(); i += 3) furthest = std::fmax(furthest, std::fabs(skirt[i + 2] - before[i + 2]));
+  EXPECT_GT(furthest, 0.001f);
+  EXPECT_LT(furthest, 0.01f);
+}
+
 TEST_F(KickedClothTest, ALegInsideLeavesTheSkirtAlone) {
   for (const float knee : {0.0f, 0.6f, 1.5f}) EXPECT_EQ(Taken(0.5f, knee), Skirt(0)) << knee;
 }
