@@ -109,29 +109,14 @@ TEST_F(KickedClothTest, AFootThatGoesInAgainDoesToo) {
 TEST_F(KickedClothTest, MirroredSpacesGiveTheMirrorImage) {
   std::vector<float> skirt = Taken(0.5f, 2), host = Skirt(0);
   EXPECT_NE(skirt, host);
-  for (size_t i = 0; i < host.size(); i += 3) host[i] *= -100, host[i + 1] *= 100, host[i + 2] *= 100;
-  for (size_t i = 0; i < matrices_.size(); i += 4) {
-    const float scale = i % 12 == 0 ? -100.0f : 100.0f;
-    for (size_t c = 0; c < 4; ++c) matrices_[i + c] *= scale;
-  }
+  MirrorSpace(&host);
   TakeAlong(&host, true);
   for (size_t i = 0; i < host.size(); ++i) ASSERT_NEAR(0.01f * host[i] * (i % 3 == 0 ? -1.0f : 1.0f), skirt[i], 1e-5f);
 }
 
-// Joints without size or torn apart, cloth that is nowhere: nothing that is no number where there was none.
 TEST_F(KickedClothTest, BrokenPosesEnd) {
   Lift(0.5f, 2);
-  const std::vector<float> matrices = matrices_;
-  for (const float scale : {0.0f, 1e-30f, 1e18f}) {
-    matrices_ = matrices;
-    for (size_t i = 12; i < 60; ++i) matrices_[i] *= scale;
-    for (const float size : {0.0f, 1.0f, 1e15f}) {
-      std::vector<float> skirt = Skirt(0);
-      for (float& x : skirt) x *= size;
-      TakeAlong(&skirt);
-      for (const float x : skirt) ASSERT_TRUE(std::isfinite(x)) << scale << " " << size;
-    }
-  }
+  ExpectBrokenPosesEnd([this](std::vector<float>* skirt) { TakeAlong(skirt); });
 }
 
 }  // namespace

@@ -245,6 +245,31 @@ class LegInSkirt : public ThighAndSheet {
     engine::LayOrSweep(model_, mirrored, matrices_.data(), limbs_, lists_, deep_, swept_, surface);
   }
 
+  // From here on the host's space is in centimetres, and mirrored; so is the skirt.
+  void MirrorSpace(std::vector<float>* skirt) {
+    for (size_t i = 0; i < skirt->size(); ++i) (*skirt)[i] *= i % 3 == 0 ? -100.0f : 100.0f;
+    for (size_t i = 0; i < matrices_.size(); ++i) matrices_[i] *= i % 12 < 4 ? -100.0f : 100.0f;
+  }
+
+  // Joints without size or torn apart, cloth that is nowhere: an end, and nothing that is no number where there was
+  // none.
+  template <typename Act>
+  void ExpectBrokenPosesEnd(Act act) {
+    const std::vector<float> matrices = matrices_;
+    for (const size_t broken : {2, 4}) {
+      for (const float scale : {0.0f, 1e-30f, 1e18f}) {
+        matrices_ = matrices;
+        for (size_t i = 12; i < 12 + 12 * broken; ++i) matrices_[i] *= scale;
+        for (const float size : {0.0f, 1.0f, 1e15f}) {
+          std::vector<float> skirt = Skirt(0);
+          for (float& x : skirt) x *= size;
+          act(&skirt);
+          for (const float x : skirt) ASSERT_TRUE(std::isfinite(x)) << broken << " " << scale << " " << size;
+        }
+      }
+    }
+  }
+
   // Triangles of which the middle is deep in the leg.
   int TornOn(const std::vector<float>& skirt) const {
     int count = 0;
