@@ -22,10 +22,6 @@ constexpr float kClose = 0.08f, kLoose = 0.14f;    // metres from a bone in the 
 constexpr float kOver = 0.25f, kMostOver = 0.01f;  // of a core's radius; metres
 constexpr float kFar = 1e18f;
 
-void Transform(const float* matrix, const float* point, float* out) {
-  for (size_t r = 0; r < 3; ++r) out[r] = Dot(matrix + 4 * r, point) + matrix[4 * r + 3];
-}
-
 // Where a joint is in the bind pose: B^-1, a rotation with a scale, takes it to the origin.
 void BindPosition(const float* inverse, float* out) {
   for (size_t r = 0; r < 3; ++r) {

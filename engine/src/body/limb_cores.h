@@ -19,6 +19,10 @@ inline void Cross(const float* a, const float* b, float* out) {
   for (size_t c = 0; c < 3; ++c) out[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
 }
 
+inline void Transform(const float* matrix, const float* point, float* out) {
+  for (size_t r = 0; r < 3; ++r) out[r] = Dot(matrix + 4 * r, point) + matrix[4 * r + 3];
+}
+
 constexpr size_t kCoreSlices = 8;   // along the bone
 constexpr size_t kCoreSectors = 8;  // around it
 constexpr size_t kMostCores = 32;

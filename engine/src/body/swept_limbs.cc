@@ -2,105 +2,32 @@
 
 #include <cmath>
 
+#include "engine/src/body/limb_turns.h"
+#include "engine/src/body/worn_cloth.h"
+
 namespace dcloth::engine {
 namespace {
 
 using format::ModelView;
 
-constexpr int kMostSweeps = 3;    // of a frame
-constexpr size_t kMostParts = 3;  // of a limb: thigh, shank, foot
+constexpr int kMostTries = 4;  // of a frame
 // What is torn, in triangles: the sum over those through a limb of how much nearer to its bone than kDeep they come, in
 // shares of the core's radius. So much is a tear; so much of what there was is none.
 constexpr float kDeep = 0.7f, kTorn = 0.05f, kLess = 0.25f;
-constexpr float kStep = 0.02f;    // metres, of a sweep: less than a core is thick
-constexpr float kMostSteps = 32;  // longer sweeps take longer steps
-constexpr int kRings = 8;         // around what was pushed, that give way
-constexpr int kSpreads = 16;
+constexpr float kStep = 0.02f;                         // metres: less than a core is thick
+constexpr float kMostSteps = 32, kMostFallSteps = 64;  // longer ways take longer steps
+constexpr int kRings = 8;                              // around what was pushed, that give way
+constexpr int kSpreads = 16, kEasings = 8;
 constexpr float kFar = 1e18f;
 
-// Where a sweep starts: shares of the turns that take a limb to where its joints hold it in the bind pose.
-struct Start {
-  float upper, lower;  // at the hip, at the knee
+// What is tried where a limb tore its cloth: the cloth falls onto it from where the limb would wear it, or the limb is
+// swept from a share of the turns that take it to where its joints hold it in the bind pose, or both, one after the
+// other.
+struct Try {
+  bool falls;
+  float sweeps_from;  // 0: it does not
 };
-constexpr Start kStarts[] = {{0.25f, 0.25f}, {0.5f, 0.5f}, {0, 0.25f}};
-
-// The smallest that takes a posed bone to where the joint above it holds it in the bind pose.
-struct Turn {
-  float axis[3];       // unit vector, or zero
-  float cosine, sine;  // of half the angle
-};
-
-Turn TurnBack(const float* above, const LimbCore& core) {
-  const float bone[3] = {core.to[0] - core.from[0], core.to[1] - core.from[1], core.to[2] - core.from[2]};
-  float rest[3];
-  for (size_t r = 0; r < 3; ++r) rest[r] = Dot(above + 4 * r, bone);
-  Turn turn = {};
-  Cross(core.along, rest, turn.axis);
-  const float sine = std::sqrt(Dot(turn.axis, turn.axis)), cosine = Dot(core.along, rest);
-  const float length = std::sqrt(sine * sine + cosine * cosine), share = length > 0 ? cosine / length : 1.0f;
-  turn.cosine = std::sqrt(0.5f * (share > -1 ? 1 + share : 0.0f));
-  turn.sine = std::sqrt(0.5f * (share < 1 ? 1 - share : 0.0f));
-  for (float& c : turn.axis) c = sine > 0 ? c / sine : 0.0f;
-  return turn;
-}
-
-void Rotate(const float* axis, float cosine, float sine, float* vector) {
-  float across[3];
-  Cross(axis, vector, across);
-  const float along = Dot(axis, vector) * (1 - cosine);
-  for (size_t c = 0; c < 3; ++c) vector[c] = cosine * vector[c] + sine * across[c] + along * axis[c];
-}
-
-// By a share of the turn: between quaternions, straight.
-void RotateAbout(const Turn& turn, float share, const float* centre, LimbCore* core) {
-  const float w = 1 - share + share * turn.cosine, x = share * turn.sine, inverse = 1 / (w * w + x * x);
-  const float cosine = (w * w - x * x) * inverse, sine = 2 * w * x * inverse;
-  float from[3];
-  for (size_t c = 0; c < 3; ++c) from[c] = core->posed_from[c] - centre[c];
-  Rotate(turn.axis, cosine, sine, from);
-  for (size_t c = 0; c < 3; ++c) core->posed_from[c] = centre[c] + from[c];
-  Rotate(turn.axis, cosine, sine, core->along);
-  for (float(&around)[3] : core->posed_around) Rotate(turn.axis, cosine, sine, around);
-}
-
-struct Limb {
-  const LimbCore* parts[kMostParts];  // as posed
-  size_t count;
-  Turn upper, lower;
-  uint8_t bit;     // of SweptCloth::limbs
-  uint32_t cores;  // a bit each
-};
-
-struct LimbPose {
-  LimbCore parts[kMostParts];
-};
-
-LimbPose PoseAt(const Limb& limb, const Start& shares) {
-  LimbPose pose = {};
-  for (size_t k = 0; k < limb.count; ++k) {
-    pose.parts[k] = *limb.parts[k];
-    if (k > 0) RotateAbout(limb.lower, shares.lower, limb.parts[1]->posed_from, &pose.parts[k]);
-    RotateAbout(limb.upper, shares.upper, limb.parts[0]->posed_from, &pose.parts[k]);
-  }
-  return pose;
-}
-
-// False where it cannot be turned.
-bool FillLimb(const ModelView& model, const float* matrices, const LimbCores& limbs, uint32_t upper, uint8_t bit,
-              Limb* limb) {
-  *limb = {};
-  limb->bit = bit;
-  for (uint32_t k = upper; k != kMostCores && limb->count < kMostParts; k = limbs.cores[k].below) {
-    if (!(limbs.cores[k].scale > 0)) return false;
-    limb->parts[limb->count++] = &limbs.cores[k];
-    limb->cores |= 1u << k;
-  }
-  const uint32_t joint = limb->parts[0]->joint, above = model.parents[joint];
-  if (above == format::kNoParent) return false;
-  limb->upper = TurnBack(matrices + size_t{12} * above, *limb->parts[0]);
-  limb->lower = TurnBack(matrices + size_t{12} * joint, *limb->parts[1]);
-  return true;
-}
+constexpr Try kTries[] = {{true, 0}, {true, 0.25f}, {false, 0.25f}, {false, 0.5f}};
 
 float TornBy(const ModelView& model, const Limb& limb, const uint32_t* triangles, size_t count, const SweptCloth& swept,
              const Surface& surface) {
@@ -183,14 +110,13 @@ size_t Add(const SweptCloth& swept, size_t found, uint16_t v, const float* start
 }
 
 // Where a limb is after a step, of the last of which it is as posed.
-LimbPose PoseAfter(const Limb& limb, const Start& from, float step, float steps) {
-  const float left = 1 - step / steps;
-  return PoseAt(limb, {left * from.upper, left * from.lower});
+LimbPose PoseAfter(const Limb& limb, float from, float step, float steps) {
+  return PoseAt(limb, (1 - step / steps) * from);
 }
 
-// Lists what a limb pushes on its way; returns how many vertices that are. `scratch` [n].
-size_t PushAlong(const ModelView& model, const Limb& limb, const Start& from, const SweptCloth& swept,
-                 uint16_t* scratch, const Surface& surface) {
+// Lists what a limb pushes on its way, after the `found` vertices; returns how many there are then. `scratch` [n].
+size_t PushAlong(const ModelView& model, const Limb& limb, float from, const SweptCloth& swept, uint16_t* scratch,
+                 size_t found, const Surface& surface) {
   LimbPose before = PoseAt(limb, from);
   const float steps = StepsOf(limb, before);
   Box way;
@@ -198,7 +124,7 @@ size_t PushAlong(const ModelView& model, const Limb& limb, const Start& from, co
     const LimbPose pose = PoseAfter(limb, from, step, steps);
     for (size_t k = 0; k < limb.count; ++k) Extend(pose.parts[k], &way);
   }
-  size_t near = 0, found = 0;
+  size_t near = 0;
   for (size_t v = 0; v < model.vertex_count; ++v) {
     if ((swept.limbs[v] & limb.bit) == 0 || !IsInBox(way, surface.PositionOf(v))) continue;
     scratch[near++] = static_cast<uint16_t>(v);
@@ -223,9 +149,97 @@ size_t PushAlong(const ModelView& model, const Limb& limb, const Start& from, co
   return found;
 }
 
-// Cloth around the `pushed` vertices gives way: each vertex moves as its neighbours do on average. `scratch`: sums and
-// triangles.
-void Spread(const ModelView& model, const SweptCloth& swept, size_t pushed, const DeepCloth& scratch,
+// Shares of a way at which it enters and leaves a box; none where the first is not less.
+struct Within {
+  float enters = 0, leaves = 1;
+};
+
+Within PartOfWay(const Box& box, const float* from, const float* way) {
+  Within within;
+  for (size_t c = 0; c < 3; ++c) {
+    if (std::fabs(way[c]) < 1e-12f) continue;
+    const float low = (box.low[c] - from[c]) / way[c], high = (box.high[c] - from[c]) / way[c];
+    const float first = low < high ? low : high, last = low < high ? high : low;
+    within.enters = first > within.enters ? first : within.enters;
+    within.leaves = last < within.leaves ? last : within.leaves;
+  }
+  return within;
+}
+
+// Takes a vertex from `at` towards `goal`, until it meets a part of the limb from the side where the garment lies in
+// the bind pose; false where it does not. There it sticks: slid along the limb, the hem would come down to the ankle.
+bool Fall(const Limb& limb, const Box& around, const float* bound, const float* goal, float* at) {
+  const float from[3] = {at[0], at[1], at[2]}, way[3] = {goal[0] - at[0], goal[1] - at[1], goal[2] - at[2]};
+  const Within within = PartOfWay(around, from, way);
+  if (!(within.enters < within.leaves)) return false;
+  const float wanted = std::sqrt(Dot(way, way)) / (kStep * limb.parts[0]->scale) + 1;
+  const float steps = static_cast<float>(static_cast<int>(wanted < kMostFallSteps ? wanted : kMostFallSteps));
+  const float first = static_cast<float>(static_cast<int>(within.enters * steps));
+  bool was_in[kMostParts] = {};
+  for (float step = first; step <= within.leaves * steps; ++step) {
+    for (size_t c = 0; c < 3; ++c) at[c] = from[c] + step / steps * way[c];
+    for (size_t k = 0; k < limb.count; ++k) {
+      const LimbCore& part = *limb.parts[k];
+      float away[3], radius, side[3];
+      const bool in = IsInCore(part, at, away, &radius), enters = in && !was_in[k] && step > first;
+      was_in[k] = in;
+      if (!enters) continue;
+      OwnSide(part, bound, side);
+      if (Dot(side, away) < 0) continue;
+      LimbCore before = part;
+      for (size_t c = 0; c < 3; ++c) before.posed_from[c] += way[c] / steps;
+      if (Push(before, part, at)) return true;
+    }
+  }
+  return false;
+}
+
+// Lets the cloth under which a limb lies fall onto it from where the limb would wear it. Lists what it meets; returns
+// how many vertices that are. The others are where they were drawn.
+size_t FallOnto(const ModelView& model, const float* matrices, const LimbCores& limbs, const Limb& limb,
+                const SweptCloth& swept, const Surface& surface) {
+  const WornCloth worn(model, matrices, limbs, limb);
+  Box around;
+  for (size_t k = 0; k < limb.count; ++k) Extend(*limb.parts[k], &around);
+  size_t found = 0;
+  for (size_t v = 0; v < model.vertex_count && found < kMostDeep; ++v) {
+    if ((swept.limbs[v] & limb.bit) == 0) continue;
+    float *position = surface.PositionOf(v), at[3];
+    worn.Place(v, at);
+    if (!Fall(limb, around, model.template_positions + 3 * v, position, at)) continue;
+    found = Add(swept, found, static_cast<uint16_t>(v), position);
+    for (size_t c = 0; c < 3; ++c) position[c] = at[c];
+  }
+  return found;
+}
+
+// Each of the vertices from `first` on moves as its neighbours do on average, by `most` at most.
+void Follow(const SweptCloth& swept, size_t first, size_t found, const float* sums, float most,
+            const Surface& surface) {
+  for (size_t i = first; i < found; ++i) {
+    const float *sum = sums + 4 * i, *start = swept.starts + 3 * i;
+    if (!(sum[3] > 0)) continue;
+    float *position = surface.PositionOf(swept.vertices[i]), step[3];
+    for (size_t c = 0; c < 3; ++c) step[c] = start[c] + sum[c] / sum[3] - position[c];
+    const float length = std::sqrt(Dot(step, step)), share = length > most ? most / length : 1.0f;
+    for (size_t c = 0; c < 3; ++c) position[c] += share * step[c];
+  }
+}
+
+// Straight out of the limb, across its bones.
+void KeepOut(const Limb& limb, float* position) {
+  for (size_t k = 0; k < limb.count; ++k) {
+    const LimbCore& part = *limb.parts[k];
+    float away[3], radius;
+    if (!IsInCore(part, position, away, &radius)) continue;
+    const float distance = std::sqrt(Dot(away, away)), height = radius + SkinOver(part, radius);
+    for (size_t c = 0; c < 3 && distance > 0; ++c) position[c] += (height - distance) / distance * away[c];
+  }
+}
+
+// Cloth around the `pushed` vertices gives way: each vertex moves as its neighbours do on average. Then they ease too,
+// by steps that do not lead through the limb. `scratch`: sums and triangles.
+void Spread(const ModelView& model, const Limb& limb, const SweptCloth& swept, size_t pushed, const DeepCloth& scratch,
             const Surface& surface) {
   size_t found = pushed;
   for (int ring = 0; ring < kRings; ++ring) {
@@ -235,14 +249,15 @@ void Spread(const ModelView& model, const SweptCloth& swept, size_t pushed, cons
     });
   }
   const size_t triangles = ListTriangles(model, swept.places, swept.places, scratch.triangles);
-  for (int pass = 0; pass < kSpreads; ++pass) {
+  for (int pass = 0; pass < kSpreads + kEasings; ++pass) {
     SumMoves(model, swept.places, swept.starts, scratch.triangles, triangles, surface, swept.vertices, found,
              scratch.sums);
-    for (size_t i = pushed; i < found; ++i) {
-      const float *sum = scratch.sums + 4 * i, *start = swept.starts + 3 * i;
-      float* position = surface.PositionOf(swept.vertices[i]);
-      for (size_t c = 0; c < 3 && sum[3] > 0; ++c) position[c] = start[c] + sum[c] / sum[3];
+    if (pass < kSpreads) {
+      Follow(swept, pushed, found, scratch.sums, kFar, surface);
+      continue;
     }
+    Follow(swept, 0, found, scratch.sums, kStep * limb.parts[0]->scale, surface);
+    for (size_t i = 0; i < found; ++i) KeepOut(limb, surface.PositionOf(swept.vertices[i]));
   }
 }
 
@@ -283,19 +298,21 @@ void FindSweptCloth(const ModelView& model, const LimbCores& limbs, const Sleeve
 
 void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
                 const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface) {
-  uint32_t cores = 0;  // of limbs that were swept
-  int sweeps = 0;
+  uint32_t cores = 0;  // of limbs that have taken their cloth along
+  int tries = 0;
   size_t moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
   VisitLimbs(limbs, [&](const LimbCore&, uint32_t upper, uint8_t bit) {
     Limb limb;
-    if (sweeps == kMostSweeps || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
+    if (tries == kMostTries || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
     const float torn = TornBy(model, limb, deep.triangles, moved, swept, surface);
     if (!(torn > kTorn)) return;
     TakeBack(model, deep.places, deep.starts, surface);
-    for (const Start& from : kStarts) {
-      if (sweeps == kMostSweeps) break;
-      ++sweeps;
-      Spread(model, swept, PushAlong(model, limb, from, swept, deep.places, surface), deep, surface);
+    for (const Try& how : kTries) {
+      if (tries == kMostTries) break;
+      ++tries;
+      size_t pushed = how.falls ? FallOnto(model, matrices, limbs, limb, swept, surface) : 0;
+      if (how.sweeps_from > 0) pushed = PushAlong(model, limb, how.sweeps_from, swept, deep.places, pushed, surface);
+      Spread(model, limb, swept, pushed, deep, surface);
       LayOverLimbs(model, mirrored, limbs, cores | limb.cores, lists, deep, surface);
       moved = ListTriangles(model, deep.places, swept.places, deep.triangles);
       const float left = TornBy(model, limb, deep.triangles, moved, swept, surface);

@@ -1,7 +1,8 @@
-// Limbs that went all the way through their cloth: where laying it over a limb tears it, the limb is swept through it
-// from a pose nearer to the bind pose, and takes it along (NETWORK.md, "Limbs through cloth").
+// Limbs that went all the way through their cloth: where laying it over a limb tears it, it falls onto the limb from
+// where that would wear it, or the limb is swept through it from a pose nearer to the bind pose, and takes it along
+// (NETWORK.md, "Limbs through cloth").
 //
-// Where its vertices are does not tell on which side of such a limb cloth belongs; how the limb got there does.
+// Where its vertices are does not tell on which side of such a limb cloth belongs; how the limb wears it does.
 #ifndef DCLOTH_ENGINE_SRC_BODY_SWEPT_LIMBS_H_
 #define DCLOTH_ENGINE_SRC_BODY_SWEPT_LIMBS_H_
 
@@ -31,9 +32,9 @@ SweptCloth PlaceSweptCloth(const format::ModelView& model, Arena* arena);
 void FindSweptCloth(const format::ModelView& model, const LimbCores& limbs, const Sleeves& sleeves,
                     const SweptCloth& swept);
 
-// LayOverLimbs, and again after a sweep for each limb that it tore cloth on. `matrices` [joint_count, 12] take the bind
-// pose to the host's space; `limbs` are posed. Cost beyond LayOverLimbs, 10,000 vertices: 0.05 ms where that found
-// cloth in a core, and 3 ms a sweep, of which a frame has three at most; 15 ms was the most that three took.
+// LayOverLimbs, and again after each try to put on anew what it tore on a limb. `matrices` [joint_count, 12] take the
+// bind pose to the host's space; `limbs` are posed. Cost beyond LayOverLimbs, 10,000 vertices: 0.05 ms where that found
+// cloth in a core, and 3 ms a try, of which a frame has four at most.
 void LayOrSweep(const format::ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
                 const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface);
 
