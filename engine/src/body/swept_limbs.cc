@@ -18,6 +18,7 @@ constexpr float kStep = 0.02f;                         // metres: less than a co
 constexpr float kMostSteps = 32, kMostFallSteps = 64;  // longer ways take longer steps
 constexpr int kRings = 8;                              // around what was pushed, that give way
 constexpr int kSpreads = 16, kEasings = 8;
+constexpr float kOwn = 0.5f;  // share of a vertex that goes with a limb, from which on it falls onto it
 constexpr float kFar = 1e18f;
 
 // What is tried where a limb tore its cloth: the cloth falls onto it from where the limb would wear it, or the limb is
@@ -205,7 +206,7 @@ size_t FallOnto(const ModelView& model, const float* matrices, const LimbCores& 
   for (size_t v = 0; v < model.vertex_count && found < kMostDeep; ++v) {
     if ((swept.limbs[v] & limb.bit) == 0) continue;
     float *position = surface.PositionOf(v), at[3];
-    worn.Place(v, at);
+    if (!(worn.Place(v, at) > kOwn)) continue;
     if (!Fall(limb, around, model.template_positions + 3 * v, position, at)) continue;
     found = Add(swept, found, static_cast<uint16_t>(v), position);
     for (size_t c = 0; c < 3; ++c) position[c] = at[c];

@@ -36,7 +36,7 @@ WornCloth::WornCloth(const format::ModelView& model, const float* matrices, cons
   Rotate(limb.upper.axis, AngleOf(limb.upper, 1), knee_axis_);
 }
 
-void WornCloth::Place(size_t v, float* out) const {
+float WornCloth::Place(size_t v, float* out) const {
   const float* bound = model_.template_positions + 3 * v;
   const auto along = [&](const Bone& bone) {
     return PlaceOnBone(bone.from, bone.along, bone.inverse_squared, bound).along;
@@ -46,6 +46,7 @@ void WornCloth::Place(size_t v, float* out) const {
   Transform(above_, bound, out);
   RotateAbout(knee_axis_, AngleOf(limb_.lower, -bent), knee_, out);
   RotateAbout(limb_.upper.axis, AngleOf(limb_.upper, -share), limb_.parts[0]->posed_from, out);
+  return share;
 }
 
 // How much of a vertex goes with this limb, beside others.

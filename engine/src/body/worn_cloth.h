@@ -18,8 +18,9 @@ class WornCloth {
   WornCloth(const WornCloth&) = delete;
   WornCloth& operator=(const WornCloth&) = delete;
 
-  // Of garment vertex `v`, in the host's space. Cost: 0.15 us.
-  void Place(size_t v, float* out) const;
+  // Of garment vertex `v`, in the host's space. Returns what share of it goes with the limb, the rest with the joint
+  // above or other limbs. Cost: 0.15 us.
+  float Place(size_t v, float* out) const;
 
  private:
   // A bone in the bind pose.
