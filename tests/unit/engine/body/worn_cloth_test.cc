@@ -16,10 +16,13 @@ class WornClothTest : public LegInSkirt {
  protected:
   std::vector<float> Worn(float hip, float knee) {
     Lift(hip, knee);
-    engine::PoseLimbCores(matrices_.data(), limbs_);
+    return Worn(limbs_);
+  }
+  std::vector<float> Worn(const engine::LimbCores& limbs) {
+    engine::PoseLimbCores(matrices_.data(), limbs);
     engine::Limb limb;
-    EXPECT_TRUE(engine::FillLimb(model_, matrices_.data(), limbs_, 0, 1, &limb));
-    const engine::WornCloth worn(model_, matrices_.data(), limbs_, limb);
+    EXPECT_TRUE(engine::FillLimb(model_, matrices_.data(), limbs, 0, 1, &limb));
+    const engine::WornCloth worn(model_, matrices_.data(), limbs, limb);
     std::vector<float> skirt(bound_.size());
     for (size_t v = 0; v < order_.size(); ++v) worn.Place(v, &skirt[3 * v]);
     return skirt;
@@ -59,7 +62,53 @@ TEST_F(WornClothTest, GoesFromTheHipsToTheThighToTheShank) {
   EXPECT_GT(Apart(skirt, 1, -0.43f, -0.37f), 0.01f) << "at the knee: in between";
 }
 
-// 1.5 m of a turn of 90 degrees are 10 mm a vertex: nothing jumps where one joint's part ends.
+// The knee bends about an axis that the hip has turned.
+TEST_F(WornClothTest, GoesWithALegThatIsLiftedSideways) {
+  Lift(0, 1.2f);
+  const float c = std::cos(0.8f), s = std::sin(0.8f);
+  for (size_t j = 1; j < 5; ++j) {
+    for (size_t k = 0; k < 4; ++k) {
+      float *x = &matrices_[12 * j + k], *y = x + 4;
+      const float old = *x;
+      *x = c * old - s * *y;
+      *y = s * old + c * *y;
+    }
+  }
+  const std::vector<float> skirt = Worn(limbs_);
+  EXPECT_LT(Apart(skirt, 1, -0.33f, -0.11f), 1e-5f) << "beside the thigh";
+  EXPECT_LT(Apart(skirt, 2, -1, -0.47f), 1e-5f) << "below the knee";
+}
+
+TEST_F(WornClothTest, ClothOfAnotherLegStays) {
+  constexpr float kApart = 0.3f;
+  std::vector<engine::LimbCore> cores(limbs_.cores, limbs_.cores + 3);
+  for (size_t k = 0; k < 3; ++k) {
+    engine::LimbCore other = cores[k];
+    other.from[0] += kApart, other.to[0] += kApart;
+    for (uint32_t* of : {&other.above, &other.below}) *of = *of < 3 ? *of + 3 : *of;
+    cores.push_back(other);
+  }
+  uint32_t count = 6;
+  Lift(0.8f, 0);
+  const std::vector<float> alone = Worn(limbs_), beside = Worn(engine::LimbCores{cores.data(), &count});
+  int own = 0, others = 0;
+  for (size_t v = 0; v < order_.size(); ++v) {
+    const float x = bound_[3 * v];
+    for (size_t c = 0; c < 3; ++c) {
+      if (x < 0.05f) {
+        ASSERT_EQ(beside[3 * v + c], alone[3 * v + c]) << v;
+      } else if (x > 0.21f) {
+        ASSERT_NEAR(beside[3 * v + c], bound_[3 * v + c], 1e-6f) << v;
+      }
+    }
+    own += x < 0.05f;
+    others += x > 0.21f;
+  }
+  EXPECT_GT(own, 100);
+  EXPECT_GT(others, 20);
+}
+
+// The longest edge is 10 mm where nothing is bent: no jump where one joint's part ends.
 TEST_F(WornClothTest, NeighboursStayNeighbours) {
   const std::vector<float> skirt = Worn(1.5f, 2);
   float longest = 0;
