@@ -108,7 +108,7 @@ TEST_F(WornClothTest, ClothOfAnotherLegStays) {
   EXPECT_GT(others, 20);
 }
 
-// The longest edge is 10 mm where nothing is bent: no jump where one joint's part ends.
+// The longest edge is 15 mm where nothing is bent: no jump where one joint's part ends.
 TEST_F(WornClothTest, NeighboursStayNeighbours) {
   const std::vector<float> skirt = Worn(1.5f, 2);
   float longest = 0;
