@@ -247,9 +247,7 @@ def run(options):
     if options.export:
         command.folder_of(options.export)
     os.makedirs(options.out, exist_ok=True)
-    torch.set_num_threads(options.threads)
-    if options.shards > 1:
-        workers.blas_threads(options.threads)
+    workers.use_threads(options.threads)
     log = Log(options.out)
     whole = Run(options, log, *prepare(options, log))
     fitted, character, training, validation = whole.fitted, whole.character, whole.training, whole.validation

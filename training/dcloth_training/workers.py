@@ -41,9 +41,10 @@ def _started_by_torchrun():
     return distributed.is_available() and distributed.is_torchelastic_launched()
 
 
-def blas_threads(wanted):
-    """OpenBLAS on so many threads: it splits sums by their number, and torchrun's OMP_NUM_THREADS=1 would give other
-    bits than one process. PyTorch's own are torch.set_num_threads'."""
+def use_threads(wanted):
+    """PyTorch and OpenBLAS on so many threads: both split sums by their number, so that torchrun's OMP_NUM_THREADS=1,
+    or a training before this one in the same process, would give other bits."""
+    torch.set_num_threads(wanted)
     try:
         with open("/proc/self/maps", encoding="utf-8") as file:
             paths = {line.split()[-1] for line in file if "blas" in line}

@@ -169,7 +169,7 @@ import hashlib, numpy as np, torch
 from dcloth_training import workers
 a, b = (np.random.default_rng(0).standard_normal(s).astype(np.float32) for s in ((300, 6000), (6000, 40)))
 print(hashlib.sha256((a @ b).tobytes()).hexdigest())
-workers.blas_threads(2)
+workers.use_threads(2)
 print(hashlib.sha256((a @ b).tobytes()).hexdigest())
 """
     (as_one, one), (as_two, two) = (_python("-c", program, OMP_NUM_THREADS=n).stdout.split() for n in "12")

@@ -9,9 +9,7 @@ import argparse
 import os
 import sys
 
-import torch
-
-from .. import command, dataset, train
+from .. import command, dataset, train, workers
 from . import keep, table
 from .rows import ROWS
 from .scene import Scene
@@ -75,7 +73,7 @@ def remarks(scene, records, wanted):
 def run(options):
     """-> the table as table.json holds it."""
     os.makedirs(options.out, exist_ok=True)
-    torch.set_num_threads(options.threads)
+    workers.use_threads(options.threads)
     log = train.Log(options.out)
     scene = Scene(options, log)
     floor = table.read_floor(options.floor, scene.clips)
