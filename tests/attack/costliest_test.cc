@@ -21,9 +21,9 @@ namespace {
 
 using M = format::ModelT;
 
-// Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2; before subnormals were
-// flushed 1.4e-6.
-constexpr double kMostSecondsPerByte = 2e-7;
+// Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2, 1.4e-7 with SSE4 and twice that
+// beside a neighbour that fills the caches; before subnormals were flushed 1.4e-6.
+constexpr double kMostSecondsPerByte = 5e-7;
 // Of a tick's time, what keeping the dearest garment outside of the dearest body may take. Measured: a twentieth to a
 // quarter; before the search had a budget twice the tick's.
 constexpr double kMostOutside = 1;
@@ -243,9 +243,12 @@ TEST(CostliestBodyTest, AGarmentInsideABallTakesNoLongerThanItsFileExplains) {
     dcloth_output output = FloatOutput(drawn.size() / 3, drawn.data(), 12, nullptr);
     output.flags = DCLOTH_OUTPUT_OUTSIDE_BODY;
     const dcloth_pose pose = OwnedCloth::Pose(matrices);
-    const std::clock_t begin = std::clock();
-    ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
-    const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+    double seconds = 1e9;  // the fastest of three
+    for (int run = 0; run < 3; ++run) {
+      const std::clock_t begin = std::clock();
+      ASSERT_EQ(dcloth_cloth_skin(cloth.get(), &pose, 1, &output, nullptr), DCLOTH_OK);
+      seconds = std::min(seconds, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+    }
     std::cout << isa << ": " << 1e3 * seconds << " ms, " << 1e9 * seconds / static_cast<double>(bytes.size())
               << " ns a byte\n";
     EXPECT_LE(seconds, kMostSecondsPerByte * static_cast<double>(bytes.size())) << isa;

@@ -288,6 +288,23 @@ float OwnSide(const LimbCore& core, const float* bound, float* out) {
   return SideOf(core, was, out) ? Closeness(was) : 0.0f;
 }
 
+bool GoesThrough(const LimbCore& core, const float* a, const float* b, const float* c) {
+  float ab[3], ac[3], from_a[3], normal[3], across[3];
+  for (size_t i = 0; i < 3; ++i) {
+    ab[i] = b[i] - a[i];
+    ac[i] = c[i] - a[i];
+    from_a[i] = core.posed_from[i] - a[i];
+  }
+  Cross(ab, ac, normal);
+  const float slope = -Dot(normal, core.along);
+  if (!(std::fabs(slope) > 0)) return false;
+  const float along = Dot(normal, from_a) / slope;
+  if (along < 0 || along > 1) return false;
+  Cross(from_a, core.along, across);
+  const float u = Dot(ac, across) / slope, v = -Dot(ab, across) / slope;
+  return u >= 0 && v >= 0 && u + v <= 1;
+}
+
 bool BendsWith(const LimbCores& limbs, uint32_t nearest, uint32_t k) {
   return k == nearest || k == limbs.cores[nearest].above || limbs.cores[k].above == nearest;
 }

@@ -124,6 +124,9 @@ float SkinOver(const LimbCore& core, float radius);
 // Returns 0 to 1: how surely it belongs there. A sleeve, close to its bone, goes with the limb; a skirt swings.
 float OwnSide(const LimbCore& core, const float* bound, float* out);
 
+// Whether the posed bone goes through the triangle a, b, c.
+bool GoesThrough(const LimbCore& core, const float* a, const float* b, const float* c);
+
 // Whether `k` is the core `nearest`, or one that bends with it.
 bool BendsWith(const LimbCores& limbs, uint32_t nearest, uint32_t k);
 

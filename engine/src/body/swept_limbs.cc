@@ -10,7 +10,7 @@ namespace {
 
 using format::ModelView;
 
-constexpr int kMostTries = 4;  // of a frame
+constexpr int kMostTries = 4;  // of a frame, and one again
 // What is torn, in triangles: the sum over those through a limb of how much nearer to its bone than kDeep they come, in
 // shares of the core's radius. So much is a tear; so much of what there was is none.
 constexpr float kDeep = 0.7f, kTorn = 0.05f, kLess = 0.25f;
@@ -23,12 +23,12 @@ constexpr float kFar = 1e18f;
 
 // What is tried where a limb tore its cloth: the cloth falls onto it from where the limb would wear it, or the limb is
 // swept from a share of the turns that take it to where its joints hold it in the bind pose, or both, one after the
-// other.
+// other. After a fall a short sweep does: it takes along what did not meet the limb.
 struct Try {
   bool falls;
   float sweeps_from;  // 0: it does not
 };
-constexpr Try kTries[] = {{true, 0}, {true, 0.25f}, {false, 0.25f}, {false, 0.5f}};
+constexpr Try kTries[] = {{true, 0}, {true, 0.02f}, {false, 0.5f}, {true, 0.25f}};
 
 float TornBy(const ModelView& model, const Limb& limb, const uint32_t* triangles, size_t count, const SweptCloth& swept,
              const Surface& surface) {
@@ -46,6 +46,19 @@ float TornBy(const ModelView& model, const Limb& limb, const uint32_t* triangles
     }
   }
   return torn;
+}
+
+// Whether a bone of the limb goes through its cloth: a hole through which the limb is seen, however little of it tore.
+bool IsPierced(const ModelView& model, const Limb& limb, const uint32_t* triangles, size_t count,
+               const SweptCloth& swept, const Surface& surface) {
+  for (size_t t = 0; t < count; ++t) {
+    const uint16_t *face = model.faces + size_t{3} * triangles[t], a = face[0], b = face[1], c = face[2];
+    if ((swept.limbs[a] & swept.limbs[b] & swept.limbs[c] & limb.bit) == 0) continue;
+    for (size_t k = 0; k < limb.count; ++k) {
+      if (GoesThrough(*limb.parts[k], surface.PositionOf(a), surface.PositionOf(b), surface.PositionOf(c))) return true;
+    }
+  }
+  return false;
 }
 
 // Out of a part that has moved, the way that it moved; cloth behind its bone stays, as the part leaves it.
@@ -304,30 +317,43 @@ void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, co
   size_t moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
   VisitLimbs(limbs, [&](const LimbCore&, uint32_t upper, uint8_t bit) {
     Limb limb;
-    if (tries == kMostTries || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
+    if (tries >= kMostTries || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
     const float torn = TornBy(model, limb, deep.triangles, moved, swept, surface);
     if (!(torn > kTorn)) return;
     TakeBack(model, deep.places, deep.starts, surface);
-    for (const Try& how : kTries) {
-      if (tries == kMostTries) break;
+    const auto put_on = [&](const Try& how) {
       ++tries;
       size_t pushed = how.falls ? FallOnto(model, matrices, limbs, limb, swept, surface) : 0;
       if (how.sweeps_from > 0) pushed = PushAlong(model, limb, how.sweeps_from, swept, deep.places, pushed, surface);
       Spread(model, limb, swept, pushed, deep, surface);
       LayOverLimbs(model, mirrored, limbs, cores | limb.cores, lists, deep, surface);
       moved = ListTriangles(model, deep.places, swept.places, deep.triangles);
+    };
+    const Try *kept = nullptr, *better = nullptr;  // better than none, but pierced
+    for (const Try& how : kTries) {
+      if (tries >= kMostTries || kept != nullptr) break;
+      put_on(how);
       const float left = TornBy(model, limb, deep.triangles, moved, swept, surface);
       const bool mended = !(left > kTorn) || left < kLess * torn;
-      if (!mended) {
+      if (mended && !IsPierced(model, limb, deep.triangles, moved, swept, surface)) {
+        kept = &how;
+      } else {
         TakeBack(model, deep.places, deep.starts, surface);
         TakeBack(model, swept.places, swept.starts, surface);
+        if (mended && better == nullptr) better = &how;
       }
       ClearPlaces(model, swept);
-      if (!mended) continue;
-      cores |= limb.cores;
-      return;
     }
-    moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
+    if (kept == nullptr && better != nullptr) {
+      kept = better;
+      put_on(*kept);
+      ClearPlaces(model, swept);
+    }
+    if (kept != nullptr) {
+      cores |= limb.cores;
+    } else {
+      moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
+    }
   });
 }
 

@@ -34,7 +34,7 @@ void FindSweptCloth(const format::ModelView& model, const LimbCores& limbs, cons
 
 // LayOverLimbs, and again after each try to put on anew what it tore on a limb. `matrices` [joint_count, 12] take the
 // bind pose to the host's space; `limbs` are posed. Cost beyond LayOverLimbs, 10,000 vertices: 0.05 ms where that found
-// cloth in a core, and 3 ms a try, of which a frame has four at most.
+// cloth in a core, and 3 ms a try, of which a frame has five at most.
 void LayOrSweep(const format::ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
                 const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface);
 

@@ -95,6 +95,25 @@ TEST_F(SweptLimbsTest, ClothFallsOntoTheLegWhereItIsWorn) {
   EXPECT_GE(in_front, 20);
 }
 
+TEST_F(SweptLimbsTest, TellsWhereBonesGoThroughCloth) {
+  int most = 0, none = 0;
+  for (const Drawn& drawn : AllDrawn()) {
+    const std::vector<float> skirt = LaidAndSwept(drawn).first;
+    int found = 0;
+    for (uint32_t k = 0; k < *limbs_.count; ++k) {
+      for (size_t t = 0; t < faces_.size(); t += 3) {
+        const float *a = &skirt[3 * faces_[t]], *b = &skirt[3 * faces_[t + 1]], *c = &skirt[3 * faces_[t + 2]];
+        found += engine::GoesThrough(limbs_.cores[k], a, b, c);
+      }
+    }
+    EXPECT_EQ(found, CrossedBy(skirt)) << drawn.hip << " " << drawn.knee << " " << drawn.slope;
+    most = found > most ? found : most;
+    none += found == 0;
+  }
+  EXPECT_GE(most, 2);
+  EXPECT_GE(none, 10);
+}
+
 TEST_F(SweptLimbsTest, NoFrameRemembersTheLast) {
   Lift(0.9f, 2);
   std::vector<float> first = Skirt(0);
