@@ -21,8 +21,8 @@ namespace {
 
 using M = format::ModelT;
 
-// Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2, 1.4e-7 with SSE4 and twice that
-// beside a neighbour that fills the caches; before subnormals were flushed 1.4e-6.
+// Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2, 1.4e-7 with SSE4 and up to
+// 2.4e-7 beside other work; before subnormals were flushed 1.4e-6.
 constexpr double kMostSecondsPerByte = 5e-7;
 // Of a tick's time, what keeping the dearest garment outside of the dearest body may take. Measured: a twentieth to a
 // quarter; before the search had a budget twice the tick's.

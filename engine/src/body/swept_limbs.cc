@@ -329,27 +329,27 @@ void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, co
       LayOverLimbs(model, mirrored, limbs, cores | limb.cores, lists, deep, surface);
       moved = ListTriangles(model, deep.places, swept.places, deep.triangles);
     };
-    const Try *kept = nullptr, *better = nullptr;  // better than none, but pierced
+    bool kept = false;
+    const Try* pierced = nullptr;  // the first that mends, but a bone goes through it
     for (const Try& how : kTries) {
-      if (tries >= kMostTries || kept != nullptr) break;
+      if (tries >= kMostTries || kept) break;
       put_on(how);
       const float left = TornBy(model, limb, deep.triangles, moved, swept, surface);
       const bool mended = !(left > kTorn) || left < kLess * torn;
-      if (mended && !IsPierced(model, limb, deep.triangles, moved, swept, surface)) {
-        kept = &how;
-      } else {
+      kept = mended && !IsPierced(model, limb, deep.triangles, moved, swept, surface);
+      if (!kept) {
         TakeBack(model, deep.places, deep.starts, surface);
         TakeBack(model, swept.places, swept.starts, surface);
-        if (mended && better == nullptr) better = &how;
+        if (mended && pierced == nullptr) pierced = &how;
       }
       ClearPlaces(model, swept);
     }
-    if (kept == nullptr && better != nullptr) {
-      kept = better;
-      put_on(*kept);
+    if (!kept && pierced != nullptr) {
+      put_on(*pierced);
       ClearPlaces(model, swept);
+      kept = true;
     }
-    if (kept != nullptr) {
+    if (kept) {
       cores |= limb.cores;
     } else {
       moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
