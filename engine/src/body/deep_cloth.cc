@@ -246,12 +246,7 @@ void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& dee
     float* position = surface.PositionOf(deep.vertices[i]);
     for (size_t c = 0; c < 3; ++c) position[c] = start[c] + sum[c] / sum[3];
     for (uint32_t k = 0; k < *limbs.count; ++k) {
-      float away[3], radius;
-      if ((deep.under[i] >> k & 1u) == 0 || !IsInCore(limbs.cores[k], position, away, &radius)) continue;
-      const float distance = std::sqrt(Dot(away, away));
-      if (!(distance > 0)) continue;
-      const float height = radius + SkinOver(limbs.cores[k], radius);
-      for (size_t c = 0; c < 3; ++c) position[c] += (height - distance) / distance * away[c];
+      if ((deep.under[i] >> k & 1u) != 0) LiftAcross(limbs.cores[k], position);
     }
   }
 }

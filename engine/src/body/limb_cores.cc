@@ -283,6 +283,13 @@ float SkinOver(const LimbCore& core, float radius) {
   return over < most ? over : most;
 }
 
+void LiftAcross(const LimbCore& core, float* position) {
+  float away[3], radius;
+  if (!IsInCore(core, position, away, &radius)) return;
+  const float distance = std::sqrt(Dot(away, away)), height = radius + SkinOver(core, radius);
+  for (size_t c = 0; c < 3 && distance > 0; ++c) position[c] += (height - distance) / distance * away[c];
+}
+
 float OwnSide(const LimbCore& core, const float* bound, float* out) {
   const OnBone was = InBindPose(core, bound);
   return SideOf(core, was, out) ? Closeness(was) : 0.0f;

@@ -120,6 +120,9 @@ void VisitLimbs(const LimbCores& limbs, Visit visit) {
 // a bent knee folds into itself. What to add to a core's radius.
 float SkinOver(const LimbCore& core, float radius);
 
+// Straight out of the posed core, across its bone, to where its skin is; what is not in it stays.
+void LiftAcross(const LimbCore& core, float* position);
+
 // Unit vector `out` across the posed bone to the side on which a garment vertex was at `bound` in the bind pose.
 // Returns 0 to 1: how surely it belongs there. A sleeve, close to its bone, goes with the limb; a skirt swings.
 float OwnSide(const LimbCore& core, const float* bound, float* out);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "engine/src/body/limb_turns.h"
+#include "engine/src/body/stretched_cloth.h"
 #include "engine/src/body/worn_cloth.h"
 
 namespace dcloth::engine {
@@ -115,14 +116,6 @@ float StepsOf(const Limb& limb, const LimbPose& start) {
   return steps < kMostSteps ? static_cast<float>(static_cast<int>(steps)) : kMostSteps;
 }
 
-// Vertex `v`, which lies at `start` and is not listed.
-size_t Add(const SweptCloth& swept, size_t found, uint16_t v, const float* start) {
-  for (size_t c = 0; c < 3; ++c) swept.starts[3 * found + c] = start[c];
-  swept.vertices[found] = v;
-  swept.places[v] = static_cast<uint16_t>(found);
-  return found + 1;
-}
-
 // Where a limb is after a step, of the last of which it is as posed.
 LimbPose PoseAfter(const Limb& limb, float from, float step, float steps) {
   return PoseAt(limb, (1 - step / steps) * from);
@@ -156,7 +149,7 @@ size_t PushAlong(const ModelView& model, const Limb& limb, float from, const Swe
       bool pushed = false;
       for (size_t k = 0; k < limb.count; ++k)
         pushed |= IsInBox(boxes[k], position) && Push(before.parts[k], now.parts[k], position);
-      if (pushed && !listed) found = Add(swept, found, v, start);
+      if (pushed && !listed) found = List(swept, found, v, start);
     }
     before = now;
   }
@@ -221,7 +214,7 @@ size_t FallOnto(const ModelView& model, const float* matrices, const LimbCores& 
     float *position = surface.PositionOf(v), at[3];
     if (!(worn.Place(v, at) > kOwn)) continue;
     if (!Fall(limb, around, model.template_positions + 3 * v, position, at)) continue;
-    found = Add(swept, found, static_cast<uint16_t>(v), position);
+    found = List(swept, found, static_cast<uint16_t>(v), position);
     for (size_t c = 0; c < 3; ++c) position[c] = at[c];
   }
   return found;
@@ -240,17 +233,6 @@ void Follow(const SweptCloth& swept, size_t first, size_t found, const float* su
   }
 }
 
-// Straight out of the limb, across its bones.
-void KeepOut(const Limb& limb, float* position) {
-  for (size_t k = 0; k < limb.count; ++k) {
-    const LimbCore& part = *limb.parts[k];
-    float away[3], radius;
-    if (!IsInCore(part, position, away, &radius)) continue;
-    const float distance = std::sqrt(Dot(away, away)), height = radius + SkinOver(part, radius);
-    for (size_t c = 0; c < 3 && distance > 0; ++c) position[c] += (height - distance) / distance * away[c];
-  }
-}
-
 // Cloth around the `pushed` vertices gives way: each vertex moves as its neighbours do on average. Then they ease too,
 // by steps that do not lead through the limb. `scratch`: sums and triangles.
 void Spread(const ModelView& model, const Limb& limb, const SweptCloth& swept, size_t pushed, const DeepCloth& scratch,
@@ -258,7 +240,7 @@ void Spread(const ModelView& model, const Limb& limb, const SweptCloth& swept, s
   size_t found = pushed;
   for (int ring = 0; ring < kRings; ++ring) {
     found = AddRing(model, swept.places, swept.vertices, found, [&](uint16_t v, size_t place) {
-      Add(swept, place, v, surface.PositionOf(v));
+      List(swept, place, v, surface.PositionOf(v));
       return true;
     });
   }
@@ -271,7 +253,9 @@ void Spread(const ModelView& model, const Limb& limb, const SweptCloth& swept, s
       continue;
     }
     Follow(swept, 0, found, scratch.sums, kStep * limb.parts[0]->scale, surface);
-    for (size_t i = 0; i < found; ++i) KeepOut(limb, surface.PositionOf(swept.vertices[i]));
+    for (size_t i = 0; i < found; ++i) {
+      for (size_t k = 0; k < limb.count; ++k) LiftAcross(*limb.parts[k], surface.PositionOf(swept.vertices[i]));
+    }
   }
 }
 
@@ -284,6 +268,30 @@ void TakeBack(const ModelView& model, const uint16_t* places, const float* start
 
 void ClearPlaces(const ModelView& model, const SweptCloth& swept) {
   for (size_t v = 0; v < model.vertex_count; ++v) swept.places[v] = kNotDeep;
+}
+
+// What the tries left stretched over the limbs `torn` is drawn together, unless a limb comes deeper into it for that or
+// through it.
+void DrawTogetherOrLeave(const ModelView& model, const float* matrices, const LimbCores& limbs, uint8_t torn,
+                         const SweptCloth& swept, const DeepCloth& scratch, const Surface& surface) {
+  const size_t found = ListStretched(model, limbs, torn, swept, surface);
+  if (found == 0) return;
+  const size_t triangles = ListTriangles(model, swept.places, swept.places, scratch.triangles);
+  const auto look = [&](float* deep, int* pierced) {
+    VisitLimbs(limbs, [&](const LimbCore&, uint32_t upper, uint8_t bit) {
+      Limb limb;
+      if ((torn & bit) == 0 || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
+      *deep += TornBy(model, limb, scratch.triangles, triangles, swept, surface);
+      *pierced += IsPierced(model, limb, scratch.triangles, triangles, swept, surface) ? 1 : 0;
+    });
+  };
+  float before = 0, after = 0;
+  int pierced_before = 0, pierced_after = 0;
+  look(&before, &pierced_before);
+  DrawTogether(model, limbs, torn, swept, found, scratch.triangles, triangles, scratch.sums, surface);
+  look(&after, &pierced_after);
+  if (after > before || pierced_after > pierced_before) TakeBack(model, swept.places, swept.starts, surface);
+  ClearPlaces(model, swept);
 }
 
 }  // namespace
@@ -313,6 +321,7 @@ void FindSweptCloth(const ModelView& model, const LimbCores& limbs, const Sleeve
 void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
                 const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface) {
   uint32_t cores = 0;  // of limbs that have taken their cloth along
+  uint8_t torn_limbs = 0;
   int tries = 0;
   size_t moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
   VisitLimbs(limbs, [&](const LimbCore&, uint32_t upper, uint8_t bit) {
@@ -320,6 +329,7 @@ void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, co
     if (tries >= kMostTries || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
     const float torn = TornBy(model, limb, deep.triangles, moved, swept, surface);
     if (!(torn > kTorn)) return;
+    torn_limbs |= bit;
     TakeBack(model, deep.places, deep.starts, surface);
     const auto put_on = [&](const Try& how) {
       ++tries;
@@ -355,6 +365,7 @@ void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, co
       moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
     }
   });
+  DrawTogetherOrLeave(model, matrices, limbs, torn_limbs, swept, deep, surface);
 }
 
 }  // namespace dcloth::engine

@@ -71,14 +71,20 @@ TEST_F(SweptLimbsTest, ClothThatWasLaidWellKeepsItsBits) {
   EXPECT_GE(well, 40);
 }
 
+// And drawn together, unless that would tear it further.
 TEST_F(SweptLimbsTest, WhatNothingMendsIsLaid) {
-  const auto [laid, swept] = LaidAndSwept(kNotMended);
+  const auto [laid, drawn] = LaidAndSwept(kNotMended);
   EXPECT_GT(TornOn(laid), 0);
-  EXPECT_EQ(swept, laid);
+  EXPECT_NE(drawn, laid);
+  EXPECT_LE(TornOn(drawn), TornOn(laid));
+  EXPECT_LE(CrossedBy(drawn), CrossedBy(laid));
+  const auto [left, still] = LaidAndSwept({0, 2.4f, 0.8f});
+  EXPECT_GT(TornOn(left), 0);
+  EXPECT_EQ(still, left);
 }
 
 // A leg kicked up out of a skirt that was drawn hanging: the skirt lies on it, as far as it is long, and not around the
-// ankle.
+// ankle. Its sides, which hang, draw the hem back by more than a tenth.
 TEST_F(SweptLimbsTest, ClothFallsOntoTheLegWhereItIsWorn) {
   const auto [laid, swept] = LaidAndSwept({1.5f, 0, 0});
   const engine::LimbCore& thigh = limbs_.cores[0];
@@ -88,7 +94,7 @@ TEST_F(SweptLimbsTest, ClothFallsOntoTheLegWhereItIsWorn) {
     if (bound[1] > -0.1f || std::fabs(bound[0]) > 0.01f || bound[2] < 0) continue;
     const float* on_leg = &swept[3 * v];
     const engine::OnBone on = engine::PlaceOnBone(thigh.posed_from, thigh.along, thigh.inverse_squared, on_leg);
-    EXPECT_NEAR(on.along * kLength, -bound[1], 0.1f) << v;
+    EXPECT_NEAR(on.along * kLength, -bound[1], 0.15f) << v;
     EXPECT_GT(on_leg[1], laid[3 * v + 1] + 0.15f) << v;
     ++in_front;
   }
