@@ -15,8 +15,8 @@ constexpr float kMost = 1.2f;       // of it; what is longer shortens to that
 constexpr float kEase = 0.1f;       // of its own length, by which an edge shortens that is not longer
 constexpr int kRings = 4;           // around stretched triangles, that give way
 constexpr int kPasses = 12;
-constexpr int kLift = 3;        // passes until all leaves the cores, the dearest part; the last does
-constexpr float kStep = 0.02f;  // metres, in a pass: kLift of them are less than a core is thick
+constexpr int kLift = 3;        // passes until all leaves the cores; so it does after the last
+constexpr float kStep = 0.02f;  // metres, in a pass; who calls looks whether cloth came through a limb nevertheless
 static_assert(kPasses % kLift == 0);
 
 float SquaredBetween(const float* p, const float* q) {

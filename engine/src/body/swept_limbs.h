@@ -42,7 +42,7 @@ void FindSweptCloth(const format::ModelView& model, const LimbCores& limbs, cons
 
 // LayOverLimbs, and again after each try to put on anew what it tore on a limb. `matrices` [joint_count, 12] take the
 // bind pose to the host's space; `limbs` are posed. Cost beyond LayOverLimbs, 10,000 vertices: 0.05 ms where that found
-// cloth in a core, 3 ms a try, of which a frame has five at most, and 1 to 2 ms where cloth is drawn together.
+// cloth in a core, 3 ms a try, of which a frame has five at most, and 2 to 5 ms where cloth is drawn together.
 void LayOrSweep(const format::ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
                 const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface);
 
