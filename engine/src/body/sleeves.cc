@@ -27,6 +27,9 @@ constexpr int kBlur = 3;                       // rings before and after, over w
 constexpr float kUnsure = 0.2f, kSure = 0.5f;  // mean of unit vectors that tells how a ring is turned
 constexpr float kSnug = 0.01f;                 // over the thickest of the skin
 constexpr float kSlack = 0.3f;                 // of what a sleeve is wider than that
+constexpr float kPressed = 0.005f;             // over the skin of both limbs, in their crease
+constexpr float kFurthestOut = 0.2f;           // from a hinge, that cloth is pressed out of its crease
+constexpr int kHalvings = 8;                   // of it, to find the skin
 constexpr float kFar = 1e18f;
 
 float Clamped(float x, float most = 1) { return x < 0 ? 0.0f : x < most ? x : most; }
@@ -324,6 +327,53 @@ bool SnugPlace(const Chain& chain, const Between& ring, const float* bound, floa
   return true;
 }
 
+// Limbs bent far go into each other on the inner side of their hinge: up to the plane that halves its angle each is
+// itself. Unit vectors: through the plane to the lower limb's side; and in it, away from the hinge between the limbs.
+struct Crease {
+  float through[3], out[3];
+};
+
+// False where the limbs are straight, or folded flat.
+bool FindCrease(const Chain& chain, Crease* crease) {
+  float first[3], second[3];
+  for (size_t c = 0; c < 3; ++c) first[c] = chain.upper->along[c], second[c] = chain.lower->along[c];
+  if (!Normalize(first, 0) || !Normalize(second, 0)) return false;
+  for (size_t c = 0; c < 3; ++c) {
+    crease->through[c] = second[c] + first[c];
+    crease->out[c] = second[c] - first[c];
+  }
+  return Normalize(crease->through, kNoHinge) && Normalize(crease->out, kNoHinge);
+}
+
+bool IsUnderSkin(const LimbCore& core, const float* point) {
+  const OnBone on = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, point);
+  float away[3], radius;
+  if (!(on.along > 0)) return false;
+  IsInCore(core, on, away, &radius);
+  const float height = radius / kCoreOfFree + kPressed * core.scale;
+  return radius > 0 && on.squared < height * height;
+}
+
+// What belongs `place` along the limbs, and came through the plane into the other one, goes back to it and along it out
+// of both: there the cloth around them is pressed together.
+void PressIntoCrease(const Chain& chain, const Crease& crease, float place, float* position) {
+  const float* hinge = chain.lower->posed_from;
+  const float away[3] = {position[0] - hinge[0], position[1] - hinge[1], position[2] - hinge[2]};
+  const float beyond = Dot(away, crease.through);
+  if (!(Dot(away, crease.out) > 0 && (place < 0 ? beyond : -beyond) > 0)) return;
+  const auto put = [&](float along, float* at) {
+    for (size_t c = 0; c < 3; ++c) at[c] = hinge[c] + away[c] - beyond * crease.through[c] + along * crease.out[c];
+  };
+  float inside = 0, outside = kFurthestOut * chain.upper->scale;
+  for (int step = 0; step < kHalvings; ++step) {
+    const float middle = 0.5f * (inside + outside);
+    float at[3];
+    put(middle, at);
+    (IsUnderSkin(*chain.upper, at) || IsUnderSkin(*chain.lower, at) ? inside : outside) = middle;
+  }
+  put(outside, position);
+}
+
 }  // namespace
 
 Sleeves PlaceSleeves(const ModelView& model, Arena* arena) { return {arena->Take<uint8_t>(model.vertex_count)}; }
@@ -362,10 +412,13 @@ void ThreadSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves
     const Chain chain = {&first, &second, LengthOf(first), LengthOf(second), upper, first.below};
     Ring rings[kRings] = {};
     if (!(first.scale > 0) || !MeasureRings(model, chain, sleeves, surface, rings)) continue;
+    Crease crease = {};
+    const bool bent = FindCrease(chain, &crease);
     VisitSleeve(model, sleeves, chain, surface, [&](size_t, const float* bound, float place, float* position) {
       float snug[3];
       const Between ring = RingAt(chain, rings, place);
       if (!(ring.lost > 0) || !SnugPlace(chain, ring, bound, place + ring.slide, snug)) return;
+      if (bent) PressIntoCrease(chain, crease, place + ring.slide, snug);
       for (size_t c = 0; c < 3; ++c) position[c] += ring.lost * (snug[c] - position[c]);
     });
   }

@@ -28,7 +28,8 @@ Sleeves PlaceSleeves(const format::ModelView& model, Arena* arena);
 void FindSleeves(const format::ModelView& model, const LimbCores& limbs, const Sleeves& sleeves);
 
 // Lays rings that have lost their limb, or nearly, close around it: where along it and how turned, the rings before and
-// after them tell that have not. `limbs` are posed. Cost for two sleeves of 650 vertices: 0.13 ms.
+// after them tell that have not; in the crook of an elbow it is pressed out between the limbs. `limbs` are posed. Cost
+// for two sleeves of 650 vertices: 0.13 ms.
 void ThreadSleeves(const format::ModelView& model, const LimbCores& limbs, const Sleeves& sleeves,
                    const Surface& surface);
 

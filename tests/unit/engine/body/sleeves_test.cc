@@ -125,6 +125,42 @@ TEST_F(SleevesTest, AForearmOutsideOfItsSleeveComesToLieInIt) {
   }
 }
 
+// Bent far, upper arm and forearm go into each other, and a way around one leads through the other.
+TEST_F(SleevesTest, InTheCrookOfAnElbowItLiesOutsideOfBothLimbs) {
+  constexpr size_t kWhole = 9;  // rings from which on it is laid close as a whole
+  for (const float angle : {1.8f, 2.1f, 2.4f, -2.4f}) {
+    Bend(angle);
+    std::vector<float> sleeve = Worn(0.4f, [](float along) { return along < 0.25f ? 0.0f : 0.15f; });
+    Thread(&sleeve);
+    size_t crossed = 0;
+    for (size_t i = 3 * kWhole * kAround; i < sleeve.size(); i += 3) {
+      float from[2] = {};
+      for (size_t bone = 0; bone < 2; ++bone) {
+        const engine::LimbCore& core = limbs_.cores[bone];
+        from[bone] =
+            std::sqrt(engine::PlaceOnBone(core.posed_from, core.along, core.inverse_squared, &sleeve[i]).squared);
+        EXPECT_GT(from[bone], kArm) << angle << " ring " << i / 3 / kAround << " vertex " << i / 3 % kAround;
+      }
+      crossed += from[0] < kArm + 0.02f && from[1] < kArm + 0.02f;
+    }
+    EXPECT_GT(crossed, kAround) << angle << ": cloth between the limbs";
+  }
+}
+
+TEST_F(SleevesTest, BendingFurtherMovesItSmoothly) {
+  constexpr float kBend = 0.002f;
+  std::vector<float> last;
+  float most = 0;
+  for (float angle = 1.2f; angle < 2.4f; angle += kBend) {
+    Bend(angle);
+    std::vector<float> sleeve = Worn(0.2f, [](float along) { return along < 0.25f ? 0.0f : 0.15f; });
+    Thread(&sleeve);
+    for (size_t i = 0; i < sleeve.size() && !last.empty(); ++i) most = std::fmax(most, std::fabs(sleeve[i] - last[i]));
+    last = sleeve;
+  }
+  EXPECT_LT(most, 0.01f) << "the hand moves by 0.6 mm a step";
+}
+
 // Nothing jumps as the arm leaves the sleeve.
 TEST_F(SleevesTest, DriftingAsideMovesItSmoothly) {
   constexpr float kDrift = 0.0005f;
