@@ -9,14 +9,16 @@ namespace {
 
 using format::ModelView;
 
-constexpr size_t kMostBones = 2;   // shank, foot
-constexpr double kFurthest = 0.2;  // metres from where a limb comes out to its tip
-constexpr double kSteep = 0.6;     // cosine to the panel's normal: a foot that hangs down along a panel drags no hem
-constexpr double kBeyond = 0.01;   // metres, that cloth is moved beyond the tip; less where the limb comes out less
-constexpr double kFlat = 0.045;    // metres from the limb's axis: moved as a whole, over the toes
-constexpr double kSlope = 1.5;     // metres further out a metre of the move, to where nothing moves
-constexpr double kLayers = 0.1;    // metres along the axis from where the limb comes out, of cloth that goes along
-constexpr double kLongest = 0.1;   // metres, of a triangle's edge
+constexpr size_t kMostBones = 2;              // shank, foot
+constexpr double kFurthest = 0.2;             // metres from where a limb comes out to its tip
+constexpr double kPatch = 0.08;               // metres around that place, of cloth that tells the panel's normal
+constexpr double kAlong = 0.5, kSteep = 0.7;  // cosine to it: a foot that hangs down along a panel, that sticks out
+constexpr double kBeyond = 0.01;  // metres, that cloth is moved beyond the tip; less where the limb comes out less
+constexpr double kThick = 0.03;   // metres, likewise over the side of a foot
+constexpr double kFlat = 0.045;   // metres from the limb: moved as a whole, over the toes
+constexpr double kSlope = 1.5;    // metres further out a metre of the move, to where nothing moves
+constexpr double kLayers = 0.1;   // metres along the move from where the limb comes out, of cloth that goes along
+constexpr double kLongest = 0.1;  // metres, of a triangle's edge
 constexpr double kFar = 1e18;
 
 // A limb from its knee to its tip.
@@ -84,8 +86,7 @@ Exit FindExit(const ModelView& model, bool mirrored, const Way& way, double scal
         const double rest = left + (1 - at) * whole;
         const Vec cut = from + at * along, area = (mirrored ? -1.0 : 1.0) * triangle.area();
         if (!(Dot(area, along) > 0)) in = rest < in ? rest : in;
-        const bool steep = Dot(area, tip - cut) > kSteep * std::sqrt(Dot(area, area) * Dot(tip - cut, tip - cut));
-        if (steep && rest < kFurthest * scale && count < kMost) exits[count++] = {cut, rest};
+        if (Dot(area, tip - cut) > 0 && rest < kFurthest * scale && count < kMost) exits[count++] = {cut, rest};
         break;
       }
       left += whole;
@@ -96,6 +97,31 @@ Exit FindExit(const ModelView& model, bool mirrored, const Way& way, double scal
     if (exits[i].left < in && exits[i].left > furthest.left) furthest = exits[i];
   }
   return furthest;
+}
+
+// Of the garment around a place, as its vector area has it: pleats do not turn that. 0 where it has none.
+Vec NormalAround(const ModelView& model, bool mirrored, Vec at, double near, const SweptCloth& swept, uint8_t bit,
+                 const Surface& surface) {
+  Vec sum = {};
+  for (size_t t = 0; t < model.triangle_count; ++t) {
+    const uint16_t* face = model.faces + 3 * t;
+    if ((swept.limbs[face[0]] & swept.limbs[face[1]] & swept.limbs[face[2]] & bit) == 0) continue;
+    const Vec first = VecAt(surface.PositionOf(face[0])), apart = first - at;
+    if (!(Dot(apart, apart) < near * near)) continue;
+    sum = sum + Triangle{{first, VecAt(surface.PositionOf(face[1])), VecAt(surface.PositionOf(face[2]))}}.area();
+  }
+  const double length = std::sqrt(Dot(sum, sum));
+  return length > 0 ? ((mirrored ? -1.0 : 1.0) / length) * sum : Vec{};
+}
+
+// The way that cloth goes for `tip`, so far from where the limb comes out: along a foot that sticks out of the panel,
+// away from the panel over one that hangs down along it, as that would drag the hem. A unit vector, or 0.
+Vec WayOver(Vec tip, double length, Vec normal) {
+  const double share = (Dot(tip, normal) / length - kAlong) / (kSteep - kAlong);
+  const double steep = share < 0 ? 0 : share < 1 ? share : 1;
+  const Vec way = (1 - steep) * normal + (steep / length) * tip;
+  const double size = std::sqrt(Dot(way, way));
+  return size > 0 ? (1 / size) * way : Vec{};
 }
 
 // 1 up to `from`, 0 from `to` on.
@@ -116,20 +142,26 @@ void TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, co
     const Vec tip = way.points[way.count - 1] - exit.at;
     const double length = std::sqrt(Dot(tip, tip));
     if (!(length > 0)) return;
-    const double beyond = kBeyond * scale;
-    const Vec axis = (1 / length) * tip, move = (length + (length < beyond ? length : beyond)) * axis;
-    const double flat = kFlat * scale, around = flat + kSlope * length, layers = kLayers * scale;
+    const Vec normal = NormalAround(model, mirrored, exit.at, kPatch * scale, swept, bit, surface);
+    const Vec out = WayOver(tip, length, normal);
+    const double reach = Dot(tip, out), height = reach > 0 ? reach : 0;
+    const Vec beside = tip - reach * out;  // the limb, seen from where cloth goes
+    const double wide = Dot(beside, beside);
+    const double over = (kBeyond * height + kThick * std::sqrt(wide)) / length * scale;
+    const double move = height + (exit.left < over ? exit.left : over);
+    const double flat = kFlat * scale, around = flat + kSlope * move, layers = kLayers * scale;
     for (size_t v = 0; v < model.vertex_count; ++v) {
       if ((swept.limbs[v] & bit) == 0) continue;
       float* position = surface.PositionOf(v);
       const Vec apart = VecAt(position) - exit.at;
-      const double along = Dot(apart, axis), squared = Dot(apart, apart) - along * along;
+      const double along = Dot(apart, out), at = wide > 0 ? Dot(apart, beside) / wide : 0;
+      const Vec off = apart - along * out - (at < 0 ? 0 : at < 1 ? at : 1) * beside;
+      const double squared = Dot(off, off);
       if (!(squared < around * around)) continue;
-      const double share =
-          Fade(std::sqrt(squared > 0 ? squared : 0), flat, around) * Fade(std::fabs(along), layers, 2 * layers);
-      position[0] += static_cast<float>(share * move.x);
-      position[1] += static_cast<float>(share * move.y);
-      position[2] += static_cast<float>(share * move.z);
+      const double share = move * Fade(std::sqrt(squared), flat, around) * Fade(std::fabs(along), layers, 2 * layers);
+      position[0] += static_cast<float>(share * out.x);
+      position[1] += static_cast<float>(share * out.y);
+      position[2] += static_cast<float>(share * out.z);
     }
   });
 }

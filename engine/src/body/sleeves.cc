@@ -23,7 +23,8 @@ constexpr size_t kEnd = 4;                     // rings at a sleeve's end: they 
 constexpr float kFade = 0.06f;                 // from where a sleeve begins, over which it is drawn less
 constexpr float kHinge = 0.06f;                // before and after a hinge a sleeve goes around both limbs
 constexpr float kNoHinge = 0.1f;               // of two directions added: folded flat, a limb has none at its hinge
-constexpr int kBlur = 3;                       // rings before and after, over which turns are averaged
+constexpr float kNear = 0.7f;                  // what a ring tells of others counts less by this for each between
+constexpr float kLeastTrust = 0.01f;           // in one that is nearly lost: there may be no other
 constexpr float kUnsure = 0.2f, kSure = 0.5f;  // mean of unit vectors that tells how a ring is turned
 constexpr float kSnug = 0.01f;                 // over the thickest of the skin
 constexpr float kSlack = 0.3f;                 // of what a sleeve is wider than that
@@ -196,55 +197,60 @@ void Judge(const Chain& chain, float middle_place, Ring* ring) {
   ring->kept = !(ring->lost > 0.5f);
 }
 
-// Of rings that are not kept, from those before and after that are. Before the first of them a shoulder may have drawn
-// the cloth off the bones.
-void FillSlides(Ring* rings) {
-  size_t last = kRings;
-  for (size_t r = 0; r < kRings; ++r) {
-    if (rings[r].kept) {
-      last = r;
-      continue;
-    }
-    size_t next = r + 1;
-    while (next < kRings && !rings[next].kept) ++next;
-    if (last == kRings) {
-      rings[r].judged = false;
-      rings[r].lost = 0;
-      rings[r].slide = next < kRings ? rings[next].slide : 0.0f;
-    } else if (next == kRings) {
-      rings[r].slide = rings[last].slide;
-    } else {
-      const float share = static_cast<float>(r - last) / static_cast<float>(next - last);
-      rings[r].slide = rings[last].slide + share * (rings[next].slide - rings[last].slide);
-    }
+// Before the first ring that is kept a shoulder may have drawn the cloth off the bones.
+void LeaveShoulder(Ring* rings) {
+  for (size_t r = 0; r < kRings && !rings[r].kept; ++r) {
+    rings[r].judged = false;
+    rings[r].lost = 0;
   }
 }
 
-// How rings that are kept are turned tells how the others near them are; further away the next one does.
-void FillTurns(Ring* rings) {
-  float cosines[kRings] = {}, sines[kRings] = {}, counts[kRings] = {};
-  for (int r = 0; r < static_cast<int>(kRings); ++r) {
-    for (int other = r - kBlur; other <= r + kBlur; ++other) {
-      if (other < 0 || other >= static_cast<int>(kRings)) continue;
-      cosines[r] += rings[other].cosine;
-      sines[r] += rings[other].sine;
-      counts[r] += rings[other].turned;
-    }
+// values[r] becomes the sum of all, each less by kNear for each ring between.
+void SumNear(float* values) {
+  float before[kRings], sum = 0;
+  for (size_t r = 0; r < kRings; ++r) before[r] = sum = kNear * sum + values[r];
+  sum = 0;
+  for (size_t r = kRings; r-- > 0;) {
+    const float own = values[r];
+    values[r] = before[r] + kNear * sum;
+    sum = kNear * sum + own;
   }
-  size_t last = kRings;
+}
+
+// How far rings that are kept slid tells how far all did. The nearer counts more, and less as it gets lost itself: so
+// nothing jumps when a ring is no longer kept.
+float TrustIn(const Ring& ring) { return ring.kept ? Larger(1 - ring.lost, kLeastTrust) : 0.0f; }
+
+void FillSlides(Ring* rings) {
+  float slides[kRings], trust[kRings];
   for (size_t r = 0; r < kRings; ++r) {
-    size_t from = r;
-    while (from < kRings && !(counts[from] > 0)) ++from;
-    if (last < kRings && (from == kRings || r - last < from - r)) from = last;
-    if (counts[r] > 0) last = r;
+    trust[r] = TrustIn(rings[r]);
+    slides[r] = trust[r] * rings[r].slide;
+  }
+  SumNear(slides);
+  SumNear(trust);
+  for (size_t r = 0; r < kRings; ++r) rings[r].slide = trust[r] > 0 ? slides[r] / trust[r] : 0.0f;
+}
+
+// How they are turned, likewise.
+void FillTurns(Ring* rings) {
+  float cosines[kRings], sines[kRings], counts[kRings];
+  for (size_t r = 0; r < kRings; ++r) {
+    const float trust = TrustIn(rings[r]);
+    cosines[r] = trust * rings[r].cosine;
+    sines[r] = trust * rings[r].sine;
+    counts[r] = trust * rings[r].turned;
+  }
+  for (float* values : {cosines, sines, counts}) SumNear(values);
+  for (size_t r = 0; r < kRings; ++r) {
     rings[r].cosine = 1;
     rings[r].sine = 0;
-    if (from == kRings) continue;
-    const float length = std::sqrt(cosines[from] * cosines[from] + sines[from] * sines[from]);
-    const float sure = Clamped((length / counts[from] - kUnsure) / (kSure - kUnsure));
+    if (!(counts[r] > 0)) continue;
+    const float length = std::sqrt(cosines[r] * cosines[r] + sines[r] * sines[r]);
+    const float sure = Clamped((length / counts[r] - kUnsure) / (kSure - kUnsure));
     if (!(sure > 0)) continue;
-    rings[r].cosine = sure * cosines[from] / length + 1 - sure;
-    rings[r].sine = sure * sines[from] / length;
+    rings[r].cosine = sure * cosines[r] / length + 1 - sure;
+    rings[r].sine = sure * sines[r] / length;
   }
 }
 
@@ -276,7 +282,7 @@ bool MeasureRings(const ModelView& model, const Chain& chain, const Sleeves& sle
     ++ring->counts[corner];
   });
   for (size_t r = 0; r < kRings; ++r) Judge(chain, MiddleOf(chain, r), &rings[r]);
-  FillSlides(rings);
+  LeaveShoulder(rings);
   for (size_t r = 1; r < kRings; ++r) {
     const bool end = rings[r].judged && (r + kEnd >= kRings || !rings[r + kEnd].judged);
     rings[r].lost = Larger(rings[r].lost, rings[r - 1].lost - (end ? 0.0f : kStep));
@@ -287,6 +293,7 @@ bool MeasureRings(const ModelView& model, const Chain& chain, const Sleeves& sle
     lost |= rings[r].lost > 0;
   }
   if (!lost) return false;
+  FillSlides(rings);
   for (size_t r = 0; r < kRings; ++r) rings[r].lost *= Clamped((MiddleOf(chain, r) - begin) / kFade);
   VisitSleeve(model, sleeves, chain, surface, [&](size_t, const float* bound, float place, const float* position) {
     Ring* ring = &rings[static_cast<size_t>(RingOf(chain, place))];

@@ -182,6 +182,27 @@ TEST_F(SleevesTest, DriftingAsideMovesItSmoothly) {
   EXPECT_LT(most, 0.01f);
 }
 
+// A cuff that swings back over its arm, slid along it, where all rings before it are lost.
+TEST_F(SleevesTest, ARingAmongLostOnesMovesNoOther) {
+  constexpr float kDrift = 0.0005f, kSlid = 0.06f;
+  constexpr size_t kCuff = 3 * (kRings - 3) * kAround;
+  Bend(1.2f);
+  std::vector<float> last;
+  float most = 0;
+  for (int step = 0; step < 200; ++step) {
+    const float cuff = 0.1f - kDrift * static_cast<float>(step);
+    std::vector<float> sleeve = Worn(0, [&](float along) {
+      return along < 0.3f ? 0.0f : along < 0.39f ? 0.15f : cuff;
+    });
+    const float* forearm = matrices_.data() + 12;
+    for (size_t i = kCuff; i < sleeve.size(); ++i) sleeve[i] -= kSlid * forearm[4 * (i % 3) + 1];
+    Thread(&sleeve);
+    for (size_t i = 0; i < kCuff && step > 0; ++i) most = std::fmax(most, std::fabs(sleeve[i] - last[i]));
+    last = sleeve;
+  }
+  EXPECT_LT(most, 0.003f);
+}
+
 TEST_F(SleevesTest, MirroredSpacesGiveTheMirrorImage) {
   Bend(1.4f);
   const auto aside = [](float along) { return along < 0.3f ? 0.0f : 0.1f; };
