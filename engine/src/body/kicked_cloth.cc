@@ -56,6 +56,11 @@ struct Triangle {
   Vec area() const { return Cross(corners[1] - corners[0], corners[2] - corners[0]); }
 };
 
+// Whether the limb lies under all corners.
+bool IsOver(const SweptCloth& swept, uint8_t bit, const uint16_t* face) {
+  return (swept.limbs[face[0]] & swept.limbs[face[1]] & swept.limbs[face[2]] & bit) != 0;
+}
+
 // Where a limb comes out of the garment.
 struct Exit {
   Vec at;
@@ -73,7 +78,7 @@ Exit FindExit(const ModelView& model, bool mirrored, const Way& way, double scal
   const double near = (kFurthest + kLongest) * scale;
   for (size_t t = 0; t < model.triangle_count; ++t) {
     const uint16_t* face = model.faces + 3 * t;
-    if ((swept.limbs[face[0]] & swept.limbs[face[1]] & swept.limbs[face[2]] & bit) == 0) continue;
+    if (!IsOver(swept, bit, face)) continue;
     const Vec first = VecAt(surface.PositionOf(face[0])), apart = first - tip;
     if (!(Dot(apart, apart) < near * near)) continue;
     const Triangle triangle = {{first, VecAt(surface.PositionOf(face[1])), VecAt(surface.PositionOf(face[2]))}};
@@ -105,7 +110,7 @@ Vec NormalAround(const ModelView& model, bool mirrored, Vec at, double near, con
   Vec sum = {};
   for (size_t t = 0; t < model.triangle_count; ++t) {
     const uint16_t* face = model.faces + 3 * t;
-    if ((swept.limbs[face[0]] & swept.limbs[face[1]] & swept.limbs[face[2]] & bit) == 0) continue;
+    if (!IsOver(swept, bit, face)) continue;
     const Vec first = VecAt(surface.PositionOf(face[0])), apart = first - at;
     if (!(Dot(apart, apart) < near * near)) continue;
     sum = sum + Triangle{{first, VecAt(surface.PositionOf(face[1])), VecAt(surface.PositionOf(face[2]))}}.area();

@@ -217,10 +217,10 @@ void SumNear(float* values) {
   }
 }
 
-// How far rings that are kept slid tells how far all did. The nearer counts more, and less as it gets lost itself: so
-// nothing jumps when a ring is no longer kept.
+// Less as a ring gets lost: so nothing jumps when it is no longer kept.
 float TrustIn(const Ring& ring) { return ring.kept ? Larger(1 - ring.lost, kLeastTrust) : 0.0f; }
 
+// How far rings that are kept slid tells how far all did, the nearer the more.
 void FillSlides(Ring* rings) {
   float slides[kRings], trust[kRings];
   for (size_t r = 0; r < kRings; ++r) {
