@@ -5,6 +5,7 @@
 
 #include "engine/src/body/crossings.h"
 #include "engine/src/body/cut_corners.h"
+#include "engine/src/body/hitched_cloth.h"
 #include "engine/src/body/kicked_cloth.h"
 #include "engine/src/body/spread_moves.h"
 
@@ -189,6 +190,7 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.sleeves = PlaceSleeves(model, arena);
   memory.swept = PlaceSweptCloth(model, arena);
   memory.deep = PlaceDeepCloth(model, arena);
+  memory.hitched = PlaceHitchedCloth(model, arena);
   memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;
 }
@@ -199,6 +201,7 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
   MeasureLimbCores(model, memory.limbs);
   FindSleeves(model, memory.limbs, memory.sleeves);
   FindSweptCloth(model, memory.limbs, memory.sleeves, memory.swept);
+  FindEdges(model, memory.hitched);
 }
 
 void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& model, const Space& space,
@@ -211,7 +214,13 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   PoseLimbCores(memory.matrices, memory.limbs);
   ThreadSleeves(model, memory.limbs, memory.sleeves, surface);
   TakeAlong(model, space.mirrored, memory.limbs, memory.swept, surface);
-  LayOrSweep(model, space.mirrored, memory.matrices, memory.limbs, memory.touch, memory.deep, memory.swept, surface);
+  KeepDrawn(model, memory.hitched, surface);
+  const auto lay = [&] {
+    return LayOrSweep(model, space.mirrored, memory.matrices, memory.limbs, memory.touch, memory.deep, memory.swept,
+                      surface);
+  };
+  const uint8_t torn = lay();
+  if (torn != 0 && HitchUp(model, space.mirrored, memory.limbs, torn, memory.swept, memory.hitched, surface)) lay();
   FillBodySites(body, memory.touch, memory.positions, memory.normals, static_cast<float>(clearance), memory.sites);
   for (size_t v = 0; v < model.vertex_count; ++v) memory.beside[v] = kNotNear;
   Pushes pushes(kernels, model, space, memory, surface, clearance, static_cast<double>(body.reach) * units_per_metre);

@@ -9,6 +9,7 @@
 #include "engine/src/body/body_search.h"
 #include "engine/src/body/body_sites.h"
 #include "engine/src/body/deep_cloth.h"
+#include "engine/src/body/hitched_cloth.h"
 #include "engine/src/body/limb_cores.h"
 #include "engine/src/body/sleeves.h"
 #include "engine/src/body/swept_limbs.h"
@@ -30,12 +31,14 @@ struct BodyMemory {
   Sleeves sleeves;   // once
   SweptCloth swept;  // its limbs once
   DeepCloth deep;
-  uint16_t* beside;  // [n] for CoverCorners and Uncross
+  HitchedCloth hitched;  // its edges once
+  uint16_t* beside;      // [n] for CoverCorners and Uncross
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
 
-// Once, before the first KeepOutside: fills in `touch`, measures `limbs`, finds `sleeves` and the limbs of `swept`.
+// Once, before the first KeepOutside: fills in `touch`, measures `limbs`, finds `sleeves`, the limbs of `swept`
+// and the edges of `hitched`.
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
 // Moves each vertex of `surface` that is less than the clearance outside the closest point of what it touches of the

@@ -318,16 +318,17 @@ void FindSweptCloth(const ModelView& model, const LimbCores& limbs, const Sleeve
   ClearPlaces(model, swept);
 }
 
-void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
-                const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface) {
+uint8_t LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, const LimbCores& limbs,
+                   const TouchLists& lists, const DeepCloth& deep, const SweptCloth& swept, const Surface& surface) {
   uint32_t cores = 0;  // of limbs that have taken their cloth along
-  uint8_t torn_limbs = 0;
+  uint8_t torn_limbs = 0, out_of_cloth = 0;
   int tries = 0;
   size_t moved = LayOverLimbs(model, mirrored, limbs, cores, lists, deep, surface);
   VisitLimbs(limbs, [&](const LimbCore&, uint32_t upper, uint8_t bit) {
     Limb limb;
     if (tries >= kMostTries || !FillLimb(model, matrices, limbs, upper, bit, &limb)) return;
     const float torn = TornBy(model, limb, deep.triangles, moved, swept, surface);
+    if (torn > kTorn || IsPierced(model, limb, deep.triangles, moved, swept, surface)) out_of_cloth |= bit;
     if (!(torn > kTorn)) return;
     torn_limbs |= bit;
     TakeBack(model, deep.places, deep.starts, surface);
@@ -366,6 +367,7 @@ void LayOrSweep(const ModelView& model, bool mirrored, const float* matrices, co
     }
   });
   DrawTogetherOrLeave(model, matrices, limbs, torn_limbs, swept, deep, surface);
+  return out_of_cloth;
 }
 
 }  // namespace dcloth::engine
