@@ -1,6 +1,7 @@
 #include "engine/src/body/hitched_cloth.h"
 
 #include <cmath>
+#include <cstring>
 
 #include "engine/src/body/pierced_cloth.h"
 #include "engine/src/body/vec.h"
@@ -25,7 +26,7 @@ constexpr double kFar = 1e18;
 // In the bind pose, metres.
 struct Hitch {
   uint8_t bit;
-  Vec at, up;                // where the limb comes out, and a unit vector along the cloth there, away from the edge
+  Vec at, up;                 // where the limb comes out, and a unit vector along the cloth there, away from the edge
   double edge, rise, beside;  // of the edge, along `up` from there; how far it goes; how far aside it goes as far
 };
 
@@ -75,8 +76,7 @@ bool FindHitch(const ModelView& model, const SweptCloth& swept, const HitchedClo
   VisitEdges(model, swept, hitched, bit, at, bone, [&](Vec way, double length) {
     if (length < nearest + kEdge) up = up + way;
   });
-  const Vec normal =
-      Normalized(AreaAround(model, at, kPatch, swept, bit, [&](size_t v) { return BoundOf(model, v); }));
+  const Vec normal = Normalized(AreaAround(model, at, kPatch, swept, bit, [&](size_t v) { return BoundOf(model, v); }));
   const double beside = thickness + kPast;
   *hitch = {bit, at, Normalized(up - Dot(up, normal) * normal), -nearest, nearest + beside, beside};
   return hitch->rise < kMostRise && Dot(hitch->up, hitch->up) > 0;
@@ -139,8 +139,10 @@ void Slide(const ModelView& model, const SweptCloth& swept, const Hitch& hitch, 
     for (size_t v = 0; v < model.vertex_count; ++v) {
       const SlideStep& way = hitched.steps[v];
       if (!(way.part > 0)) continue;
-      const float *p = surface.PositionOf(v), *a = surface.PositionOf(way.ends[0]), *b = surface.PositionOf(way.ends[1]);
-      for (size_t c = 0; c < 3; ++c) hitched.drawn[3 * v + c] = p[c] + way.part * (a[c] + way.share * (b[c] - a[c]) - p[c]);
+      const float *p = surface.PositionOf(v), *a = surface.PositionOf(way.ends[0]),
+                  *b = surface.PositionOf(way.ends[1]);
+      for (size_t c = 0; c < 3; ++c)
+        hitched.drawn[3 * v + c] = p[c] + way.part * (a[c] + way.share * (b[c] - a[c]) - p[c]);
     }
     for (size_t v = 0; v < model.vertex_count; ++v) {
       for (size_t c = 0; c < 3 && hitched.steps[v].part > 0; ++c) surface.PositionOf(v)[c] = hitched.drawn[3 * v + c];
@@ -167,7 +169,8 @@ void FindEdges(const ModelView& model, const HitchedCloth& hitched) {
 }
 
 void KeepDrawn(const ModelView& model, const HitchedCloth& hitched, const Surface& surface) {
-  for (size_t i = 0; i < size_t{3} * model.vertex_count; ++i) hitched.drawn[i] = surface.PositionOf(i / 3)[i % 3];
+  for (size_t v = 0; v < model.vertex_count; ++v)
+    std::memcpy(hitched.drawn + 3 * v, surface.PositionOf(v), 3 * sizeof(float));
 }
 
 bool HitchUp(const ModelView& model, bool mirrored, const LimbCores& limbs, uint8_t torn, const SweptCloth& swept,
@@ -184,7 +187,8 @@ bool HitchUp(const ModelView& model, bool mirrored, const LimbCores& limbs, uint
     count += FindHitch(model, swept, hitched, bit, at, bone, thickness, &hitches[count]) ? 1 : 0;
   });
   if (count == 0) return false;
-  for (size_t i = 0; i < size_t{3} * model.vertex_count; ++i) surface.PositionOf(i / 3)[i % 3] = hitched.drawn[i];
+  for (size_t v = 0; v < model.vertex_count; ++v)
+    std::memcpy(surface.PositionOf(v), hitched.drawn + 3 * v, 3 * sizeof(float));
   for (size_t i = 0; i < count; ++i) Slide(model, swept, hitches[i], hitched, surface);
   return true;
 }

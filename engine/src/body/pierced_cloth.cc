@@ -3,7 +3,6 @@
 namespace dcloth::engine {
 namespace {
 
-
 constexpr double kLongest = 0.1;  // metres, of a triangle's edge
 constexpr double kFar = 1e18;
 

@@ -36,7 +36,7 @@ struct Exit {
 
 // The furthest from the tip, by `furthest` host units at most, of those after which the limb does not go in again. It
 // comes out where the tip is on the outer side of a triangle that the limb lies under. `mirrored`: triangles turn the
-// other way in the host's space. Cost for 20,000 triangles: 0.1 ms near the tip, 0.4 ms for all of a limb.
+// other way in the host's space. Cost for 20,000 triangles: 0.1 ms near the tip, 1 ms for all of a limb.
 Exit FindExit(const format::ModelView& model, bool mirrored, const LimbWay& way, double furthest, double scale,
               const SweptCloth& swept, uint8_t bit, const Surface& surface);
 
