@@ -153,8 +153,7 @@ void Slide(const ModelView& model, const SweptCloth& swept, const Hitch& hitch, 
 }  // namespace
 
 HitchedCloth PlaceHitchedCloth(const ModelView& model, Arena* arena) {
-  return {arena->Take<uint8_t>(model.vertex_count), arena->Take<float>(size_t{3} * model.vertex_count),
-          arena->Take<SlideStep>(model.vertex_count)};
+  return {nullptr, arena->Take<float>(size_t{3} * model.vertex_count), arena->Take<SlideStep>(model.vertex_count)};
 }
 
 // Around a vertex inside of the garment each neighbour is the next one of a triangle and the last one of another.

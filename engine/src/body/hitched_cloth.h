@@ -26,7 +26,7 @@ struct HitchedCloth {
   SlideStep* steps;  // [n]
 };
 
-// The model has a body.
+// The scratch alone. The model has a body.
 HitchedCloth PlaceHitchedCloth(const format::ModelView& model, Arena* arena);
 
 // Once for each garment. Cost: 0.05 ms for 16,000 triangles.

@@ -184,13 +184,17 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.matrices = arena->Take<float>(size_t{12} * model.joint_count);
   memory.positions = arena->Take<float>(3 * b);
   memory.normals = arena->Take<float>(3 * b);
+  // What hitching needs is done with when sites are filled.
+  Arena scratch = *arena;
   memory.sites = PlaceBodySites(model.body, arena);
+  memory.hitched = PlaceHitchedCloth(model, &scratch);
+  if (scratch.size() > arena->size()) arena->Take<uint8_t>(scratch.size() - arena->size());
+  memory.hitched.at_edge = arena->Take<uint8_t>(model.vertex_count);
   memory.touch = PlaceTouchLists(model, arena);
   memory.limbs = PlaceLimbCores(arena);
   memory.sleeves = PlaceSleeves(model, arena);
   memory.swept = PlaceSweptCloth(model, arena);
   memory.deep = PlaceDeepCloth(model, arena);
-  memory.hitched = PlaceHitchedCloth(model, arena);
   memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;
 }

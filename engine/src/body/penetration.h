@@ -31,7 +31,7 @@ struct BodyMemory {
   Sleeves sleeves;   // once
   SweptCloth swept;  // its limbs once
   DeepCloth deep;
-  HitchedCloth hitched;  // its edges once
+  HitchedCloth hitched;  // its edges once; its scratch is that of `sites`
   uint16_t* beside;      // [n] for CoverCorners and Uncross
 };
 

@@ -22,6 +22,8 @@ class HitchedClothTest : public LegInSkirt {
     const auto address = reinterpret_cast<uintptr_t>(memory_of_hems_.data());
     engine::Arena arena(memory_of_hems_.data() + (64 - address % 64) % 64);
     hitched_ = engine::PlaceHitchedCloth(model_, &arena);
+    at_edge_.resize(kRows * kAround);
+    hitched_.at_edge = at_edge_.data();
     engine::FindEdges(model_, hitched_);
   }
 
@@ -52,7 +54,7 @@ class HitchedClothTest : public LegInSkirt {
     return std::sqrt(nearest);
   }
 
-  std::vector<uint8_t> memory_of_hems_;
+  std::vector<uint8_t> memory_of_hems_, at_edge_;
   engine::HitchedCloth hitched_ = {};
 };
 
