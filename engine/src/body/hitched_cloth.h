@@ -1,4 +1,4 @@
-// Cloth that a limb went through, and that can be laid over it by nothing, slides along itself until its edge is past
+// Cloth that a limb went through, and that laying does not bring over it, slides along itself until its edge is past
 // the limb, as a skirt is hitched up by a shank that is set across the other leg (NETWORK.md, "Limbs out of cloth").
 #ifndef DCLOTH_ENGINE_SRC_BODY_HITCHED_CLOTH_H_
 #define DCLOTH_ENGINE_SRC_BODY_HITCHED_CLOTH_H_

@@ -41,6 +41,12 @@ class HitchedClothTest : public LegInSkirt {
     return engine::HitchUp(model_, mirrored, limbs_, torn, swept_, hitched_, Of(laid));
   }
 
+  std::vector<float> HitchedUp(const std::vector<float>& drawn) {
+    std::vector<float> skirt = drawn;
+    EXPECT_TRUE(HitchUp(drawn, &skirt));
+    return skirt;
+  }
+
   // Of vertices from the shank and the foot.
   float Nearest(const std::vector<float>& skirt) const {
     const engine::LimbCore& shank = limbs_.cores[1];
@@ -68,9 +74,7 @@ TEST_F(HitchedClothTest, EdgesAreTheWaistAndTheHem) {
 TEST_F(HitchedClothTest, AShankFarOutHasTheHemAboveIt) {
   for (const float knee : {1.5f, 1.65f, 1.8f}) {
     Lift(0, knee);
-    const std::vector<float> drawn = Skirt(0);
-    std::vector<float> skirt = drawn;
-    ASSERT_TRUE(HitchUp(drawn, &skirt)) << knee;
+    const std::vector<float> drawn = Skirt(0), skirt = HitchedUp(drawn);
     EXPECT_GT(CrossedBy(drawn), 0) << knee;
     EXPECT_EQ(CrossedBy(skirt), 0) << knee;
     EXPECT_LT(Nearest(drawn), 0.01f) << knee;
@@ -81,9 +85,7 @@ TEST_F(HitchedClothTest, AShankFarOutHasTheHemAboveIt) {
 // It lies where there was cloth.
 TEST_F(HitchedClothTest, ClothSlidesAlongItself) {
   Lift(0, 1.8f);
-  const std::vector<float> drawn = Skirt(0.3f);
-  std::vector<float> skirt = drawn;
-  ASSERT_TRUE(HitchUp(drawn, &skirt));
+  const std::vector<float> drawn = Skirt(0.3f), skirt = HitchedUp(drawn);
   size_t moved = 0;
   for (size_t i = 0; i < skirt.size(); i += 3) {
     if (skirt[i + 1] == drawn[i + 1]) continue;
@@ -99,9 +101,7 @@ TEST_F(HitchedClothTest, ClothSlidesAlongItself) {
 // Less and less to the sides: no edge of a triangle is three times as long as before.
 TEST_F(HitchedClothTest, TheHemRisesSmoothly) {
   Lift(0, 1.8f);
-  const std::vector<float> drawn = Skirt(0);
-  std::vector<float> skirt = drawn;
-  ASSERT_TRUE(HitchUp(drawn, &skirt));
+  const std::vector<float> drawn = Skirt(0), skirt = HitchedUp(drawn);
   float longest = 0;
   for (size_t t = 0; t < faces_.size(); ++t) {
     const size_t a = 3 * faces_[t], b = 3 * faces_[t / 3 * 3 + (t + 1) % 3];
@@ -115,12 +115,21 @@ TEST_F(HitchedClothTest, TheHemRisesSmoothly) {
 
 TEST_F(HitchedClothTest, WhatWasLaidGoesBackFirst) {
   Lift(0, 1.8f);
-  const std::vector<float> drawn = Skirt(0);
-  std::vector<float> skirt = drawn, laid = drawn;
+  const std::vector<float> drawn = Skirt(0), skirt = HitchedUp(drawn);
+  std::vector<float> laid = drawn;
   for (size_t i = 0; i < laid.size(); i += 3) laid[i + 2] += laid[i + 2] > 0 ? 0.1f : 0.0f;
-  ASSERT_TRUE(HitchUp(drawn, &skirt));
   ASSERT_TRUE(HitchUp(drawn, &laid));
   EXPECT_EQ(laid, skirt);
+}
+
+// What KeepOutside asks for: the limbs that laying left torn or pierced, and no others.
+TEST_F(HitchedClothTest, LayingSaysWhichLimbsToAskFor) {
+  Lift(0, 1.8f);
+  std::vector<float> skirt = Skirt(0);
+  EXPECT_EQ(LayOrSweep(&skirt), kLeg);
+  Lift(0.3f, 0.3f);
+  skirt = Skirt(0);
+  EXPECT_EQ(LayOrSweep(&skirt), 0);
 }
 
 TEST_F(HitchedClothTest, NothingMovesWhereNothingIsToBeHitchedUp) {

@@ -237,12 +237,12 @@ class LegInSkirt : public ThighAndSheet {
     return skirt;
   }
 
-  void LayOrSweep(std::vector<float>* skirt, bool mirrored = false) {
+  uint8_t LayOrSweep(std::vector<float>* skirt, bool mirrored = false) {
     engine::PoseLimbCores(matrices_.data(), limbs_);
     engine::Surface surface = {};
     surface.positions = skirt->data();
     surface.position_stride_bytes = 12;
-    engine::LayOrSweep(model_, mirrored, matrices_.data(), limbs_, lists_, deep_, swept_, surface);
+    return engine::LayOrSweep(model_, mirrored, matrices_.data(), limbs_, lists_, deep_, swept_, surface);
   }
 
   // From here on the host's space is in centimetres, and mirrored; so is the skirt.
