@@ -47,6 +47,23 @@ def test_what_lies_behind_other_cloth_is_not_seen():
     assert pixels(box, boxes, body, body_faces) == 0
 
 
+def test_lining_is_seen_where_layers_lie_at_one_height():
+    cloth, faces = sheet(0.0)
+    body, body_faces = limb()
+    far, upright = np.float64([0, 0, 5]), faces[:, ::-1]
+    waves = 0.001 * np.sin(40 * cloth[:, :1]) * [0, 0, 1]
+
+    def shown(over, turned):
+        layers = np.concatenate([cloth, cloth * [0.98, 0.98, 1] + waves + [0, 0, over]])
+        both = np.concatenate([upright, (faces if turned else upright) + len(cloth)])
+        own = crossings.within(layers, both)
+        return specks.lining_seen(layers, both, body + far, body_faces, own) if len(own) else 0
+
+    assert shown(0, True) > 100
+    assert shown(0, False) == 0, "both layers show the same side"
+    assert shown(0.01, True) == 0, "one layer lies over the other"
+
+
 @pytest.fixture
 def files(tmp_path):
     (cloth, cloth_faces), (body, body_faces) = sheet(0.013), limb()
@@ -76,6 +93,8 @@ def test_frames_are_counted_and_named(files, capsys):
     assert sorted(frame for frame, _ in found["clips"][0]["worst"]) == [0, 3]
     assert specks.main([*command, "--every", "2"]) == 0
     assert "frames     2  crossing     1  seen     1" in capsys.readouterr().out
+    assert specks.main([*command, "--lining"]) == 0
+    assert "frames     4  crossing     2  seen     2  lining     0\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("more, words", [(["--every", "0"], "--every 0: expected 1 or more"), ([], "the same frames")])

@@ -28,8 +28,9 @@ Vec WayOver(Vec tip, double length, Vec normal) {
 
 }  // namespace
 
-void TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, const SweptCloth& swept,
+bool TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, const SweptCloth& swept,
                const Surface& surface) {
+  bool taken = false;
   VisitLimbs(limbs, [&](const LimbCore& upper, uint32_t, uint8_t bit) {
     const double scale = static_cast<double>(upper.scale);
     const LimbWay way = WayOf(limbs, upper);
@@ -38,6 +39,7 @@ void TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, co
     const Vec tip = way.points[way.count - 1] - exit.at;
     const double length = std::sqrt(Dot(tip, tip));
     if (!(length > 0)) return;
+    taken = true;
     const Vec area =
         AreaAround(model, exit.at, kPatch * scale, swept, bit, [&](size_t v) { return VecAt(surface.PositionOf(v)); });
     const Vec out = WayOver(tip, length, (mirrored ? -1.0 : 1.0) * Normalized(area));
@@ -61,6 +63,7 @@ void TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, co
       position[2] += static_cast<float>(share * out.z);
     }
   });
+  return taken;
 }
 
 }  // namespace dcloth::engine

@@ -5,6 +5,7 @@
 
 #include "engine/src/body/crossings.h"
 #include "engine/src/body/cut_corners.h"
+#include "engine/src/body/folded_cloth.h"
 #include "engine/src/body/hitched_cloth.h"
 #include "engine/src/body/kicked_cloth.h"
 #include "engine/src/body/spread_moves.h"
@@ -195,6 +196,7 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.sleeves = PlaceSleeves(model, arena);
   memory.swept = PlaceSweptCloth(model, arena);
   memory.deep = PlaceDeepCloth(model, arena);
+  memory.tops = arena->Take<float>(b);
   memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;
 }
@@ -217,7 +219,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   PoseBody(kernels, model, space, skin, memory);
   PoseLimbCores(memory.matrices, memory.limbs);
   ThreadSleeves(model, memory.limbs, memory.sleeves, surface);
-  TakeAlong(model, space.mirrored, memory.limbs, memory.swept, surface);
+  const bool kicked = TakeAlong(model, space.mirrored, memory.limbs, memory.swept, surface);
   KeepDrawn(model, memory.hitched, surface);
   const auto lay = [&] {
     return LayOrSweep(model, space.mirrored, memory.matrices, memory.limbs, memory.touch, memory.deep, memory.swept,
@@ -235,6 +237,10 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   }
   if (!pushes.Spread()) return;
   const PosedBody whole = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, 0};
+  // Folds are made where cloth is torn or kicked away alone.
+  const bool folded = (torn != 0 || kicked) && LiftOverLining(model, whole, memory.normals, memory.beside, clearance,
+                                                              memory.deep.places, memory.tops, surface) != 0;
+  if (folded && !pushes.PushListed()) return;
   CoverCorners(model, whole, memory.normals, memory.beside, clearance, surface, pushes.faces());
   const CrossedBody crossed = {whole, memory.normals, memory.sites, memory.touch, memory.beside, clearance};
   if (Uncross(model, crossed, memory.deep, memory.swept.starts, surface, pushes.faces()) != 0) pushes.PushListed();

@@ -32,7 +32,8 @@ struct BodyMemory {
   SweptCloth swept;  // its limbs once
   DeepCloth deep;
   HitchedCloth hitched;  // its edges once; its scratch is that of `sites`
-  uint16_t* beside;      // [n] for CoverCorners and Uncross
+  float* tops;           // [b] for LiftOverLining
+  uint16_t* beside;      // [n] for what comes after the pushes
 };
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
