@@ -19,7 +19,7 @@ namespace dcloth::engine {
 //   beside   [n] a body vertex beside the closest point of each vertex near the skin; kNotNear for those that stay
 //   places   [n], filled in: kNotDeep for all that stay
 //   tops     [b], scratch
-// Cost for 20,000 triangles: 0.1 ms.
+// Cost for 19,000 triangles: 0.26 ms.
 size_t LiftOverLining(const format::ModelView& model, const PosedBody& posed, const float* normals,
                       const uint16_t* beside, double clearance, uint16_t* places, float* tops, const Surface& surface);
 
