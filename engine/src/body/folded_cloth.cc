@@ -30,7 +30,7 @@ void FillNormal(const Surface& surface, const uint16_t* face, float* normal) {
 }  // namespace
 
 size_t LiftOverLining(const format::ModelView& model, const PosedBody& posed, const float* normals,
-                    const uint16_t* beside, double clearance, uint16_t* places, float* tops, const Surface& surface) {
+                      const uint16_t* beside, double clearance, uint16_t* places, float* tops, const Surface& surface) {
   constexpr uint16_t kLining = 1, kLifted = 0;
   const format::BodyView& body = *posed.body;
   const auto gap = static_cast<float>(clearance);
