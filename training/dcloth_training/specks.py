@@ -66,7 +66,8 @@ def _most_met(cloth, cloth_faces, body, body_faces, pairs, counts):
         image = np.full((size, size), -1)
         image[row, column] = np.where(crossed[face], face, -1)
         a, b, c = (points[faces[:, k], :2] for k in range(3))
-        outside = np.cross(b - a, c - a) < 0     # rows count downwards
+        (bx, by), (cx, cy) = (b - a).T, (c - a).T
+        outside = bx * cy - by * cx < 0     # rows count downwards
         found = 0
         for one, other in ((image[:, 1:], image[:, :-1]), (image[1:], image[:-1])):
             lower, higher = np.minimum(one, other), np.maximum(one, other)

@@ -237,7 +237,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   }
   if (!pushes.Spread()) return;
   const PosedBody whole = {&body, memory.positions, space.mirrored ? -1.0 : 1.0, 0};
-  // Folds are made where cloth is torn or kicked away alone.
+  // Only cloth that was torn or kicked away lies in folds. What is lifted is listed in `deep.places`.
   const bool folded = (torn != 0 || kicked) && LiftOverLining(model, whole, memory.normals, memory.beside, clearance,
                                                               memory.deep.places, memory.tops, surface) != 0;
   if (folded && !pushes.PushListed()) return;
