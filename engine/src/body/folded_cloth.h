@@ -1,5 +1,5 @@
-// Cloth in folds on a limb: pushed out of the skin, all its layers lie equally high, and the lining of one shows through
-// the next (NETWORK.md, "Folds").
+// Cloth in folds on a limb: pushed out of the skin, all its layers lie equally high, and the lining of one shows
+// through the next (NETWORK.md, "Folds").
 #ifndef DCLOTH_ENGINE_SRC_BODY_FOLDED_CLOTH_H_
 #define DCLOTH_ENGINE_SRC_BODY_FOLDED_CLOTH_H_
 
