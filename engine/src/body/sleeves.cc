@@ -16,8 +16,17 @@ constexpr float kRingWidth = 0.03f;    // of the others
 constexpr size_t kCorners = 16;        // of a ring
 constexpr size_t kFewestCorners = 10;  // of one that is judged
 constexpr float kLimb = 1.5f;          // of the lower bone: a hand or a foot are the limb, too
-// Between a ring's edge and the bones that go through it: cloth is as good as lost; and well where it is.
-constexpr float kLost = 0.02f, kWell = 0.03f;
+// Cosines of the angle by which a limb is bent: up to a right one its rings are shifted, from 105 degrees on they are
+// not, as in the crook there is no room for them as they are.
+constexpr float kShiftAll = 0, kShiftNone = -0.26f;
+// Between a ring's edge and the bones that go through it: cloth is as good as lost, and well where it is; with shifts,
+// which make that room, and without.
+constexpr float kRoom = 0.03f;
+constexpr float kLost[2] = {0.005f, 0.02f}, kWell[2] = {0.015f, 0.03f};
+constexpr int kShiftRounds = 2;  // what is shifted for one ring may leave too little room for another
+constexpr size_t kShifted = 4;   // rings from a shifted one to the first that stays
+constexpr int kShiftSteps = 4;   // of one shift: a ring pressed flat has not enough room on any side
+constexpr float kShiftPart = 0.7f;
 constexpr float kStep = 0.4f;                  // a ring beside a lost one is lost less by this
 constexpr size_t kEnd = 4;                     // rings at a sleeve's end: they go with one that is lost
 constexpr float kFade = 0.06f;                 // from where a sleeve begins, over which it is drawn less
@@ -48,7 +57,18 @@ struct Chain {
   const LimbCore *upper, *lower;
   float upper_length, lower_length;
   uint32_t upper_core, lower_core;
+  float shifted;  // 0 to 1: how far rings are shifted, by how far the limb is bent
 };
+
+float ShiftedPart(const LimbCore& upper, const LimbCore& lower) {
+  const float lengths = std::sqrt(Dot(upper.along, upper.along) * Dot(lower.along, lower.along));
+  if (!(lengths > 0)) return 0;
+  return Clamped((Dot(upper.along, lower.along) / lengths - kShiftNone) / (kShiftAll - kShiftNone));
+}
+
+float Shifted(const Chain& chain, const float* with_and_without) {
+  return chain.shifted * with_and_without[0] + (1 - chain.shifted) * with_and_without[1];
+}
 
 // Of a garment vertex on the bones of the bind pose.
 float PlaceOf(const Chain& chain, bool in_upper, const float* bound) {
@@ -160,6 +180,19 @@ int GoesThrough(const float* from, const float* along, const float* a, const flo
   return volume < 0 ? 1 : -1;
 }
 
+// Squared distance of two stretches, each from a point along a vector.
+float SquaredApart(const float* from, const float* along, const float* other_from, const float* other_along) {
+  float between[3], apart[3];
+  for (size_t c = 0; c < 3; ++c) between[c] = from[c] - other_from[c];
+  const float a = Dot(along, along), b = Dot(along, other_along), c = Dot(other_along, other_along);
+  const float d = Dot(along, between), e = Dot(other_along, between), area = a * c - b * b;
+  float at = area > 0 ? Clamped((b * e - c * d) / area) : 0.0f;
+  const float other_at = c > 0 ? Clamped((b * at + e) / c) : 0.0f;
+  at = a > 0 ? Clamped((b * other_at - d) / a) : 0.0f;
+  for (size_t i = 0; i < 3; ++i) apart[i] = between[i] + at * along[i] - other_at * other_along[i];
+  return Dot(apart, apart);
+}
+
 // The bones go through a ring that holds them, once more from its one side than from the other.
 void Judge(const Chain& chain, float middle_place, Ring* ring) {
   const float* corners[kCorners];
@@ -188,13 +221,86 @@ void Judge(const Chain& chain, float middle_place, Ring* ring) {
       times += found;
       const float place = first ? (part - 1) * chain.upper_length : part * length * chain.lower_length;
       if (found > 0) ring->slide = place - middle_place;
-      const float apart = PlaceOnBone(core.posed_from, core.along, core.inverse_squared, corners[k]).squared;
+      const float* next = corners[(k + 1) % count];
+      const float edge[3] = {next[0] - corners[k][0], next[1] - corners[k][1], next[2] - corners[k][2]};
+      const float apart = SquaredApart(corners[k], edge, core.posed_from, core.along);
       squared = apart < squared ? apart : squared;
     }
   }
   const float apart = std::sqrt(squared) / chain.upper->scale;
-  ring->lost = times == 1 ? Clamped((kWell - apart) / (kWell - kLost)) : 1.0f;
+  const float well = Shifted(chain, kWell), lost = Shifted(chain, kLost);
+  ring->lost = times == 1 ? Clamped((well - apart) / (well - lost)) : 1.0f;
   ring->kept = !(ring->lost > 0.5f);
+}
+
+// A ring as seen along the bones, [count] corners around them, at the origin.
+struct Outline {
+  float points[kCorners][2];
+  size_t count;
+};
+
+// From the nearest of the outline to the bones, positive where they are inside of it; `nearest` receives that place.
+float DistanceInside(const Outline& outline, const float* offset, float* nearest) {
+  float squared = kFar;
+  int turns = 0;
+  for (size_t k = 0; k < outline.count; ++k) {
+    const float *from = outline.points[k], *to = outline.points[(k + 1) % outline.count];
+    const float a[2] = {from[0] + offset[0], from[1] + offset[1]}, b[2] = {to[0] + offset[0], to[1] + offset[1]};
+    const float way[2] = {b[0] - a[0], b[1] - a[1]}, length = way[0] * way[0] + way[1] * way[1];
+    const float along = length > 0 ? Clamped(-(a[0] * way[0] + a[1] * way[1]) / length) : 0.0f;
+    const float at[2] = {a[0] + along * way[0], a[1] + along * way[1]}, apart = at[0] * at[0] + at[1] * at[1];
+    if (apart < squared) {
+      squared = apart;
+      nearest[0] = at[0];
+      nearest[1] = at[1];
+    }
+    const bool rises = b[1] > 0;
+    if ((a[1] > 0) != rises && rises == (a[0] * b[1] - a[1] * b[0] > 0)) turns += rises ? 1 : -1;
+  }
+  return turns != 0 ? std::sqrt(squared) : -std::sqrt(squared);
+}
+
+// How far the ring is to go across the bones, from `shift` on, for them to have room in it; false where they have.
+bool FindShift(const Chain& chain, const Ring& ring, float place, const float* shift, float* further) {
+  Axis axis;
+  if (!ring.judged || !AxisAt(chain, place, &axis)) return false;
+  Outline outline = {};
+  for (size_t k = 0; k < kCorners; ++k) {
+    if (ring.counts[k] == 0) continue;
+    float away[3];
+    for (size_t c = 0; c < 3; ++c) away[c] = ring.corners[k][c] + shift[c] - axis.at[c];
+    for (size_t i = 0; i < 2; ++i) outline.points[outline.count][i] = Dot(away, axis.across[i]);
+    ++outline.count;
+  }
+  float offset[2] = {}, nearest[2] = {};
+  bool any = false;
+  for (int step = 0; step < kShiftSteps; ++step) {
+    const float inside = DistanceInside(outline, offset, nearest), lacks = kRoom * chain.upper->scale - inside;
+    if (!(lacks > 0) || inside == 0) break;
+    any = true;
+    for (size_t i = 0; i < 2; ++i) offset[i] += kShiftPart * lacks / inside * nearest[i];
+  }
+  for (size_t c = 0; c < 3; ++c) further[c] = offset[0] * axis.across[0][c] + offset[1] * axis.across[1][c];
+  return any;
+}
+
+// Of each ring, [kRings, 3], those beside one that is shifted less and less. False where nothing is.
+bool FindShifts(const Chain& chain, const Ring* rings, float (*shifts)[3]) {
+  bool any = false;
+  for (int round = 0; round < kShiftRounds; ++round) {
+    for (size_t r = 0; r < kRings; ++r) {
+      float further[3];
+      if (!FindShift(chain, rings[r], MiddleOf(chain, r) + rings[r].slide, shifts[r], further)) continue;
+      any = true;
+      for (size_t k = 0; k < kRings; ++k) {
+        const size_t apart = k < r ? r - k : k - r;
+        if (apart >= kShifted) continue;
+        for (size_t c = 0; c < 3; ++c)
+          shifts[k][c] += (1 - static_cast<float>(apart) / static_cast<float>(kShifted)) * further[c];
+      }
+    }
+  }
+  return any;
 }
 
 // Before the first ring that is kept a shoulder may have drawn the cloth off the bones.
@@ -268,12 +374,13 @@ Between RingAt(const Chain& chain, const Ring* rings, float place) {
           a.sine + share * (b.sine - a.sine), a.lost + share * (b.lost - a.lost)};
 }
 
-// Fills in `rings`; false where the limb goes well through all of them.
-bool MeasureRings(const ModelView& model, const Chain& chain, const Sleeves& sleeves, const Surface& surface,
-                  Ring* rings) {
-  float begin = chain.lower_length;
+// Fills in `rings` as they lie, and `begin`, where the sleeve does.
+void MeasureRings(const ModelView& model, const Chain& chain, const Sleeves& sleeves, const Surface& surface,
+                  Ring* rings, float* begin) {
+  for (size_t r = 0; r < kRings; ++r) rings[r] = {};
+  *begin = chain.lower_length;
   VisitSleeve(model, sleeves, chain, surface, [&](size_t v, const float* bound, float place, const float* position) {
-    begin = place < begin ? place : begin;
+    *begin = place < *begin ? place : *begin;
     Ring* ring = &rings[static_cast<size_t>(RingOf(chain, place))];
     const LimbCore& core = sleeves.cores[v] == chain.upper_core ? *chain.upper : *chain.lower;
     const float relative[3] = {bound[0] - core.from[0], bound[1] - core.from[1], bound[2] - core.from[2]};
@@ -287,11 +394,32 @@ bool MeasureRings(const ModelView& model, const Chain& chain, const Sleeves& sle
     const bool end = rings[r].judged && (r + kEnd >= kRings || !rings[r + kEnd].judged);
     rings[r].lost = Larger(rings[r].lost, rings[r - 1].lost - (end ? 0.0f : kStep));
   }
+  for (size_t r = kRings - 1; r-- > 0;) rings[r].lost = Larger(rings[r].lost, rings[r + 1].lost - kStep);
+}
+
+// Rings shift as they are across a limb that lies beside or near their edge. Returns whether any does.
+bool ShiftRings(const ModelView& model, const Chain& chain, const Sleeves& sleeves, const Ring* rings, float begin,
+                const Surface& surface) {
+  Ring filled[kRings];
+  for (size_t r = 0; r < kRings; ++r) filled[r] = rings[r];
+  FillSlides(filled);
+  float shifts[kRings][3] = {};
+  if (!FindShifts(chain, filled, shifts)) return false;
+  VisitSleeve(model, sleeves, chain, surface, [&](size_t, const float*, float place, float* position) {
+    const float at = Clamped(RingOf(chain, place) - 0.5f, kRings - 1.001f);
+    const auto first = static_cast<size_t>(at);
+    const float share = at - static_cast<float>(first), part = chain.shifted * Clamped((place - begin) / kFade);
+    for (size_t c = 0; c < 3; ++c)
+      position[c] += part * (shifts[first][c] + share * (shifts[first + 1][c] - shifts[first][c]));
+  });
+  return true;
+}
+
+// What is lost of `rings`, and how the others lie; false where the limb goes well through all of them.
+bool FindLost(const ModelView& model, const Chain& chain, const Sleeves& sleeves, const Surface& surface, float begin,
+              Ring* rings) {
   bool lost = false;
-  for (size_t r = kRings; r-- > 0;) {
-    if (r + 1 < kRings) rings[r].lost = Larger(rings[r].lost, rings[r + 1].lost - kStep);
-    lost |= rings[r].lost > 0;
-  }
+  for (size_t r = 0; r < kRings; ++r) lost |= rings[r].lost > 0;
   if (!lost) return false;
   FillSlides(rings);
   for (size_t r = 0; r < kRings; ++r) rings[r].lost *= Clamped((MiddleOf(chain, r) - begin) / kFade);
@@ -416,9 +544,15 @@ void ThreadSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves
     const LimbCore& first = limbs.cores[upper];
     if (first.above != kMostCores || first.below == kMostCores) continue;
     const LimbCore& second = limbs.cores[first.below];
-    const Chain chain = {&first, &second, LengthOf(first), LengthOf(second), upper, first.below};
-    Ring rings[kRings] = {};
-    if (!(first.scale > 0) || !MeasureRings(model, chain, sleeves, surface, rings)) continue;
+    const Chain chain = {&first, &second,     LengthOf(first),           LengthOf(second),
+                         upper,  first.below, ShiftedPart(first, second)};
+    if (!(first.scale > 0)) continue;
+    Ring rings[kRings];
+    float begin;
+    MeasureRings(model, chain, sleeves, surface, rings, &begin);
+    if (chain.shifted > 0 && ShiftRings(model, chain, sleeves, rings, begin, surface))
+      MeasureRings(model, chain, sleeves, surface, rings, &begin);
+    if (!FindLost(model, chain, sleeves, surface, begin, rings)) continue;
     Crease crease = {};
     const bool bent = FindCrease(chain, &crease);
     VisitSleeve(model, sleeves, chain, surface, [&](size_t, const float* bound, float place, float* position) {
