@@ -233,13 +233,14 @@ void Judge(const Chain& chain, float middle_place, Ring* ring) {
   ring->kept = !(ring->lost > 0.5f);
 }
 
-// A ring as seen along the bones, [count] corners around them, at the origin.
+// The corners of a ring as seen along the bones, which are at the origin.
 struct Outline {
   float points[kCorners][2];
   size_t count;
 };
 
-// From the nearest of the outline to the bones, positive where they are inside of it; `nearest` receives that place.
+// The bones' distance from the outline moved by `offset`, negative outside of it; `nearest` receives its place nearest
+// to them.
 float DistanceInside(const Outline& outline, const float* offset, float* nearest) {
   float squared = kFar;
   int turns = 0;
@@ -284,7 +285,7 @@ bool FindShift(const Chain& chain, const Ring& ring, float place, const float* s
   return any;
 }
 
-// Of each ring, [kRings, 3], those beside one that is shifted less and less. False where nothing is.
+// The shift of each ring, [kRings, 3]; a ring takes those beside it along, less and less. False where none shifts.
 bool FindShifts(const Chain& chain, const Ring* rings, float (*shifts)[3]) {
   bool any = false;
   for (int round = 0; round < kShiftRounds; ++round) {
@@ -397,7 +398,7 @@ void MeasureRings(const ModelView& model, const Chain& chain, const Sleeves& sle
   for (size_t r = kRings - 1; r-- > 0;) rings[r].lost = Larger(rings[r].lost, rings[r + 1].lost - kStep);
 }
 
-// Rings shift as they are across a limb that lies beside or near their edge. Returns whether any does.
+// Rings whose edge the limb is near, or outside of, shift across it as they are. Returns whether any does.
 bool ShiftRings(const ModelView& model, const Chain& chain, const Sleeves& sleeves, const Ring* rings, float begin,
                 const Surface& surface) {
   Ring filled[kRings];
