@@ -29,6 +29,8 @@ uint8_t BitOf(const ModelView& model, size_t vertex) {
 
 size_t PatchCount(const ModelView& model) { return model.vertex_count / kNearestPatch + format::kMaxTouchClasses; }
 
+bool IsSleeve(const DeepCloth& deep, size_t vertex) { return deep.sleeves.cores[vertex] != kNoSleeve; }
+
 size_t Most(const ModelView& model) { return model.vertex_count < kMostDeep ? model.vertex_count : kMostDeep; }
 
 // visit(touch, patch, vertices, count) for runs of neighbours of one class.
@@ -164,15 +166,23 @@ bool LiftOut(const LimbCores& limbs, uint32_t under, const float* side, float* p
   return true;
 }
 
+// Unit vector of a way from a bone; returns the share that OwnSide does.
+float Outward(const float* away, float* out) {
+  const float length = std::sqrt(Dot(away, away));
+  for (size_t c = 0; c < 3; ++c) out[c] = length > 0 ? away[c] / length : 0.0f;
+  return length > 0 ? 1.0f : 0.0f;
+}
+
 // Out of the cores to the side of the vertex's patch; where it is bound close to the limb it is in, to its own side:
-// the patch of a sleeve goes around the arm and has no side.
+// the patch of such cloth may go around the limb and have no side. A sleeve leaves its limb where it is: it may be
+// turned about it, by half a turn where a forearm is.
 void LiftDeep(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t place, float* position) {
   const float *side = deep.sides + size_t{3} * deep.patches[place], *bound = BoundOf(model, deep.vertices[place]);
   float way[3] = {side[0], side[1], side[2]}, out[3], away[3], radius;
   for (uint32_t k = 0; k < *limbs.count && deep.nearest[place] < kMostCores; ++k) {
     const LimbCore& core = limbs.cores[k];
     if (!BendsWith(limbs, deep.nearest[place], k) || !IsInCore(core, position, away, &radius)) continue;
-    const float share = OwnSide(core, bound, out);
+    const float share = IsSleeve(deep, deep.vertices[place]) ? Outward(away, out) : OwnSide(core, bound, out);
     for (size_t c = 0; c < 3; ++c) way[c] = (1 - share) * side[c] + share * out[c];
     const float length = std::sqrt(Dot(way, way));
     for (size_t c = 0; c < 3; ++c) way[c] = length > 0 ? way[c] / length : side[c];
@@ -195,12 +205,17 @@ uint32_t FillUnder(const ModelView& model, const LimbCores& limbs, const DeepClo
 }
 
 // Cloth that joins deep cloth and lies behind the core of the bone nearest to it; returns how many there are then.
+// Sleeves have their limb in them, and are behind none.
 size_t AddBehind(const ModelView& model, const LimbCores& limbs, uint32_t swept, const DeepCloth& deep, size_t found,
                  const Surface& surface) {
   FillPlaces(model, deep, found);
   for (int ring = 0; ring < kRingsBehind; ++ring) {
     const size_t before = found;
     found = AddRing(model, deep.places, deep.vertices, found, [&](uint16_t v, size_t place) {
+      if (IsSleeve(deep, v)) {
+        deep.places[v] = kAsked;
+        return false;
+      }
       float out[3], middle[3];
       const uint32_t nearest = FillUnder(model, limbs, deep, v, place);
       const bool behind = IsBehindCore(limbs, deep.under[place] & ~swept, nearest, BoundOf(model, v),
@@ -253,9 +268,10 @@ void Smooth(const ModelView& model, const LimbCores& limbs, const DeepCloth& dee
 
 }  // namespace
 
-DeepCloth PlaceDeepCloth(const ModelView& model, Arena* arena) {
+DeepCloth PlaceDeepCloth(const ModelView& model, const Sleeves& sleeves, Arena* arena) {
   const size_t most = Most(model);
   DeepCloth deep = {};
+  deep.sleeves = sleeves;
   deep.places = arena->Take<uint16_t>(model.vertex_count);
   deep.vertices = arena->Take<uint16_t>(most);
   deep.patches = arena->Take<uint16_t>(most);

@@ -8,6 +8,7 @@
 
 #include "engine/src/base/lent_memory.h"
 #include "engine/src/body/limb_cores.h"
+#include "engine/src/body/sleeves.h"
 #include "engine/src/body/touch_lists.h"
 #include "engine/src/draw/output.h"
 
@@ -17,8 +18,9 @@ namespace dcloth::engine {
 constexpr size_t kMostDeep = 2048;
 constexpr uint16_t kNotDeep = 0xFFFF;
 
-// Scratch of a frame.
+// Scratch of a frame, but for the sleeves.
 struct DeepCloth {
+  Sleeves sleeves;
   uint16_t* places;     // [n], in the next; kNotDeep for cloth that stays
   uint16_t* vertices;   // [kMostDeep]
   uint16_t* patches;    // [kMostDeep], of the vertices in a core
@@ -30,7 +32,7 @@ struct DeepCloth {
   float* sides;         // [patches, 3], unit vectors out of the garment
 };
 
-DeepCloth PlaceDeepCloth(const format::ModelView& model, Arena* arena);
+DeepCloth PlaceDeepCloth(const format::ModelView& model, const Sleeves& sleeves, Arena* arena);
 
 // `mirrored`: triangles turn the other way in the host's space. `swept`: cores, a bit each, that no cloth is behind:
 // they have taken it along. Fills in `places` and `triangles`, and returns how many of the latter. `limbs` are posed.

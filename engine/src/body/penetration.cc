@@ -195,7 +195,7 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.limbs = PlaceLimbCores(arena);
   memory.sleeves = PlaceSleeves(model, arena);
   memory.swept = PlaceSweptCloth(model, arena);
-  memory.deep = PlaceDeepCloth(model, arena);
+  memory.deep = PlaceDeepCloth(model, memory.sleeves, arena);
   memory.tops = arena->Take<float>(b);
   memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;

@@ -16,9 +16,9 @@ constexpr float kRingWidth = 0.03f;    // of the others
 constexpr size_t kCorners = 16;        // of a ring
 constexpr size_t kFewestCorners = 10;  // of one that is judged
 constexpr float kLimb = 1.5f;          // of the lower bone: a hand or a foot are the limb, too
-// Cosines of the angle by which a limb is bent: up to a right one its rings are shifted, from 105 degrees on they are
-// not, as in the crook there is no room for them as they are.
-constexpr float kShiftAll = 0, kShiftNone = -0.26f;
+// Cosines of the angle by which a limb is bent: up to 110 degrees its rings are shifted, from 122 on they are not, as
+// in the crook there is no room for them as they are.
+constexpr float kShiftAll = -0.34f, kShiftNone = -0.53f;
 // Between a ring's edge and the bones that go through it: cloth is as good as lost, and well where it is; with shifts,
 // which make that room, and without.
 constexpr float kRoom = 0.03f;
@@ -32,6 +32,7 @@ constexpr size_t kEnd = 4;                     // rings at a sleeve's end: they 
 constexpr float kFade = 0.06f;                 // from where a sleeve begins, over which it is drawn less
 constexpr float kHinge = 0.06f;                // before and after a hinge a sleeve goes around both limbs
 constexpr float kNoHinge = 0.1f;               // of two directions added: folded flat, a limb has none at its hinge
+constexpr float kOpposite = 0.05f;             // of two unit vectors added: they point apart
 constexpr float kNear = 0.7f;                  // what a ring tells of others counts less by this for each between
 constexpr float kLeastTrust = 0.01f;           // in one that is nearly lost: there may be no other
 constexpr float kUnsure = 0.2f, kSure = 0.5f;  // mean of unit vectors that tells how a ring is turned
@@ -58,6 +59,8 @@ struct Chain {
   float upper_length, lower_length;
   uint32_t upper_core, lower_core;
   float shifted;  // 0 to 1: how far rings are shifted, by how far the limb is bent
+  float side;     // -1 where the host's space is mirrored, else 1
+  float turn[2];  // cosine and sine of the turn from the lower core's directions around to those like the upper's
 };
 
 float ShiftedPart(const LimbCore& upper, const LimbCore& lower) {
@@ -88,49 +91,88 @@ struct Axis {
   float at[3], along[3], across[2][3];
 };
 
+// A unit vector across `from`, turned by the least turn that takes `from` to `to`; these are unit vectors less than
+// half a turn apart.
+void TurnAlong(const float* from, const float* to, float* across) {
+  const float part = Dot(across, to) / (1 + Dot(from, to));
+  for (size_t c = 0; c < 3; ++c) across[c] -= part * (from[c] + to[c]);
+}
+
+// From `first` to `second` by `share`, unit vectors across `along`; between opposite ones it goes around.
+bool TurnBetween(const float* first, const float* second, const float* along, float share, float* out) {
+  float middle[3];
+  for (size_t c = 0; c < 3; ++c) middle[c] = first[c] + second[c];
+  if (!Normalize(middle, kOpposite)) Cross(along, first, middle);
+  const float part = 2 * share;
+  for (size_t c = 0; c < 3; ++c)
+    out[c] = part < 1 ? (1 - part) * first[c] + part * middle[c] : (2 - part) * middle[c] + (part - 1) * second[c];
+  return Normalize(out, 0);
+}
+
 bool AxisAt(const Chain& chain, float place, Axis* axis) {
   const LimbCore &upper = *chain.upper, &lower = *chain.lower;
   const float share = axis->share = Clamped(0.5f * (1 + place / kHinge));
   const float a = 1 + place / chain.upper_length, b = place / chain.lower_length;
-  float first[3], second[3];
+  float first[3], second[3], above[3], below[3];
   for (size_t c = 0; c < 3; ++c) {
     axis->at[c] =
         (1 - share) * (upper.posed_from[c] + a * upper.along[c]) + share * (lower.posed_from[c] + b * lower.along[c]);
-    axis->across[0][c] = (1 - share) * upper.posed_around[0][c] + share * lower.posed_around[0][c];
+    above[c] = upper.posed_around[0][c];
+    below[c] = chain.turn[0] * lower.posed_around[0][c] + chain.turn[1] * lower.posed_around[1][c];
     first[c] = upper.along[c], second[c] = lower.along[c];
   }
-  if (!Normalize(first, 0) || !Normalize(second, 0)) return false;
+  if (!Normalize(first, 0) || !Normalize(second, 0) || !Normalize(above, 0) || !Normalize(below, 0)) return false;
   for (size_t c = 0; c < 3; ++c) axis->along[c] = (1 - share) * first[c] + share * second[c];
   if (!Normalize(axis->along, kNoHinge)) return false;
-  const float lengthwise = Dot(axis->across[0], axis->along);
-  for (size_t c = 0; c < 3; ++c) axis->across[0][c] -= lengthwise * axis->along[c];
-  if (!Normalize(axis->across[0], kNoHinge * upper.scale)) return false;
+  TurnAlong(first, axis->along, above);
+  TurnAlong(second, axis->along, below);
+  if (!TurnBetween(above, below, axis->along, share, axis->across[0])) return false;
   Cross(axis->along, axis->across[0], axis->across[1]);
+  for (float& c : axis->across[1]) c *= chain.side;
   return true;
 }
 
 // The side on which a vertex was in the bind pose, a unit vector in the axis's directions across, and how far from the
 // bones; false on a bone.
 bool OwnSideOf(const Chain& chain, const Axis& axis, const float* bound, float* x, float* y, float* apart) {
-  float sum[3] = {};
-  *apart = 0;
+  *x = *y = *apart = 0;
   for (const bool first : {true, false}) {
     const LimbCore& core = first ? *chain.upper : *chain.lower;
     const float share = first ? 1 - axis.share : axis.share;
+    const float cosine = first ? 1.0f : chain.turn[0], sine = first ? 0.0f : chain.turn[1];
     const float relative[3] = {bound[0] - core.from[0], bound[1] - core.from[1], bound[2] - core.from[2]};
     const float u = Dot(relative, core.around[0]), w = Dot(relative, core.around[1]), length = std::sqrt(u * u + w * w);
     if (!(length > 0)) return false;
     *apart += share * length;
-    for (size_t c = 0; c < 3; ++c)
-      sum[c] += share * (u * core.posed_around[0][c] + w * core.posed_around[1][c]) / length;
+    *x += share * (cosine * u + sine * w) / length;
+    *y += share * (cosine * w - sine * u) / length;
   }
-  *x = Dot(sum, axis.across[0]);
-  *y = Dot(sum, axis.across[1]);
   const float length = std::sqrt(*x * *x + *y * *y);
   if (!(length > 0)) return false;
   *x /= length;
   *y /= length;
   return true;
+}
+
+// The limb `upper`, posed, and the one below it. In the bind pose their directions around are brought together.
+Chain ChainOf(const LimbCores& limbs, uint32_t upper) {
+  const LimbCore &first = limbs.cores[upper], &second = limbs.cores[first.below];
+  Chain chain = {&first, &second, LengthOf(first), LengthOf(second), upper, first.below, ShiftedPart(first, second),
+                 1,      {1, 0}};
+  float above[3], below[3], across[3], normal[3];
+  for (size_t c = 0; c < 3; ++c) {
+    above[c] = (first.to[c] - first.from[c]) / chain.upper_length;
+    below[c] = (second.to[c] - second.from[c]) / chain.lower_length;
+    across[c] = first.around[0][c];
+  }
+  if (Dot(above, below) > kNoHinge - 1) {
+    TurnAlong(above, below, across);
+    chain.turn[0] = Dot(across, second.around[0]);
+    chain.turn[1] = Dot(across, second.around[1]);
+  }
+  Cross(first.posed_around[0], first.posed_around[1], normal);
+  if (Dot(normal, first.along) < 0) chain.side = -1;
+  return chain;
 }
 
 struct Ring {
@@ -213,9 +255,8 @@ void Judge(const Chain& chain, float middle_place, Ring* ring) {
     const LimbCore& core = first ? *chain.upper : *chain.lower;
     const float length = first ? 1 : kLimb;
     const float along[3] = {length * core.along[0], length * core.along[1], length * core.along[2]};
-    float turn[3], part = 0;
-    Cross(core.posed_around[0], core.posed_around[1], turn);
-    const int side = Dot(turn, core.along) < 0 ? -1 : 1;  // a host's space may be mirrored
+    float part = 0;
+    const int side = chain.side < 0 ? -1 : 1;
     for (size_t k = 0; k < count; ++k) {
       const int found = side * GoesThrough(core.posed_from, along, middle, corners[k], corners[(k + 1) % count], &part);
       times += found;
@@ -544,9 +585,7 @@ void ThreadSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves
   for (uint32_t upper = 0; upper < *limbs.count; ++upper) {
     const LimbCore& first = limbs.cores[upper];
     if (first.above != kMostCores || first.below == kMostCores) continue;
-    const LimbCore& second = limbs.cores[first.below];
-    const Chain chain = {&first, &second,     LengthOf(first),           LengthOf(second),
-                         upper,  first.below, ShiftedPart(first, second)};
+    const Chain chain = ChainOf(limbs, upper);
     if (!(first.scale > 0)) continue;
     Ring rings[kRings];
     float begin;

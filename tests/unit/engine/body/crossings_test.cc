@@ -46,12 +46,12 @@ class CrossingsTest : public ::testing::Test {
     body->columns = columns_.data();
     Arena sizes(nullptr);
     PlaceBodySites(*body, &sizes);
-    PlaceDeepCloth(model_, &sizes);
+    PlaceDeepCloth(model_, {}, &sizes);
     memory_.resize(sizes.size() + 64);
     const auto address = reinterpret_cast<uintptr_t>(memory_.data());
     Arena arena(memory_.data() + (64 - address % 64) % 64);
     sites_ = PlaceBodySites(*body, &arena);
-    deep_ = PlaceDeepCloth(model_, &arena);
+    deep_ = PlaceDeepCloth(model_, {}, &arena);
   }
 
   // A cone with its tip `height` over the cloth, as far from three vertices of a triangle as may be.

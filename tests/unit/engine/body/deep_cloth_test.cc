@@ -101,6 +101,29 @@ TEST_F(SleeveTest, ASleeveBesideItsArmComesToLieAroundIt) {
   }
 }
 
+// As one does where the forearm is turned in it. Its near side lies in the arm.
+TEST_F(SleeveTest, ASleeveTurnedAboutItsArmStaysOnItsSides) {
+  constexpr float kAside = 0.035f;
+  engine::FindSleeves(model_, limbs_, sleeves_);
+  for (const float turn : {1.5f, 3.1f}) {
+    std::vector<float> sleeve = bound_;
+    for (size_t i = 0; i < sleeve.size(); i += 3) {
+      sleeve[i] = std::cos(turn) * bound_[i] - std::sin(turn) * bound_[i + 2] + kAside;
+      sleeve[i + 2] = std::sin(turn) * bound_[i] + std::cos(turn) * bound_[i + 2];
+    }
+    const std::vector<float> before = sleeve;
+    Lay(&sleeve);
+    size_t moved = 0;
+    for (size_t i = 0; i < sleeve.size(); i += 3) {
+      moved += std::memcmp(&sleeve[i], &before[i], 12) != 0;
+      EXPECT_GT(FromAxis(sleeve, i), 0.85f * kArm) << turn << " vertex " << i / 3;
+      EXPECT_LT(std::hypot(sleeve[i] - before[i], sleeve[i + 1] - before[i + 1], sleeve[i + 2] - before[i + 2]), kAside)
+          << turn << " vertex " << i / 3;
+    }
+    EXPECT_GT(moved, 100u);
+  }
+}
+
 // The thigh was swung through the sheet: above, the sheet is still in it, below it hangs behind it.
 TEST_F(DeepClothTest, ClothThatHangsBehindTheLimbComesToLieInFrontOfIt) {
   std::vector<float> sheet = SheetAt(0, 0);

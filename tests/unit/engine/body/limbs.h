@@ -69,14 +69,14 @@ class ThighAndSheet : public ::testing::Test {
     }
     engine::Arena sizes(nullptr);
     engine::PlaceLimbCores(&sizes);
-    engine::PlaceDeepCloth(model_, &sizes);
-    engine::PlaceSleeves(model_, &sizes);
+    engine::PlaceDeepCloth(model_, engine::PlaceSleeves(model_, &sizes), &sizes);
     memory_.resize(sizes.size() + 64);
     const auto address = reinterpret_cast<uintptr_t>(memory_.data());
     engine::Arena arena(memory_.data() + (64 - address % 64) % 64);
     limbs_ = engine::PlaceLimbCores(&arena);
-    deep_ = engine::PlaceDeepCloth(model_, &arena);
     sleeves_ = engine::PlaceSleeves(model_, &arena);
+    deep_ = engine::PlaceDeepCloth(model_, sleeves_, &arena);
+    std::memset(sleeves_.cores, engine::kNoSleeve, model_.vertex_count);
     engine::MeasureLimbCores(model_, limbs_);
   }
 
@@ -172,6 +172,19 @@ class ArmInSleeve : public ThighAndSheet {
     for (const size_t j : {1, 2}) std::memcpy(&matrices_[12 * j], matrix, sizeof(matrix));
   }
 
+  // The forearm and the hand turn about their own axis.
+  void TurnForearm(float angle) {
+    const float c = std::cos(angle), s = std::sin(angle);
+    for (const size_t j : {1, 2}) {
+      for (size_t r = 0; r < 3; ++r) {
+        float* row = &matrices_[12 * j + 4 * r];
+        const float x = row[0], z = row[2];
+        row[0] = c * x - s * z;
+        row[2] = s * x + c * z;
+      }
+    }
+  }
+
   // A vertex's place in the frame of its bone.
   void Unbend(size_t i, const float* position, float* out) const {
     const float* matrix = matrices_.data() + (bound_[i + 1] > -kBone ? 0 : 12);
@@ -207,14 +220,13 @@ class LegInSkirt : public ThighAndSheet {
     model_.joint_count = 5;
     matrices_.insert(matrices_.end(), matrices_.begin(), matrices_.begin() + 12);
     engine::Arena sizes(nullptr);
-    engine::PlaceDeepCloth(model_, &sizes);
-    engine::PlaceSleeves(model_, &sizes);
+    engine::PlaceDeepCloth(model_, engine::PlaceSleeves(model_, &sizes), &sizes);
     engine::PlaceSweptCloth(model_, &sizes);
     memory_of_skirt_.resize(sizes.size() + 64);
     const auto address = reinterpret_cast<uintptr_t>(memory_of_skirt_.data());
     engine::Arena arena(memory_of_skirt_.data() + (64 - address % 64) % 64);
-    deep_ = engine::PlaceDeepCloth(model_, &arena);
     sleeves_ = engine::PlaceSleeves(model_, &arena);
+    deep_ = engine::PlaceDeepCloth(model_, sleeves_, &arena);
     swept_ = engine::PlaceSweptCloth(model_, &arena);
     engine::MeasureLimbCores(model_, limbs_);
     engine::FindSleeves(model_, limbs_, sleeves_);

@@ -146,6 +146,34 @@ TEST_F(SleevesTest, RingsKeepTheirShapeAsTheyShift) {
   }
 }
 
+// A fist turned up turns the forearm by half a turn, and the elbow is in between.
+TEST_F(SleevesTest, ASleeveStaysWholeWhereTheForearmIsTurned) {
+  constexpr float kAside = 0.15f, kStretched = 0.3f * kAside;  // torn, it is apart by as much as it was aside
+  for (const float angle : {0.3f, 1.5f, 2.1f}) {
+    for (const float turn : {1.6f, 2.9f, kPi, -2.9f}) {
+      Bend(angle);
+      std::vector<float> sleeve = Worn(
+          0, [](float along) { return along < 0.25f ? 0.0f : kAside; }, 0.5f);
+      TurnForearm(turn);
+      Thread(&sleeve);
+      for (size_t i = 0; i < sleeve.size(); i += 3) {
+        const size_t ring = i / 3 / kAround;
+        if (ring < 9) continue;  // from here on it is lost as a whole
+        float squared = 1;
+        for (const engine::LimbCore* bone : {&limbs_.cores[0], &limbs_.cores[1]}) {
+          const auto on = engine::PlaceOnBone(bone->posed_from, bone->along, bone->inverse_squared, &sleeve[i]);
+          squared = std::fmin(squared, on.squared);
+        }
+        EXPECT_LT(std::sqrt(squared), kArm + 0.03f) << angle << " turned by " << turn << " ring " << ring;
+        const size_t above = i - 3 * kAround;
+        const float apart =
+            std::hypot(sleeve[i] - sleeve[above], sleeve[i + 1] - sleeve[above + 1], sleeve[i + 2] - sleeve[above + 2]);
+        EXPECT_LT(apart, kStretched) << angle << " turned by " << turn << " ring " << ring;
+      }
+    }
+  }
+}
+
 // Bent far, upper arm and forearm go into each other, and a way around one leads through the other.
 TEST_F(SleevesTest, InTheCrookOfAnElbowItLiesOutsideOfBothLimbs) {
   constexpr float kCrushed = 0.05f;  // no shift makes room in it

@@ -22,11 +22,11 @@ class SpreadMovesTest : public ::testing::Test {
     cloth_ = sheet_->positions;
     sheet_->ShowTo(&model_);
     Arena sizes(nullptr);
-    PlaceDeepCloth(model_, &sizes);
+    PlaceDeepCloth(model_, {}, &sizes);
     memory_.resize(sizes.size() + 64);
     const auto address = reinterpret_cast<uintptr_t>(memory_.data());
     Arena arena(memory_.data() + (64 - address % 64) % 64);
-    deep_ = PlaceDeepCloth(model_, &arena);
+    deep_ = PlaceDeepCloth(model_, {}, &arena);
     for (size_t v = 0; v < sheet_->count(); ++v) deep_.places[v] = kNotDeep;
     listed_ = 0;
   }
