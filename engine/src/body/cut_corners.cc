@@ -7,8 +7,11 @@ namespace {
 // clearances over an edge is looked for; where one end alone is near the skin, the angle is not known, and the edge has
 // to be so many clearances long.
 constexpr double kArc = 0.5, kLong = 6;
-constexpr double kShown = 0.5;   // of the clearance: skin so near to the middle shows
-constexpr double kMostLift = 5;  // clearances; where the skin lies higher, a limb went between the ends
+constexpr double kShown = 0.5;  // of the clearance: skin so near to the middle shows
+// In clearances; where the skin lies higher, a limb went between the ends. Cloth that lies between skin and skin facing
+// it, by the cosine of their angle, is not lifted out of what is under it: the other side would be in the way.
+constexpr double kMostLift = 5, kMostBetween = 1;
+constexpr double kFacing = -0.2;
 
 struct Cover {
   const format::ModelView& model;
@@ -17,20 +20,33 @@ struct Cover {
   double clearance;
   const Surface& surface;
 
+  // Of the angle between the skin beside two vertices that are near it.
+  double Cosine(uint16_t a, uint16_t b) const {
+    const float *n = normals + size_t{3} * beside[a], *m = normals + size_t{3} * beside[b];
+    double cosine = 0;
+    for (size_t c = 0; c < 3; ++c) cosine += static_cast<double>(n[c]) * static_cast<double>(m[c]);
+    return cosine;
+  }
+
   bool MayBeCut(uint16_t a, uint16_t b) const {
-    const uint16_t beside_a = beside[a], beside_b = beside[b];
-    if (beside_a == kNotNear && beside_b == kNotNear) return false;
+    if (beside[a] == kNotNear && beside[b] == kNotNear) return false;
     const float *p = surface.PositionOf(a), *q = surface.PositionOf(b);
-    double squared = 0, cosine = 0;
+    double squared = 0;
     for (size_t c = 0; c < 3; ++c) {
       const double along = static_cast<double>(q[c]) - static_cast<double>(p[c]);
       squared += along * along;
     }
-    if (beside_a == kNotNear || beside_b == kNotNear) return squared > kLong * kLong * clearance * clearance;
-    for (size_t c = 0; c < 3; ++c)
-      cosine += static_cast<double>(normals[3 * beside_a + c]) * static_cast<double>(normals[3 * beside_b + c]);
+    if (beside[a] == kNotNear || beside[b] == kNotNear) return squared > kLong * kLong * clearance * clearance;
     const double arc = 4 * kArc * clearance;
-    return squared * 0.5 * (1 - cosine) > arc * arc;
+    return squared * 0.5 * (1 - Cosine(a, b)) > arc * arc;
+  }
+
+  bool LiesBetween(const uint16_t* vertices, size_t count) const {
+    for (size_t i = 0; i < count; ++i) {
+      const uint16_t a = vertices[i], b = vertices[(i + 1) % count];
+      if (beside[a] != kNotNear && beside[b] != kNotNear && Cosine(a, b) < kFacing) return true;
+    }
+    return false;
   }
 
   // An edge or a triangle, `count` vertices of which one at least is near the skin.
@@ -52,7 +68,7 @@ struct Cover {
     *faces -= closest.faces_seen < *faces ? closest.faces_seen : *faces;
     if (!closest.found || closest.distance >= kShown * clearance || EndsAt(posed, closest)) return;
     const double lift = clearance - closest.distance;
-    if (lift > kMostLift * clearance) return;
+    if (lift > (LiesBetween(vertices, count) ? kMostBetween : kMostLift) * clearance) return;
     for (size_t i = 0; i < count; ++i) {
       if (beside[vertices[i]] == kNotNear) continue;  // nothing is known of it
       float* p = surface.PositionOf(vertices[i]);

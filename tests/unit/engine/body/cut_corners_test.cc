@@ -89,6 +89,21 @@ TEST_F(CutCornersTest, ALimbThatWentBetweenIsLeftAlone) {
   EXPECT_EQ(cloth_, before);
 }
 
+// A heel against a thigh: lifted out of the one, cloth would stand out in a flap, or go into the other.
+TEST_F(CutCornersTest, ClothBetweenSkinFacingEachOtherStaysUnderIt) {
+  for (size_t v = 2; v < 6; ++v) normals_[3 * v + 1] = 0.1f, normals_[3 * v + 2] = v < 4 ? -0.995f : 0.995f;
+  LayOver(0.02f);
+  const std::vector<float> before = cloth_;
+  uint32_t faces = kPlenty;
+  Cover(&faces, sides_);
+  EXPECT_EQ(cloth_, before);
+  LayOver(0.003f);
+  const double low = Height(0, 2);
+  ASSERT_GT(low, 0);
+  Cover(&faces, sides_);
+  EXPECT_GT(Height(0, 2), low + 0.25 * kClearance) << "what is above the skin gets its clearance";
+}
+
 TEST_F(CutCornersTest, VerticesOfWhichNothingIsKnownStay) {
   LayOver(0.02f);
   const std::vector<float> before = cloth_;
