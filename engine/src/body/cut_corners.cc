@@ -8,9 +8,9 @@ namespace {
 // to be so many clearances long.
 constexpr double kArc = 0.5, kLong = 6;
 constexpr double kShown = 0.5;  // of the clearance: skin so near to the middle shows
-// In clearances; where the skin lies higher, a limb went between the ends. Cloth that lies between skin and skin facing
-// it, by the cosine of their angle, is not lifted out of what is under it: the other side would be in the way.
-constexpr double kMostLift = 5, kMostBetween = 1;
+// In clearances; where the skin lies higher, a limb went between the ends. Cloth between the skin of two limbs that
+// face each other, by the cosine of their angle, is not lifted out of more than a touch: the other is in the way.
+constexpr double kMostLift = 5, kMostBetween = 1.25;
 constexpr double kFacing = -0.2;
 
 struct Cover {
@@ -41,10 +41,26 @@ struct Cover {
     return squared * 0.5 * (1 - Cosine(a, b)) > arc * arc;
   }
 
-  bool LiesBetween(const uint16_t* vertices, size_t count) const {
+  uint16_t JointOf(size_t body_vertex) const {
+    const format::BodyView& body = model.body;
+    const size_t first = body_vertex * body.influences;
+    size_t most = first;
+    for (size_t i = first; i < first + body.influences; ++i) most = body.weights[i] > body.weights[most] ? i : most;
+    return body.joints[most];
+  }
+
+  // Both sides of a foot face away from each other, too, and the cloth over its edge is to be lifted.
+  bool AreOfOneLimb(size_t body_vertex, size_t other) const {
+    if (model.parents == nullptr) return true;
+    const uint16_t joint = JointOf(body_vertex), other_joint = JointOf(other);
+    return joint == other_joint || model.parents[joint] == other_joint || model.parents[other_joint] == joint;
+  }
+
+  bool LiesBetweenLimbs(const uint16_t* vertices, size_t count) const {
     for (size_t i = 0; i < count; ++i) {
       const uint16_t a = vertices[i], b = vertices[(i + 1) % count];
-      if (beside[a] != kNotNear && beside[b] != kNotNear && Cosine(a, b) < kFacing) return true;
+      if (beside[a] == kNotNear || beside[b] == kNotNear || Cosine(a, b) >= kFacing) continue;
+      if (!AreOfOneLimb(beside[a], beside[b])) return true;
     }
     return false;
   }
@@ -68,7 +84,7 @@ struct Cover {
     *faces -= closest.faces_seen < *faces ? closest.faces_seen : *faces;
     if (!closest.found || closest.distance >= kShown * clearance || EndsAt(posed, closest)) return;
     const double lift = clearance - closest.distance;
-    if (lift > (LiesBetween(vertices, count) ? kMostBetween : kMostLift) * clearance) return;
+    if (lift > (LiesBetweenLimbs(vertices, count) ? kMostBetween : kMostLift) * clearance) return;
     for (size_t i = 0; i < count; ++i) {
       if (beside[vertices[i]] == kNotNear) continue;  // nothing is known of it
       float* p = surface.PositionOf(vertices[i]);

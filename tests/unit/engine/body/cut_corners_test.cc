@@ -89,19 +89,29 @@ TEST_F(CutCornersTest, ALimbThatWentBetweenIsLeftAlone) {
   EXPECT_EQ(cloth_, before);
 }
 
-// A heel against a thigh: lifted out of the one, cloth would stand out in a flap, or go into the other.
-TEST_F(CutCornersTest, ClothBetweenSkinFacingEachOtherStaysUnderIt) {
+// A heel against a thigh: lifted out of the one, cloth would stand out in a flap, or go into the other. The two sides
+// of a foot face away from each other, too; it is to be covered.
+TEST_F(CutCornersTest, ClothBetweenLimbsThatFaceEachOtherStaysUnderThem) {
+  const std::vector<uint8_t> limbs[] = {{0, 0, 0, 0, 2, 2}, {0, 0, 0, 0, 1, 1}};
+  const std::vector<float> weights(6, 1.0f);
+  const uint16_t parents[] = {format::kNoParent, 0, format::kNoParent};
+  model_.parents = parents;
+  model_.body.weights = weights.data();
+  model_.body.influences = 1;
   for (size_t v = 2; v < 6; ++v) normals_[3 * v + 1] = 0.1f, normals_[3 * v + 2] = v < 4 ? -0.995f : 0.995f;
-  LayOver(0.02f);
-  const std::vector<float> before = cloth_;
   uint32_t faces = kPlenty;
-  Cover(&faces, sides_);
-  EXPECT_EQ(cloth_, before);
-  LayOver(0.003f);
-  const double low = Height(0, 2);
-  ASSERT_GT(low, 0);
-  Cover(&faces, sides_);
-  EXPECT_GT(Height(0, 2), low + 0.25 * kClearance) << "what is above the skin gets its clearance";
+  for (const auto& joints : limbs) {
+    model_.body.joints = joints.data();
+    LayOver(0.02f);
+    const std::vector<float> before = cloth_;
+    Cover(&faces, sides_);
+    EXPECT_EQ(cloth_ == before, joints[4] == 2) << "of joint " << int{joints[4]};
+    LayOver(0.003f);
+    const double low = Height(0, 2);
+    ASSERT_GT(low, 0);
+    Cover(&faces, sides_);
+    EXPECT_GT(Height(0, 2), low + 0.25 * kClearance) << "what is above the skin gets its clearance";
+  }
 }
 
 TEST_F(CutCornersTest, VerticesOfWhichNothingIsKnownStay) {
