@@ -193,9 +193,9 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.hitched.at_edge = arena->Take<uint8_t>(model.vertex_count);
   memory.touch = PlaceTouchLists(model, arena);
   memory.limbs = PlaceLimbCores(arena);
-  memory.sleeves = PlaceSleeves(model, arena);
+  const Sleeves sleeves = PlaceSleeves(model, arena);
   memory.swept = PlaceSweptCloth(model, arena);
-  memory.deep = PlaceDeepCloth(model, memory.sleeves, arena);
+  memory.deep = PlaceDeepCloth(model, sleeves, arena);
   memory.tops = arena->Take<float>(b);
   memory.beside = arena->Take<uint16_t>(model.vertex_count);
   return memory;
@@ -205,8 +205,8 @@ void OrderGarment(const format::ModelView& model, const BodyMemory& memory) {
   if (memory.touch.order == nullptr) return;
   FillTouchLists(model, memory.touch);
   MeasureLimbCores(model, memory.limbs);
-  FindSleeves(model, memory.limbs, memory.sleeves);
-  FindSweptCloth(model, memory.limbs, memory.sleeves, memory.swept);
+  FindSleeves(model, memory.limbs, memory.deep.sleeves);
+  FindSweptCloth(model, memory.limbs, memory.deep.sleeves, memory.swept);
   FindEdges(model, memory.hitched);
 }
 
@@ -218,7 +218,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   const double clearance = static_cast<double>(body.clearance) * units_per_metre;
   PoseBody(kernels, model, space, skin, memory);
   PoseLimbCores(memory.matrices, memory.limbs);
-  ThreadSleeves(model, memory.limbs, memory.sleeves, surface);
+  ThreadSleeves(model, memory.limbs, memory.deep.sleeves, surface);
   const bool kicked = TakeAlong(model, space.mirrored, memory.limbs, memory.swept, surface);
   KeepDrawn(model, memory.hitched, surface);
   const auto lay = [&] {

@@ -11,7 +11,6 @@
 #include "engine/src/body/deep_cloth.h"
 #include "engine/src/body/hitched_cloth.h"
 #include "engine/src/body/limb_cores.h"
-#include "engine/src/body/sleeves.h"
 #include "engine/src/body/swept_limbs.h"
 #include "engine/src/body/touch_lists.h"
 #include "engine/src/draw/output.h"
@@ -26,11 +25,10 @@ struct BodyMemory {
   float* positions;  // [b, 3] posed
   float* normals;    // [b, 3]
   BodySites sites;
-  TouchLists touch;  // once
-  LimbCores limbs;   // measured once, posed in each frame
-  Sleeves sleeves;   // once
-  SweptCloth swept;  // its limbs once
-  DeepCloth deep;
+  TouchLists touch;      // once
+  LimbCores limbs;       // measured once, posed in each frame
+  SweptCloth swept;      // its limbs once
+  DeepCloth deep;        // its sleeves once
   HitchedCloth hitched;  // its edges once; its scratch is that of `sites`
   float* tops;           // [b] for LiftOverLining
   uint16_t* beside;      // [n] for what comes after the pushes
@@ -38,7 +36,7 @@ struct BodyMemory {
 
 BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena);
 
-// Once, before the first KeepOutside: fills in `touch`, measures `limbs`, finds `sleeves`, the limbs of `swept`
+// Once, before the first KeepOutside: fills in `touch`, measures `limbs`, finds sleeves, the limbs of `swept`
 // and the edges of `hitched`.
 void OrderGarment(const format::ModelView& model, const BodyMemory& memory);
 
