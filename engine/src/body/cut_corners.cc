@@ -9,7 +9,7 @@ namespace {
 constexpr double kArc = 0.5, kLong = 6;
 constexpr double kShown = 0.5;  // of the clearance: skin so near to the middle shows
 // In clearances; where the skin lies higher, a limb went between the ends. Cloth between the skin of two limbs that
-// face each other, by the cosine of their angle, is not lifted out of more than a touch: the other is in the way.
+// face each other, by the cosine of their angle, is lifted by hardly more than the clearance: the other is in the way.
 constexpr double kMostLift = 5, kMostBetween = 1.25;
 constexpr double kFacing = -0.2;
 
