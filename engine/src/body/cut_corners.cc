@@ -12,6 +12,9 @@ constexpr double kShown = 0.5;  // of the clearance: skin so near to the middle 
 // face each other, by the cosine of their angle, is lifted by hardly more than the clearance: the other is in the way.
 constexpr double kMostLift = 5, kMostBetween = 1.25;
 constexpr double kFacing = -0.2;
+// Joints from the one to the other. Around cloth between limbs that are further apart than a thigh and the belly none
+// is lifted by more, whichever of them it lies on.
+constexpr int kSameLimb = 1, kThighAndBelly = 2;
 
 struct Cover {
   const format::ModelView& model;
@@ -19,6 +22,7 @@ struct Cover {
   const uint16_t* beside;
   double clearance;
   const Surface& surface;
+  uint16_t* pressed;
 
   // Of the angle between the skin beside two vertices that are near it.
   double Cosine(uint16_t a, uint16_t b) const {
@@ -49,18 +53,47 @@ struct Cover {
     return body.joints[most];
   }
 
-  // Both sides of a foot face away from each other, too, and the cloth over its edge is to be lifted.
-  bool AreOfOneLimb(size_t body_vertex, size_t other) const {
+  // Whether it is at most `joints` from the one to the other, by way of the one from which both come.
+  bool AreWithin(size_t body_vertex, size_t other, int joints) const {
     if (model.parents == nullptr) return true;
-    const uint16_t joint = JointOf(body_vertex), other_joint = JointOf(other);
-    return joint == other_joint || model.parents[joint] == other_joint || model.parents[other_joint] == joint;
+    uint16_t above = JointOf(body_vertex);
+    for (int left = joints; left >= 0 && above != format::kNoParent; --left, above = model.parents[above]) {
+      uint16_t other_above = JointOf(other);
+      for (int i = 0; i <= left && other_above != format::kNoParent; ++i, other_above = model.parents[other_above]) {
+        if (above == other_above) return true;
+      }
+    }
+    return false;
+  }
+
+  // Both sides of a foot face away from each other, too, and the cloth over its edge is to be lifted.
+  bool ArePressed(uint16_t a, uint16_t b, int joints) const {
+    if (beside[a] == kNotNear || beside[b] == kNotNear || Cosine(a, b) >= kFacing) return false;
+    return !AreWithin(beside[a], beside[b], joints);
+  }
+
+  void FindPressed() const {
+    constexpr uint16_t kFree = 0, kAround = 1, kPressed = 2;
+    for (size_t v = 0; v < model.vertex_count; ++v) pressed[v] = kFree;
+    bool found = false;
+    for (size_t t = 0; t < model.triangle_count; ++t) {
+      const uint16_t* face = model.faces + 3 * t;
+      bool between = false;
+      for (size_t k = 0; k < 3; ++k) between |= ArePressed(face[k], face[(k + 1) % 3], kThighAndBelly);
+      for (size_t k = 0; k < 3 && between; ++k) pressed[face[k]] = kPressed;
+      found |= between;
+    }
+    for (size_t t = 0; t < model.triangle_count && found; ++t) {
+      const uint16_t* face = model.faces + 3 * t;
+      bool around = false;
+      for (size_t k = 0; k < 3; ++k) around |= pressed[face[k]] == kPressed;
+      for (size_t k = 0; k < 3 && around; ++k) pressed[face[k]] = pressed[face[k]] == kPressed ? kPressed : kAround;
+    }
   }
 
   bool LiesBetweenLimbs(const uint16_t* vertices, size_t count) const {
     for (size_t i = 0; i < count; ++i) {
-      const uint16_t a = vertices[i], b = vertices[(i + 1) % count];
-      if (beside[a] == kNotNear || beside[b] == kNotNear || Cosine(a, b) >= kFacing) continue;
-      if (!AreOfOneLimb(beside[a], beside[b])) return true;
+      if (pressed[vertices[i]] != 0 || ArePressed(vertices[i], vertices[(i + 1) % count], kSameLimb)) return true;
     }
     return false;
   }
@@ -96,8 +129,10 @@ struct Cover {
 }  // namespace
 
 void CoverCorners(const format::ModelView& model, PosedBody posed, const float* normals, const uint16_t* beside,
-                  double clearance, const Surface& surface, uint32_t* faces) {
-  const Cover cover = {model, normals, beside, clearance, surface};
+                  double clearance, const uint8_t* at_edge, uint16_t* pressed, const Surface& surface,
+                  uint32_t* faces) {
+  const Cover cover = {model, normals, beside, clearance, surface, pressed};
+  cover.FindPressed();
   for (size_t t = 0; t < model.triangle_count; ++t) {
     const uint16_t* face = model.faces + 3 * t;
     bool cut = false;
@@ -106,8 +141,9 @@ void CoverCorners(const format::ModelView& model, PosedBody posed, const float* 
       if (!cover.MayBeCut(ends[0], ends[1])) continue;
       if (*faces == 0) return;
       cut = true;
-      // The triangle beyond the edge has its ends the other way round.
-      if (ends[0] < ends[1]) cover.Lift(posed, ends, 2, faces);
+      // The triangle beyond the edge has its ends the other way round. Beyond a hem there is none.
+      const bool is_hem = at_edge[ends[0]] != 0 && at_edge[ends[1]] != 0;
+      if (ends[0] < ends[1] || is_hem) cover.Lift(posed, ends, 2, faces);
     }
     if (cut && *faces != 0) cover.Lift(posed, face, 3, faces);
   }

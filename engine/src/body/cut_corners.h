@@ -17,9 +17,11 @@ namespace dcloth::engine {
 //   posed    which body; the touch bit of each vertex is taken in place of its own
 //   normals  [b, 3] of the posed body
 //   beside   [n] a body vertex beside the closest point of each vertex near the skin; kNotNear for those that stay
+//   at_edge  [n] not 0 for vertices at a hem, a slit or a waist
+//   pressed  [n] scratch
 //   faces    what is left of the frame's searches
 void CoverCorners(const format::ModelView& model, PosedBody posed, const float* normals, const uint16_t* beside,
-                  double clearance, const Surface& surface, uint32_t* faces);
+                  double clearance, const uint8_t* at_edge, uint16_t* pressed, const Surface& surface, uint32_t* faces);
 
 }  // namespace dcloth::engine
 

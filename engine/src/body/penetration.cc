@@ -241,7 +241,8 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   const bool folded = (torn != 0 || kicked) && LiftOverLining(model, whole, memory.normals, memory.beside, clearance,
                                                               memory.deep.places, memory.tops, surface) != 0;
   if (folded && !pushes.PushListed()) return;
-  CoverCorners(model, whole, memory.normals, memory.beside, clearance, surface, pushes.faces());
+  CoverCorners(model, whole, memory.normals, memory.beside, clearance, memory.hitched.at_edge, memory.deep.places,
+               surface, pushes.faces());
   const CrossedBody crossed = {whole, memory.normals, memory.sites, memory.touch, memory.beside, clearance};
   if (Uncross(model, crossed, memory.deep, memory.swept.starts, surface, pushes.faces()) != 0) pushes.PushListed();
 }

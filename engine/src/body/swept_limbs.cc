@@ -11,7 +11,7 @@ namespace {
 
 using format::ModelView;
 
-constexpr int kMostTries = 4;  // of a frame, and one again
+constexpr int kMostTries = 5;  // of a frame, and one again
 // What is torn, in triangles: the sum over those through a limb of how much nearer to its bone than kDeep they come, in
 // shares of the core's radius. So much is a tear; so much of what there was is none.
 constexpr float kDeep = 0.7f, kTorn = 0.05f, kLess = 0.25f;
@@ -29,7 +29,7 @@ struct Try {
   bool falls;
   float sweeps_from;  // 0: it does not
 };
-constexpr Try kTries[] = {{true, 0}, {true, 0.02f}, {false, 0.5f}, {true, 0.25f}};
+constexpr Try kTries[] = {{true, 0}, {true, 0.02f}, {false, 0.5f}, {true, 0.25f}, {false, 1}};
 
 float TornBy(const ModelView& model, const Limb& limb, const uint32_t* triangles, size_t count, const SweptCloth& swept,
              const Surface& surface) {

@@ -39,8 +39,8 @@ class CutCornersTest : public ::testing::Test {
 
   void Cover(uint32_t* faces, const std::array<uint16_t, 4>& beside) {
     const Surface surface = {cloth_.data(), 3 * sizeof(float), nullptr, 0, nullptr, 0};
-    CoverCorners(model_, {&model_.body, body_.data(), 1.0, 0}, normals_.data(), beside.data(), kClearance, surface,
-                 faces);
+    CoverCorners(model_, {&model_.body, body_.data(), 1.0, 0}, normals_.data(), beside.data(), kClearance,
+                 at_edge_.data(), pressed_.data(), surface, faces);
   }
 
   // Of the middle between two vertices, above the roof.
@@ -59,6 +59,8 @@ class CutCornersTest : public ::testing::Test {
   std::vector<uint16_t> columns_ = {0, 2, 0, 1, 2, 3, 0, 1, 1, 2, 3, 3};
   std::vector<uint16_t> cloth_faces_ = {0, 2, 1, 1, 2, 3};
   std::vector<float> cloth_;
+  std::array<uint8_t, 4> at_edge_ = {};
+  std::array<uint16_t, 4> pressed_ = {};
   format::ModelView model_ = {};
   const std::array<uint16_t, 4> sides_ = {2, 3, 4, 5};
 };
@@ -71,6 +73,22 @@ TEST_F(CutCornersTest, EdgesOverARidgeAreLiftedOut) {
   EXPECT_GT(Height(0, 2), 0);
   EXPECT_GT(Height(1, 2), 0);
   EXPECT_LT(faces, kPlenty);
+}
+
+// The second triangle has the edge between its third vertex and its first: no other has it the other way round.
+TEST_F(CutCornersTest, HemsAreLiftedWhicheverWayTheirTrianglesGo) {
+  for (const bool is_hem : {false, true}) {
+    LayOver(0.02f);
+    at_edge_.fill(is_hem ? 1 : 0);
+    const uint16_t faces[] = {1, 2, 3};
+    model_.faces = faces;
+    model_.triangle_count = 1;
+    normals_.assign(18, 0.0f);
+    for (const size_t v : {2, 3, 4, 5}) normals_[3 * v + 1] = s_, normals_[3 * v + 2] = v < 4 ? -s_ : s_;
+    uint32_t left = kPlenty;
+    Cover(&left, {2, 3, kNotNear, 5});
+    EXPECT_EQ(Height(1, 3) > 0.5 * kClearance, is_hem);
+  }
 }
 
 TEST_F(CutCornersTest, ClothThatIsOutsideStays) {
@@ -111,6 +129,25 @@ TEST_F(CutCornersTest, ClothBetweenLimbsThatFaceEachOtherStaysUnderThem) {
     ASSERT_GT(low, 0);
     Cover(&faces, sides_);
     EXPECT_GT(Height(0, 2), low + 0.25 * kClearance) << "what is above the skin gets its clearance";
+  }
+}
+
+// Beside it, an edge over the heel alone is in the same place. A thigh that is lifted against the belly is too near.
+TEST_F(CutCornersTest, ClothAroundThatBetweenFarLimbsStaysToo) {
+  const std::vector<float> weights(6, 1.0f);
+  const uint16_t parents[] = {format::kNoParent, 0, 1, 2};
+  model_.parents = parents;
+  model_.body.weights = weights.data();
+  model_.body.influences = 1;
+  for (size_t v = 2; v < 6; ++v) normals_[3 * v + 1] = 0.1f, normals_[3 * v + 2] = v < 4 ? -0.995f : 0.995f;
+  for (const uint8_t other : {uint8_t{2}, uint8_t{3}}) {
+    const std::vector<uint8_t> joints = {0, 0, 0, 0, 1, other};
+    model_.body.joints = joints.data();
+    LayOver(0.02f);
+    const std::vector<float> before = cloth_;
+    uint32_t faces = kPlenty;
+    Cover(&faces, sides_);
+    EXPECT_EQ(cloth_ == before, other == 3) << int{other} << " joints apart";
   }
 }
 

@@ -78,9 +78,16 @@ TEST_F(SweptLimbsTest, WhatNothingMendsIsLaid) {
   EXPECT_NE(drawn, laid);
   EXPECT_LE(TornOn(drawn), TornOn(laid));
   EXPECT_LE(CrossedBy(drawn), CrossedBy(laid));
-  const auto [left, still] = LaidAndSwept({0, 2.4f, 0.8f});
+  const auto [left, still] = LaidAndSwept({0, 2.6f, 0.8f});
   EXPECT_GT(TornOn(left), 0);
   EXPECT_EQ(still, left);
+}
+
+TEST_F(SweptLimbsTest, WhereShortSweepsDoNotHelpTheLegComesFromWhereItHung) {
+  const auto [laid, swept] = LaidAndSwept({0, 2.4f, 0.8f});
+  ASSERT_GE(TornOn(laid), 5);
+  EXPECT_LE(TornOn(swept), 1);
+  EXPECT_LE(CrossedBy(swept), 1);
 }
 
 // A leg kicked up out of a skirt that was drawn hanging: the skirt lies on it, as far as it is long, and not around the
