@@ -23,6 +23,7 @@ struct Cover {
   double clearance;
   const Surface& surface;
   uint16_t* pressed;
+  bool pressed_known;
 
   // Of the angle between the skin beside two vertices that are near it.
   double Cosine(uint16_t a, uint16_t b) const {
@@ -72,7 +73,8 @@ struct Cover {
     return !AreWithin(beside[a], beside[b], joints);
   }
 
-  void FindPressed() const {
+  void FindPressed() {
+    pressed_known = true;
     constexpr uint16_t kFree = 0, kAround = 1, kPressed = 2;
     for (size_t v = 0; v < model.vertex_count; ++v) pressed[v] = kFree;
     bool found = false;
@@ -91,7 +93,8 @@ struct Cover {
     }
   }
 
-  bool LiesBetweenLimbs(const uint16_t* vertices, size_t count) const {
+  bool LiesBetweenLimbs(const uint16_t* vertices, size_t count) {
+    if (!pressed_known) FindPressed();
     for (size_t i = 0; i < count; ++i) {
       if (pressed[vertices[i]] != 0 || ArePressed(vertices[i], vertices[(i + 1) % count], kSameLimb)) return true;
     }
@@ -99,7 +102,7 @@ struct Cover {
   }
 
   // An edge or a triangle, `count` vertices of which one at least is near the skin.
-  void Lift(PosedBody posed, const uint16_t* vertices, size_t count, uint32_t* faces) const {
+  void Lift(PosedBody posed, const uint16_t* vertices, size_t count, uint32_t* faces) {
     double middle[3] = {};
     uint16_t first = kNotNear, last = kNotNear, toucher = vertices[0];
     for (size_t i = 0; i < count; ++i) {
@@ -117,7 +120,8 @@ struct Cover {
     *faces -= closest.faces_seen < *faces ? closest.faces_seen : *faces;
     if (!closest.found || closest.distance >= kShown * clearance || EndsAt(posed, closest)) return;
     const double lift = clearance - closest.distance;
-    if (lift > (LiesBetweenLimbs(vertices, count) ? kMostBetween : kMostLift) * clearance) return;
+    // Few frames lift anything so far that it has to be known.
+    if (lift > kMostLift * clearance || (lift > kMostBetween * clearance && LiesBetweenLimbs(vertices, count))) return;
     for (size_t i = 0; i < count; ++i) {
       if (beside[vertices[i]] == kNotNear) continue;  // nothing is known of it
       float* p = surface.PositionOf(vertices[i]);
@@ -131,8 +135,7 @@ struct Cover {
 void CoverCorners(const format::ModelView& model, PosedBody posed, const float* normals, const uint16_t* beside,
                   double clearance, const uint8_t* at_edge, uint16_t* pressed, const Surface& surface,
                   uint32_t* faces) {
-  const Cover cover = {model, normals, beside, clearance, surface, pressed};
-  cover.FindPressed();
+  Cover cover = {model, normals, beside, clearance, surface, pressed, false};
   for (size_t t = 0; t < model.triangle_count; ++t) {
     const uint16_t* face = model.faces + 3 * t;
     bool cut = false;
