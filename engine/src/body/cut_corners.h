@@ -13,7 +13,8 @@ namespace dcloth::engine {
 
 // Lifts edges and triangles whose middle is under the skin, until it is `clearance` above. They are looked at where the
 // skin beside their ends bends so much over their length that it may reach them. Where two limbs press on cloth from
-// both sides, it stays as deep as it lies, but for a quarter of the clearance.
+// both sides, it stays as deep as it lies, but for a quarter of the clearance; between limbs that are no neighbours,
+// such as a heel and the other thigh, so does the cloth around it.
 //   posed    which body; the touch bit of each vertex is taken in place of its own
 //   normals  [b, 3] of the posed body
 //   beside   [n] a body vertex beside the closest point of each vertex near the skin; kNotNear for those that stay
