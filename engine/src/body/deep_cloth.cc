@@ -174,15 +174,17 @@ float Outward(const float* away, float* out) {
 }
 
 // Out of the cores to the side of the vertex's patch; where it is bound close to the limb it is in, to its own side:
-// the patch of such cloth may go around the limb and have no side. A sleeve leaves its limb where it is: it may be
-// turned about it, by half a turn where a forearm is.
+// the patch of such cloth may go around the limb and have no side. So does the cloth of an armhole: its patch is half
+// the trunk's, whose side faces a lowered arm. A sleeve leaves its limb where it is: it may be turned about it, by half
+// a turn where a forearm is.
 void LiftDeep(const ModelView& model, const LimbCores& limbs, const DeepCloth& deep, size_t place, float* position) {
   const float *side = deep.sides + size_t{3} * deep.patches[place], *bound = BoundOf(model, deep.vertices[place]);
   float way[3] = {side[0], side[1], side[2]}, out[3], away[3], radius;
   for (uint32_t k = 0; k < *limbs.count && deep.nearest[place] < kMostCores; ++k) {
     const LimbCore& core = limbs.cores[k];
     if (!BendsWith(limbs, deep.nearest[place], k) || !IsInCore(core, position, away, &radius)) continue;
-    const float share = IsSleeve(deep, deep.vertices[place]) ? Outward(away, out) : OwnSide(core, bound, out);
+    float share = IsSleeve(deep, deep.vertices[place]) ? Outward(away, out) : OwnSide(core, bound, out);
+    if ((*deep.sleeves.around >> k & 1u) != 0 && share > 0) share = 1;
     for (size_t c = 0; c < 3; ++c) way[c] = (1 - share) * side[c] + share * out[c];
     const float length = std::sqrt(Dot(way, way));
     for (size_t c = 0; c < 3; ++c) way[c] = length > 0 ? way[c] / length : side[c];

@@ -4,6 +4,7 @@ namespace dcloth::engine {
 namespace {
 
 constexpr double kLongest = 0.1;  // metres, of a triangle's edge
+constexpr double kDip = 0.08;     // metres: a limb that lies on cloth from outside goes in and comes out so soon
 constexpr double kFar = 1e18;
 
 struct Triangle {
@@ -21,6 +22,21 @@ struct Triangle {
   }
   Vec area() const { return Cross(corners[1] - corners[0], corners[2] - corners[0]); }
 };
+
+// Where a limb goes through cloth.
+struct Cut {
+  double left;  // of the way to the tip
+  bool out;
+};
+
+// Whether the limb lay under cloth before it comes out, so far from the tip. `cuts` has that one, too.
+bool WasUnder(const Cut* cuts, size_t count, double left, double dip) {
+  int outs = 0;
+  for (size_t i = 0; i < count; ++i) {
+    if (cuts[i].left >= left && cuts[i].left < left + dip) outs += cuts[i].out ? 1 : -1;
+  }
+  return outs > 0;
+}
 
 }  // namespace
 
@@ -41,9 +57,10 @@ LimbWay WayOf(const LimbCores& limbs, const LimbCore& upper) {
 
 Exit FindExit(const format::ModelView& model, bool mirrored, const LimbWay& way, double furthest, double scale,
               const SweptCloth& swept, uint8_t bit, const Surface& surface) {
-  constexpr size_t kMost = 16;
+  constexpr size_t kMost = 16, kMostCuts = 2 * kMost;
   Exit exits[kMost];
-  size_t count = 0;
+  Cut cuts[kMostCuts];
+  size_t count = 0, cut_count = 0;
   double in = kFar;
   const Vec tip = way.points[way.count - 1];
   const double near = furthest + kLongest * scale;
@@ -61,7 +78,9 @@ Exit FindExit(const format::ModelView& model, bool mirrored, const LimbWay& way,
       if (triangle.IsCutBy(from, along, &at)) {
         const double rest = left + (1 - at) * whole;
         const Vec cut = from + at * along, area = (mirrored ? -1.0 : 1.0) * triangle.area();
-        if (!(Dot(area, along) > 0)) in = rest < in ? rest : in;
+        const bool out = Dot(area, along) > 0;
+        if (cut_count < kMostCuts) cuts[cut_count++] = {rest, out};
+        if (!out) in = rest < in ? rest : in;
         if (Dot(area, tip - cut) > 0 && rest < furthest && count < kMost) exits[count++] = {cut, rest, t, k - 1};
         break;
       }
@@ -70,7 +89,8 @@ Exit FindExit(const format::ModelView& model, bool mirrored, const LimbWay& way,
   }
   Exit chosen = {};
   for (size_t i = 0; i < count; ++i) {
-    if (exits[i].left < in && exits[i].left > chosen.left) chosen = exits[i];
+    const bool is_last = exits[i].left < in && exits[i].left > chosen.left;
+    if (is_last && WasUnder(cuts, cut_count, exits[i].left, kDip * scale)) chosen = exits[i];
   }
   return chosen;
 }

@@ -35,8 +35,9 @@ struct Exit {
 };
 
 // The furthest from the tip, by `furthest` host units at most, of those after which the limb does not go in again. It
-// comes out where the tip is on the outer side of a triangle that the limb lies under. `mirrored`: triangles turn the
-// other way in the host's space. Cost for 20,000 triangles: 0.1 ms near the tip, 1 ms for all of a limb.
+// comes out where the tip is on the outer side of a triangle that the limb lies under, unless it went in just before
+// that: a limb that lies on cloth from outside dips into it. `mirrored`: triangles turn the other way in the host's
+// space. Cost for 20,000 triangles: 0.1 ms near the tip, 1 ms for all of a limb.
 Exit FindExit(const format::ModelView& model, bool mirrored, const LimbWay& way, double furthest, double scale,
               const SweptCloth& swept, uint8_t bit, const Surface& surface);
 

@@ -553,7 +553,9 @@ void PressIntoCrease(const Chain& chain, const Crease& crease, float place, floa
 
 }  // namespace
 
-Sleeves PlaceSleeves(const ModelView& model, Arena* arena) { return {arena->Take<uint8_t>(model.vertex_count)}; }
+Sleeves PlaceSleeves(const ModelView& model, Arena* arena) {
+  return {arena->Take<uint8_t>(model.vertex_count), arena->Take<uint32_t>(1)};
+}
 
 void FindSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves& sleeves) {
   uint8_t sectors[kMostCores][kCoreSlices] = {};
@@ -574,10 +576,15 @@ void FindSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves& 
     sleeves.cores[v] = static_cast<uint8_t>(at);
     *sectors_at(v, nearest) |= static_cast<uint8_t>(1u << SectorAt(limbs.cores[at].around, nearest.away));
   }
+  *sleeves.around = 0;
   for (size_t v = 0; v < model.vertex_count; ++v) {
     if (sleeves.cores[v] == kNoSleeve) continue;
     const OnBone on = InBindPose(limbs.cores[sleeves.cores[v]], model.template_positions + 3 * v);
-    if (*sectors_at(v, on) != 0xFF) sleeves.cores[v] = kNoSleeve;
+    if (*sectors_at(v, on) == 0xFF) {
+      *sleeves.around |= 1u << sleeves.cores[v];
+    } else {
+      sleeves.cores[v] = kNoSleeve;
+    }
   }
 }
 

@@ -18,7 +18,8 @@ namespace dcloth::engine {
 constexpr uint8_t kNoSleeve = 0xFF;
 
 struct Sleeves {
-  uint8_t* cores;  // [n] core of the limb that a garment vertex goes around, or kNoSleeve
+  uint8_t* cores;    // [n] core of the limb that a garment vertex goes around, or kNoSleeve
+  uint32_t* around;  // [1] cores that a sleeve goes around, a bit each
 };
 
 // The model has a body.

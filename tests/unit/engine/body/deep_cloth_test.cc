@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -122,6 +123,49 @@ TEST_F(SleeveTest, ASleeveTurnedAboutItsArmStaysOnItsSides) {
     }
     EXPECT_GT(moved, 100u);
   }
+}
+
+// A wide armhole of an arm that hangs beside the trunk: what lies on the trunk is of the same patch, and faces the arm.
+TEST_F(SleeveTest, AnArmholeInItsArmComesOutOnItsOwnSide) {
+  constexpr size_t kRows = 36, kTop = 6;  // the sleeve begins at the sixth row, the core at the fourth
+  constexpr size_t kTrunk = 4;
+  Clear();
+  AppendTube(kSleeve, 0, kRows, kAround, 0);
+  for (size_t i = 0; i < 3 * kTop * kAround; ++i) bound_[i] *= i % 3 == 1 ? 1.0f : 2.0f;
+  for (int j = 0; j < 4; ++j) {
+    const float inverse[12] = {1, 0, 0, 0, 0, 1, 0, kBone * static_cast<float>(j), 0, 0, 1, 0};
+    inverse_bind_.insert(inverse_bind_.end(), inverse, inverse + 12);
+  }
+  for (int ring = 0; ring <= 90; ++ring) AppendRing(kArm, -0.01f * static_cast<float>(ring), kAround, 0, &body_);
+  for (size_t i = 0; i < body_.size() / 3; ++i)
+    body_joints_.push_back(static_cast<uint8_t>(i < 30 * kAround ? 0 : i < 60 * kAround ? 1 : 2));
+  body_weights_.assign(body_joints_.size(), 1.0f);
+  const auto faces_trunk = [](size_t vertex) {
+    const size_t column = vertex % kAround;
+    return vertex < kTop * kAround && column > kAround / 2 - 6 && column < kAround / 2 + 6;
+  };
+  std::stable_partition(order_.begin(), order_.end(), faces_trunk);
+  View(chain_);
+  engine::MeasureLimbCores(model_, limbs_);
+  engine::FindSleeves(model_, limbs_, sleeves_);
+  std::vector<float> posed = bound_;
+  for (size_t v = 0; v < kTop * kAround; ++v) {
+    if (!faces_trunk(v)) continue;
+    const size_t row = v / kAround;
+    posed[3 * v] = row < kTrunk ? -0.1f : -0.02f;
+    if (row < kTrunk) posed[3 * v + 1] -= 0.1f * static_cast<float>(kTrunk - row);
+  }
+  const std::vector<float> before = posed;
+  Lay(&posed);
+  size_t checked = 0;
+  for (size_t v = kTrunk * kAround; v < kTop * kAround; ++v) {
+    const size_t column = v % kAround;
+    if (!faces_trunk(v) || column < kAround / 2 - 3 || column > kAround / 2 + 3) continue;
+    ++checked;
+    EXPECT_LT(posed[3 * v], 0) << v << ": through the arm";
+    EXPECT_GT(FromAxis(posed, 3 * v), 0.85f * kArm) << v;
+  }
+  EXPECT_EQ(checked, 14u);
 }
 
 // The thigh was swung through the sheet: above, the sheet is still in it, below it hangs behind it.

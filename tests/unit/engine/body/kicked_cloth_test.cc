@@ -129,6 +129,21 @@ TEST_F(KickedClothTest, AFootThatGoesInAgainDoesToo) {
   EXPECT_EQ(skirt, before);
 }
 
+// The knee is out in front, and the shank hangs down along the front, which bulges over a piece of it.
+TEST_F(KickedClothTest, ALegThatLiesOnTheClothDoesToo) {
+  Lift(1.2f, 1.2f);
+  std::vector<float> skirt = Skirt(0);
+  const float shank = kLength * std::sin(1.2f), foot = -kLength * std::cos(1.2f) - kLength;
+  for (size_t i = 0; i < skirt.size(); i += 3) {
+    const float off = std::fabs(skirt[i + 1] - foot);
+    if (skirt[i + 2] > 0 && off < 0.04f) skirt[i + 2] += (shank - kSkirt + 0.02f) * std::fmin(1, 2 - off / 0.02f);
+  }
+  const std::vector<float> before = skirt;
+  TakeAlong(&skirt);
+  EXPECT_EQ(CrossedBy(before), 3) << "the thigh comes out, the foot goes in and out";
+  EXPECT_EQ(skirt, before);
+}
+
 TEST_F(KickedClothTest, MirroredSpacesGiveTheMirrorImage) {
   std::vector<float> skirt = Taken(0.5f, 2), host = Skirt(0);
   EXPECT_NE(skirt, host);
