@@ -55,6 +55,8 @@ constexpr double kFarPush = 2;
 // Clearances. Cloth around vertices that were moved further gives way.
 constexpr double kLongMove = 2;
 
+constexpr int kUncrossings = 2;  // what is pushed out of skin that it crosses may come to cross other skin
+
 constexpr double kPastRim = 5;  // clearances under skin beyond a rim, at most: a sleeve may lie deep in the trunk
 
 double SquaredDistance(const double* a, const float* b) {
@@ -244,7 +246,10 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   CoverCorners(model, whole, memory.normals, memory.beside, clearance, memory.hitched.at_edge, memory.deep.places,
                surface, pushes.faces());
   const CrossedBody crossed = {whole, memory.normals, memory.sites, memory.touch, memory.beside, clearance};
-  if (Uncross(model, crossed, memory.deep, memory.swept.starts, surface, pushes.faces()) != 0) pushes.PushListed();
+  for (int k = 0; k < kUncrossings; ++k) {
+    const size_t moved = Uncross(model, crossed, memory.deep, memory.swept.starts, surface, pushes.faces());
+    if (moved == 0 || !pushes.PushListed()) return;
+  }
 }
 
 uint16_t PushOut(const PosedBody& posed, const kernels::NearestJob& job, const TouchLists& lists, size_t i,
