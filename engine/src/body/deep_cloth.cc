@@ -184,7 +184,7 @@ void LiftDeep(const ModelView& model, const LimbCores& limbs, const DeepCloth& d
     const LimbCore& core = limbs.cores[k];
     if (!BendsWith(limbs, deep.nearest[place], k) || !IsInCore(core, position, away, &radius)) continue;
     float share = IsSleeve(deep, deep.vertices[place]) ? Outward(away, out) : OwnSide(core, bound, out);
-    if ((*deep.sleeves.around >> k & 1u) != 0 && share > 0) share = 1;
+    if (core.in_sleeve && share > 0) share = 1;
     for (size_t c = 0; c < 3; ++c) way[c] = (1 - share) * side[c] + share * out[c];
     const float length = std::sqrt(Dot(way, way));
     for (size_t c = 0; c < 3; ++c) way[c] = length > 0 ? way[c] / length : side[c];

@@ -12,11 +12,14 @@ using format::ModelView;
 constexpr double kFurthest = 0.2;             // metres from where a limb comes out to its tip
 constexpr double kPatch = 0.08;               // metres around that place, of cloth that tells the panel's normal
 constexpr double kAlong = 0.5, kSteep = 0.7;  // cosine to it: a foot that hangs down along a panel, that sticks out
-constexpr double kBeyond = 0.01;  // metres, that cloth is moved beyond the tip; less where the limb comes out less
+constexpr double kBeyond = 0.01;  // metres, that cloth is moved beyond the skin; less where the limb comes out less
 constexpr double kThick = 0.03;   // metres, likewise over the side of a foot
 constexpr double kFlat = 0.045;   // metres from the limb: moved as a whole, over the toes
 constexpr double kSlope = 1.5;    // metres further out a metre of the move, to where nothing moves
-constexpr double kLayers = 0.1;   // metres along the move from where the limb comes out, of cloth that goes along
+// Cloth behind where the limb comes out, in a pleat, moves by that more, so many metres at most; metres further out a
+// metre of the move, to where none does.
+constexpr double kDeepest = 0.05, kDeepSlope = 0.5;
+constexpr double kLayers = 0.1;  // metres along the move from where the limb comes out, of cloth that goes along
 
 // The way that cloth goes for `tip`, so far from where the limb comes out: along a foot that sticks out of the panel,
 // away from the panel over one that hangs down along it, as that would drag the hem. A unit vector, or 0.
@@ -26,10 +29,30 @@ Vec WayOver(Vec tip, double length, Vec normal) {
   return Normalized((1 - steep) * normal + (steep / length) * tip);
 }
 
+bool GoesWith(const ModelView& model, size_t body_vertex, uint32_t joint) {
+  const format::BodyView& body = model.body;
+  const size_t first = body_vertex * body.influences;
+  size_t most = first;
+  for (size_t i = first; i < first + body.influences; ++i) most = body.weights[i] > body.weights[most] ? i : most;
+  uint16_t at = body.joints[most];
+  while (at != joint && at != format::kNoParent) at = model.parents[at];
+  return at == joint;
+}
+
+// How far from `from` along the unit vector `out` the skin reaches that goes with `joint`, at least `reach`: toes are
+// beside the bone.
+double ReachOf(const ModelView& model, uint32_t joint, const float* skin, Vec from, Vec out, double reach) {
+  for (size_t v = 0; v < model.body.vertex_count; ++v) {
+    const double at = Dot(VecAt(skin + 3 * v) - from, out);
+    if (at > reach && GoesWith(model, v, joint)) reach = at;
+  }
+  return reach;
+}
+
 }  // namespace
 
-bool TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, const SweptCloth& swept,
-               const Surface& surface) {
+bool TakeAlong(const ModelView& model, bool mirrored, const float* skin, const LimbCores& limbs,
+               const SweptCloth& swept, const Surface& surface) {
   bool taken = false;
   VisitLimbs(limbs, [&](const LimbCore& upper, uint32_t, uint8_t bit) {
     const double scale = static_cast<double>(upper.scale);
@@ -46,9 +69,11 @@ bool TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, co
     const double reach = Dot(tip, out), height = reach > 0 ? reach : 0;
     const Vec beside = tip - reach * out;  // the limb, seen from where cloth goes
     const double wide = Dot(beside, beside);
-    const double over = (kBeyond * height + kThick * std::sqrt(wide)) / length * scale;
+    const double over = ReachOf(model, way.cores[way.count - 2]->joint, skin, exit.at, out, height) - height +
+                        (kBeyond * height + kThick * std::sqrt(wide)) / length * scale;
     const double move = height + (exit.left < over ? exit.left : over);
     const double flat = kFlat * scale, around = flat + kSlope * move, layers = kLayers * scale;
+    const double deep_around = flat + kDeepSlope * move, deepest = std::fmin(kDeepest * scale, exit.left);
     for (size_t v = 0; v < model.vertex_count; ++v) {
       if ((swept.limbs[v] & bit) == 0) continue;
       float* position = surface.PositionOf(v);
@@ -57,7 +82,9 @@ bool TakeAlong(const ModelView& model, bool mirrored, const LimbCores& limbs, co
       const Vec off = apart - along * out - (at < 0 ? 0 : at < 1 ? at : 1) * beside;
       const double squared = Dot(off, off);
       if (!(squared < around * around)) continue;
-      const double share = move * Fade(std::sqrt(squared), flat, around) * Fade(std::fabs(along), layers, 2 * layers);
+      const double apart_from = std::sqrt(squared), behind = along < -deepest ? deepest : along < 0 ? -along : 0;
+      const double share = (move * Fade(apart_from, flat, around) + behind * Fade(apart_from, flat, deep_around)) *
+                           Fade(std::fabs(along), layers, 2 * layers);
       position[0] += static_cast<float>(share * out.x);
       position[1] += static_cast<float>(share * out.y);
       position[2] += static_cast<float>(share * out.z);

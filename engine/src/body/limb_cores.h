@@ -44,6 +44,7 @@ struct LimbCore {
   uint32_t above;      // core of the limb that this one bends with at `from`: a shank's is the thigh's; or kMostCores
   uint32_t below;      // the core that this one is `above`, or kMostCores
   bool bends;          // with a limb above or below
+  bool in_sleeve;      // a sleeve goes around it (FindSleeves)
   uint8_t touched_by;  // classes that touch all the skin around it; all where there are none
 };
 

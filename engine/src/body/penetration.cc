@@ -221,7 +221,7 @@ void KeepOutside(const kernels::KernelTable& kernels, const format::ModelView& m
   PoseBody(kernels, model, space, skin, memory);
   PoseLimbCores(memory.matrices, memory.limbs);
   ThreadSleeves(model, memory.limbs, memory.deep.sleeves, surface);
-  const bool kicked = TakeAlong(model, space.mirrored, memory.limbs, memory.swept, surface);
+  const bool kicked = TakeAlong(model, space.mirrored, memory.positions, memory.limbs, memory.swept, surface);
   KeepDrawn(model, memory.hitched, surface);
   const auto lay = [&] {
     return LayOrSweep(model, space.mirrored, memory.matrices, memory.limbs, memory.touch, memory.deep, memory.swept,

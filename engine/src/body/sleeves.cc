@@ -553,9 +553,7 @@ void PressIntoCrease(const Chain& chain, const Crease& crease, float place, floa
 
 }  // namespace
 
-Sleeves PlaceSleeves(const ModelView& model, Arena* arena) {
-  return {arena->Take<uint8_t>(model.vertex_count), arena->Take<uint32_t>(1)};
-}
+Sleeves PlaceSleeves(const ModelView& model, Arena* arena) { return {arena->Take<uint8_t>(model.vertex_count)}; }
 
 void FindSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves& sleeves) {
   uint8_t sectors[kMostCores][kCoreSlices] = {};
@@ -576,12 +574,12 @@ void FindSleeves(const ModelView& model, const LimbCores& limbs, const Sleeves& 
     sleeves.cores[v] = static_cast<uint8_t>(at);
     *sectors_at(v, nearest) |= static_cast<uint8_t>(1u << SectorAt(limbs.cores[at].around, nearest.away));
   }
-  *sleeves.around = 0;
+  for (uint32_t k = 0; k < *limbs.count; ++k) limbs.cores[k].in_sleeve = false;
   for (size_t v = 0; v < model.vertex_count; ++v) {
     if (sleeves.cores[v] == kNoSleeve) continue;
     const OnBone on = InBindPose(limbs.cores[sleeves.cores[v]], model.template_positions + 3 * v);
     if (*sectors_at(v, on) == 0xFF) {
-      *sleeves.around |= 1u << sleeves.cores[v];
+      limbs.cores[sleeves.cores[v]].in_sleeve = true;
     } else {
       sleeves.cores[v] = kNoSleeve;
     }

@@ -18,14 +18,13 @@ namespace dcloth::engine {
 constexpr uint8_t kNoSleeve = 0xFF;
 
 struct Sleeves {
-  uint8_t* cores;    // [n] core of the limb that a garment vertex goes around, or kNoSleeve
-  uint32_t* around;  // [1] cores that a sleeve goes around, a bit each
+  uint8_t* cores;  // [n] core of the limb that a garment vertex goes around, or kNoSleeve
 };
 
 // The model has a body.
 Sleeves PlaceSleeves(const format::ModelView& model, Arena* arena);
 
-// Once for each body, after MeasureLimbCores. Cost: 1 ms for 10,000 vertices.
+// Once for each body, after MeasureLimbCores. Tells the cores, too. Cost: 1 ms for 10,000 vertices.
 void FindSleeves(const format::ModelView& model, const LimbCores& limbs, const Sleeves& sleeves);
 
 // Shifts rings that have lost their limb, or nearly, across it until it goes through them; those that do not hold it
