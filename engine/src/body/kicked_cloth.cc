@@ -73,7 +73,8 @@ bool TakeAlong(const ModelView& model, bool mirrored, const float* skin, const L
                         (kBeyond * height + kThick * std::sqrt(wide)) / length * scale;
     const double move = height + (exit.left < over ? exit.left : over);
     const double flat = kFlat * scale, around = flat + kSlope * move, layers = kLayers * scale;
-    const double deep_around = flat + kDeepSlope * move, deepest = std::fmin(kDeepest * scale, exit.left);
+    const double deep_around = flat + kDeepSlope * move, most_behind = kDeepest * scale,
+                 deepest = exit.left < most_behind ? exit.left : most_behind;
     for (size_t v = 0; v < model.vertex_count; ++v) {
       if ((swept.limbs[v] & bit) == 0) continue;
       float* position = surface.PositionOf(v);
