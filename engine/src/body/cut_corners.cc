@@ -1,5 +1,7 @@
 #include "engine/src/body/cut_corners.h"
 
+#include "engine/src/body/limb_cores.h"
+
 namespace dcloth::engine {
 namespace {
 
@@ -46,20 +48,12 @@ struct Cover {
     return squared * 0.5 * (1 - Cosine(a, b)) > arc * arc;
   }
 
-  uint16_t JointOf(size_t body_vertex) const {
-    const format::BodyView& body = model.body;
-    const size_t first = body_vertex * body.influences;
-    size_t most = first;
-    for (size_t i = first; i < first + body.influences; ++i) most = body.weights[i] > body.weights[most] ? i : most;
-    return body.joints[most];
-  }
-
   // Whether it is at most `joints` from the one to the other, by way of the one from which both come.
   bool AreWithin(size_t body_vertex, size_t other, int joints) const {
     if (model.parents == nullptr) return true;
-    uint16_t above = JointOf(body_vertex);
+    uint16_t above = MainJointOf(model.body, body_vertex);
     for (int left = joints; left >= 0 && above != format::kNoParent; --left, above = model.parents[above]) {
-      uint16_t other_above = JointOf(other);
+      uint16_t other_above = MainJointOf(model.body, other);
       for (int i = 0; i <= left && other_above != format::kNoParent; ++i, other_above = model.parents[other_above]) {
         if (above == other_above) return true;
       }

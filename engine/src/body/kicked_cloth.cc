@@ -30,11 +30,7 @@ Vec WayOver(Vec tip, double length, Vec normal) {
 }
 
 bool GoesWith(const ModelView& model, size_t body_vertex, uint32_t joint) {
-  const format::BodyView& body = model.body;
-  const size_t first = body_vertex * body.influences;
-  size_t most = first;
-  for (size_t i = first; i < first + body.influences; ++i) most = body.weights[i] > body.weights[most] ? i : most;
-  uint16_t at = body.joints[most];
+  uint16_t at = MainJointOf(model.body, body_vertex);
   while (at != joint && at != format::kNoParent) at = model.parents[at];
   return at == joint;
 }

@@ -28,6 +28,14 @@ constexpr size_t kCoreSectors = 8;  // around it
 constexpr size_t kMostCores = 32;
 constexpr float kCoreOfFree = 0.9f;  // share of the free space that is core
 
+// The joint that a body vertex goes with most.
+inline uint16_t MainJointOf(const format::BodyView& body, size_t body_vertex) {
+  const size_t first = body_vertex * body.influences;
+  size_t most = first;
+  for (size_t i = first; i < first + body.influences; ++i) most = body.weights[i] > body.weights[most] ? i : most;
+  return body.joints[most];
+}
+
 struct LimbCore {
   float from[3], to[3];                    // of the bone, bind pose, metres
   float around[2][3];                      // unit vectors across the bone and each other, bind pose

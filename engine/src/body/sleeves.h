@@ -24,7 +24,7 @@ struct Sleeves {
 // The model has a body.
 Sleeves PlaceSleeves(const format::ModelView& model, Arena* arena);
 
-// Once for each body, after MeasureLimbCores. Tells the cores, too. Cost: 1 ms for 10,000 vertices.
+// Once for each body, after MeasureLimbCores. Fills in `in_sleeve` of the cores. Cost: 1 ms for 10,000 vertices.
 void FindSleeves(const format::ModelView& model, const LimbCores& limbs, const Sleeves& sleeves);
 
 // Shifts rings that have lost their limb, or nearly, across it until it goes through them; those that do not hold it
