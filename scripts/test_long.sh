@@ -4,8 +4,8 @@
 # in WebAssembly, all tests in C++ under sanitizers and on 64-bit Arm, tests that start threads under ThreadSanitizer,
 # clang's integer checks, a 32-bit build, five minutes of fuzzing each target, the Python wheel, the Rust crate, the
 # packages of a release. `test_long.sh [STEP...]`: rollouts, training, pictures, sanitized, threads, integers, 32bit,
-# fuzz, aarch64, web, python, rust, packages; all when none is named. `godot` must be named: it compiles the GDExtension
-# with godot-cpp, whose sources GODOT_CPP_DIR names. Before a release; after a change of training, kernels or format.
+# fuzz, aarch64, web, python, rust, packages; all when none is named. Before a release; after a change of training,
+# kernels or format.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . scripts/steps.sh
@@ -39,11 +39,10 @@ for name in "${steps[@]}"; do
     web) DCLOTH_PICTURE_FRAMES=2000 step web scripts/test_web.sh || true ;;
     python) step python scripts/test_python.sh || true ;;
     rust) step rust scripts/test_rust.sh || true ;;
-    godot) step godot scripts/test_godot.sh || true ;;
     packages) step packages scripts/package.sh --install --only . --test || true ;;
     *)
       echo "test_long: unknown step '$name'; allowed: rollouts, training, pictures, sanitized, threads," \
-        "integers, 32bit, fuzz, aarch64, web, python, rust, godot, packages" >&2
+        "integers, 32bit, fuzz, aarch64, web, python, rust, packages" >&2
       exit 2
       ;;
   esac
