@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Checks the C ABI against its manifest: every function with its signature, every struct with sizes and offsets, every
-constant with its value, every symbol of the library.
+constant with its value, every symbol of the library. And every function's comment: it says Memory, Thread, Errors, Cost.
 
 Usage: check_manifest.py FOLDER MANIFEST CC [--symbols NM LIBRARY] [--write | --faults]
 
@@ -42,7 +42,9 @@ FAULTS = [
     ("  DCLOTH_LEVEL_SKELETON,\n", ""),
     ("dcloth_scene_set_importance(dcloth_scene* scene, uint32_t index, float importance);",
      "dcloth_scene_set_importance(dcloth_scene* scene, float importance, uint32_t index);"),
+    (" Cost: clears the state. */", " */"),
 ]
+CONTRACT = ["Memory:", "Thread:", "Errors:", "Cost:"]
 
 
 def fold(text):
@@ -167,6 +169,14 @@ def rules(found):
                 yield f"structs.{name}.{member['name']}: an array as long as an enum, which may grow"
 
 
+def contract_faults(headers):
+    """A block up to an empty line is one comment and the functions that it is about."""
+    for block in "\n\n".join(headers.values()).split("\n\n"):
+        lacks = [word for word in CONTRACT if word not in block]
+        for name in re.findall(r"^DCLOTH_API [^(]*?(\w+)\(", block, re.MULTILINE) if lacks else []:
+            yield f"{name}: its comment lacks {', '.join(lacks)}"
+
+
 def symbol_faults(functions, nm, library):
     listing = subprocess.run([nm, "-g", library], check=True, capture_output=True, text=True).stdout
     defined = set(re.findall(r"^[0-9a-fA-F]+ [TDRBV] (dcloth_\w+)$", listing, re.MULTILINE))
@@ -188,7 +198,8 @@ def main():
     if options.write:
         options.manifest.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     expected = json.loads(options.manifest.read_text(encoding="utf-8"))
-    faults = differences(expected, found) + list(rules(found)) + list(alone_faults(headers, options.cc))
+    faults = [*differences(expected, found), *rules(found), *contract_faults(headers),
+              *alone_faults(headers, options.cc)]
     if options.symbols:
         faults += symbol_faults(found["functions"], *options.symbols)
     counts = {key: len(found[key]) for key in ("functions", "structs", "constants")}
@@ -207,7 +218,8 @@ def main():
                 return 1
             changed = {name: text.replace(before, after) for name, text in headers.items()}
             seeded = describe(changed, options.cc)
-            lines = differences(expected, seeded) + list(rules(seeded)) + list(alone_faults(changed, options.cc))
+            lines = [*differences(expected, seeded), *rules(seeded), *contract_faults(changed),
+                     *alone_faults(changed, options.cc)]
             print(f"seeded: {lines[0] if lines else 'NOT FOUND: ' + before!r}")
             if not lines:
                 return 1
