@@ -21,9 +21,9 @@ ROWS = {
     "frozen": ("drawing; the static stage once a second", "none"),
     "static": ("pivots follow the pose, no dynamics", "`pose` + `static` of a profile"),
     "skeleton": ("swing and drape", "+ `skeleton` + `displacement`"),
-    "half rate mesh": ("wrinkles from every second tick, one tick late", "every second one without `mesh`"),
     "mesh": ("everything", "all"),
 }
+BY_LEVEL = [*list(ROWS)[:3], None, "mesh"]  # DCLOTH_LEVEL_*, one of which is unused
 
 
 def read(path, garment):
@@ -51,7 +51,7 @@ def drawing_table(crowds):
     for crowd in crowds:
         none, coarse, positions, full = crowd["draws"]
         drawn = f"{full:.0f} fully, {positions:.0f} without new normals, {coarse:.0f} coarse, {none:.0f} not"
-        levels = ", ".join(f"{count:.0f} {name}" for count, name in zip(crowd["levels"], ROWS) if count >= 0.5)
+        levels = ", ".join(f"{count:.0f} {name}" for count, name in zip(crowd["levels"], BY_LEVEL) if count >= 0.5)
         lines.append(f"| {crowd['characters']}, {crowd['budget_us'] / 1000:g} ms | {drawn} | {levels} | "
                      f"{crowd['p50']:.2f} / {crowd['p99']:.2f} / {crowd['largest']:.2f} | {crowd['over']} of "
                      f"{crowd['frames']:,} frames | {crowd['disturbed']} of 3,000 | {crowd['error_mm']:.1f} mm |")
@@ -64,12 +64,10 @@ def drawing_table(crowds):
 
 def table(report, crowds):
     lines = ["| level | what runs | cost of a tick | error | distance to mesh | tick |", "|---|---|---|---|---|---|"]
-    mesh_us = report["levels"][-1]["tick_us"]
     for level in report["levels"]:
         name = level["name"]
         what, cost = ROWS[name]
-        tick = {"frozen": "0", "half rate mesh": f"{level['tick_us']:.0f} and {mesh_us:.0f} µs"}.get(
-            name, f"{level['tick_us']:.0f} µs")
+        tick = "0" if name == "frozen" else f"{level['tick_us']:.0f} µs"
         distance = "0" if name == "mesh" else f"{level['to_mesh_mm']:.2f} mm"
         lines.append(f"| {name} | {what} | {cost} | {level['error_mm']:.1f} mm | {distance} | {tick} |")
     lines.append(f"| idle, at any level | drawing, until the pose moves | none | {report['idle_mm']:.1f} mm where the "
@@ -87,7 +85,7 @@ def picture(report, path):
     """Milliseconds of a tick with its drawing, and millimetres, a row for each level."""
     rows = [("idle", report["draw_us"] * 1e-3, report["idle_mm"])]
     for level in report["levels"]:
-        tick_us = 0 if level["name"] == "frozen" else level["mean_tick_us"]
+        tick_us = 0 if level["name"] == "frozen" else level["tick_us"]
         rows.append((level["name"], (report["draw_us"] + tick_us) * 1e-3, level["error_mm"]))
     plots.levels(rows, path)
 

@@ -56,7 +56,6 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.skeleton = PlaceSkeletonScratch(model.skeleton_stage, &arena);
   placed.mesh = PlaceMeshMemory(model, &arena);
   placed.body = PlaceBodyMemory(model, &arena);
-  placed.mesh_before = arena.Take<float>(model.mesh_stage.coefficients.columns);
   placed.coefficients = arena.Take<float>(CoefficientFloats(model));
   for (float*& increments : placed.increments) increments = arena.Take<float>(IncrementFloats(model.static_stage));
   for (float*& displacement : placed.displacement) {
@@ -90,7 +89,7 @@ void ResetCloth(Cloth* cloth) {
   }
   cloth->newest = 0;
   cloth->tick_count = 0;
-  cloth->plan = {DCLOTH_STAGES_MESH};
+  cloth->stages = DCLOTH_STAGES_MESH;
   cloth->idle_ticks = 0;
   cloth->work_done = 0;
   cloth->older_step = 0;

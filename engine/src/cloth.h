@@ -11,7 +11,7 @@
 #include "engine/src/body/penetration.h"
 #include "engine/src/network/mesh_stage.h"
 #include "engine/src/network/pose_stages.h"
-#include "engine/src/network/tick_plan.h"
+#include "engine/src/network/tick_work.h"
 #include "engine/src/pose/pose.h"
 #include "engine/src/time/frame_clock.h"
 
@@ -46,13 +46,12 @@ struct Cloth {
   SkeletonScratch skeleton;
   MeshMemory mesh;
   BodyMemory body;                  // scratch of a frame
-  float* mesh_before;               // Q [k_M] that the mesh stage made last; at half rate only
   float* coefficients;              // see network/displacement.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
   float* displacement[kTickSlots];  // delta of a tick; null without a basis
   uint32_t newest;                  // slot of the newest complete tick; older ones lie before it, around the corner
   uint32_t tick_count;              // complete since the reset, up to kTickSlots
-  TickPlan plan;                    // of the newest tick, in work or not; all stages after a reset
+  uint32_t stages;                  // of the newest tick, in work or not; all stages after a reset
   uint32_t idle_ticks;              // since idle_pose, up to kIdleTicks: then the cloth is frozen
   float work_done;                  // by the last update, 1 for a whole tick
   double older_step;                // ticks from pose_older to pose_before; 0 where one motion does not hold both

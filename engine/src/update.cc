@@ -18,17 +18,10 @@ constexpr uint64_t kAllOfIt = UINT64_MAX;
 // over the frames until the next tick, where a wobble of the frame time puts a whole tick into one frame.
 constexpr double kPipelinePace = 1.05;
 
-void StartTick(Cloth* cloth, const Affine* pose, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
+void StartTick(Cloth* cloth, const Affine* pose, uint32_t stages, double elapsed_ticks, Stopwatch* watch) {
   SkinPose skin = {cloth->skin_joints, {}};
   MakeSkinPose(*cloth->model, pose, &skin);
-  BeginTick(cloth, skin, plan, elapsed_ticks, watch);
-}
-
-// The mesh stage at half rate runs in its first tick and then in every second one.
-TickPlan PlanTick(const Cloth& cloth, const dcloth_frame& frame) {
-  if ((frame.flags & DCLOTH_FRAME_HALF_RATE_MESH) == 0 || frame.stages != DCLOTH_STAGES_MESH) return {frame.stages};
-  if (!AtHalfRate(cloth.plan)) return {frame.stages, MeshPace::kRunFirst};
-  return {frame.stages, RunsMesh(cloth.plan) ? MeshPace::kRest : MeshPace::kRunBetween};
+  BeginTick(cloth, skin, stages, elapsed_ticks, watch);
 }
 
 bool Freezes(const dcloth_frame& frame) { return (frame.flags & DCLOTH_FRAME_FREEZE_IDLE) != 0; }
@@ -61,7 +54,7 @@ uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& fram
       pose = cloth->skin_joints;
     }
     if (freezes) CountTickBegun(cloth, pose);
-    StartTick(cloth, pose, PlanTick(*cloth, frame), i == 0 ? 1 + due.skipped + due.waited : 1, watch);
+    StartTick(cloth, pose, frame.stages, i == 0 ? 1 + due.skipped + due.waited : 1, watch);
     if (!pipelined || i + 1 < due.count || cloth->tick_count == 0) spent += RunTick(cloth, kAllOfIt, freezes, watch);
   }
   return spent;
@@ -79,7 +72,7 @@ uint64_t RunShare(Cloth* cloth, const dcloth_frame& frame, uint64_t tick_cost, u
 bool StaysFrozen(const Cloth& cloth, const dcloth_frame& frame) {
   if (!Freezes(frame) || !IsFrozen(cloth)) return false;
   if (!(frame.seconds > 0)) return true;
-  return (frame.flags & DCLOTH_FRAME_JUMPED) == 0 && frame.stages == cloth.plan.stages &&
+  return (frame.flags & DCLOTH_FRAME_JUMPED) == 0 && frame.stages == cloth.stages &&
          IsStill(cloth, cloth.pose_now);
 }
 
@@ -114,7 +107,7 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
   Stopwatch watch(timer);
   if (!ReadPose(*cloth->model, cloth->rig, pose, cloth->pose_now)) return false;
   ContinueTick(cloth, kAllOfIt, &watch);
-  StartTick(cloth, cloth->pose_now, {stages}, 1, &watch);
+  StartTick(cloth, cloth->pose_now, stages, 1, &watch);
   std::swap(cloth->pose_before, cloth->pose_now);
   ContinueTick(cloth, kAllOfIt, &watch);
   cloth->clock.Restart();
@@ -152,12 +145,12 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
     const DueTicks due = PassTime(cloth, frame);
     watch.Lap(DCLOTH_STEP_POSE, "pose");
     spent = RunDueTicks(cloth, due, frame, &watch);
-    if (TickInWork(*cloth)) spent += RunShare(cloth, frame, TickCost(model, cloth->plan), spent, &watch);
+    if (TickInWork(*cloth)) spent += RunShare(cloth, frame, TickCost(model, cloth->stages), spent, &watch);
   }
   cloth->work_done = 0;
   if (spent != 0) {
-    const uint64_t tick_cost = TickCost(model, {cloth->plan.stages});
-    cloth->work_done = static_cast<float>(static_cast<double>(spent) / static_cast<double>(tick_cost));
+    cloth->work_done =
+        static_cast<float>(static_cast<double>(spent) / static_cast<double>(TickCost(model, cloth->stages)));
   }
   const double behind = frozen ? 0 : cloth->clock.Behind(TickInWork(*cloth));
   if (output != nullptr) Draw(cloth, cloth->pose_now, behind, *output, &watch);

@@ -347,7 +347,6 @@ NB_MODULE(_engine, m) {
   m.attr("STAGES_MESH") = static_cast<int>(DCLOTH_STAGES_MESH);
   m.attr("FRAME_PIPELINED") = static_cast<int>(DCLOTH_FRAME_PIPELINED);
   m.attr("FRAME_JUMPED") = static_cast<int>(DCLOTH_FRAME_JUMPED);
-  m.attr("FRAME_HALF_RATE_MESH") = static_cast<int>(DCLOTH_FRAME_HALF_RATE_MESH);
   m.attr("FRAME_HOLD") = static_cast<int>(DCLOTH_FRAME_HOLD);
   m.attr("FRAME_FREEZE_IDLE") = static_cast<int>(DCLOTH_FRAME_FREEZE_IDLE);
   m.attr("OUTPUT_OUTSIDE_BODY") = static_cast<int>(DCLOTH_OUTPUT_OUTSIDE_BODY);

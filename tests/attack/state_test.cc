@@ -150,7 +150,7 @@ std::vector<Forgery> Forgeries() {
       {"part wild", kSemantics, "part: found 4294967295", [](H* h) { h->part = UINT32_MAX; }},
       {"items", kSemantics, "items_done: found 4000000000", [](H* h) { h->items_done = 4000000000u; }},
       {"jumped", kSemantics, "jumped: found 2", [](H* h) { h->jumped = 2; }},
-      {"mesh pace", kSemantics, "mesh_pace: found 4", [](H* h) { h->mesh_pace = 4; }},
+      {"unused", kSemantics, "unused: found 1", [](H* h) { h->unused = 1; }},
       {"idle", kSemantics, "idle_ticks: found 16", [](H* h) { h->idle_ticks = 16; }},
       {"no idle start", kSemantics, "idle_floats: found 0", [](H* h) { h->idle_ticks = 3, h->idle_floats = 0; }},
       {"idle start", kModel, "idle_floats: found 1073741824",

@@ -24,8 +24,8 @@ using Bytes = std::vector<uint8_t>;
 
 constexpr size_t kHostBytes = 8;
 constexpr uint8_t kOtherModel = 1, kRaw = 2;  // of the fourth byte
-constexpr uint8_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HALF_RATE_MESH |
-                           DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
+constexpr uint8_t kFlags =
+    DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
 
 // A model and a walk, made once.
 struct Garment {
@@ -178,7 +178,7 @@ std::string BrokenByRun(const Garment& garment, const AlignedBytes& state, Host*
   return "";
 }
 
-// States of a walking garment: before the first tick, between ticks, in a tick, at half rate, and frozen.
+// States of a walking garment: before the first tick, between ticks, in a tick, and frozen.
 std::vector<Seed> SeedsOf(size_t variant) {
   const Garment& garment = Garments()[variant];
   std::vector<Seed> seeds;
@@ -194,9 +194,7 @@ std::vector<Seed> SeedsOf(size_t variant) {
   add("between", host, 0);
   for (size_t frame = 20; frame < 26; ++frame) host.Update(frame, DCLOTH_STAGES_MESH, DCLOTH_FRAME_PIPELINED);
   add("in_work", host, DCLOTH_FRAME_PIPELINED);
-  for (size_t frame = 26; frame < 33; ++frame) host.Update(frame, DCLOTH_STAGES_MESH, DCLOTH_FRAME_HALF_RATE_MESH);
-  add("half_rate", host, DCLOTH_FRAME_HALF_RATE_MESH);
-  for (size_t frame = 0; frame < 80; ++frame) host.Update(33, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE);
+  for (size_t frame = 0; frame < 80; ++frame) host.Update(26, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE);
   add("idle", host, DCLOTH_FRAME_FREEZE_IDLE);
   Bytes cut = seeds[1].bytes;
   cut.resize(cut.size() - 3);

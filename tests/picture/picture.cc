@@ -3,8 +3,8 @@
 //   picture MODEL POSES --isa NAME [--write FILE] [--against FILE] [--body]
 //
 // POSES: f32 [frames, joints, 16] in the model's order of joints, the same bits for every machine. The frames come at
-// one and a half times the tick rate; the first half plain, then pipelined, the last quarter with the mesh stage at
-// half rate. With --body all are kept outside of the body. FILE: f32 [frames, vertices, 3], world positions. Prints one
+// one and a half times the tick rate; the first half plain, then pipelined, the last quarter plain.
+// With --body all are kept outside of the body. FILE: f32 [frames, vertices, 3], world positions. Prints one
 // line:
 //   isa NAME frames N hash HEX worst_mm MM mean_mm MM frame_ms MM
 // The hash covers positions and normals of every frame; worst_mm is the largest vertex distance to --against, mean_mm
@@ -41,7 +41,7 @@ Distance Between(const std::vector<float>& a, const std::vector<float>& b) {
 
 uint32_t FlagsOf(size_t frame, size_t frames) {
   if (frame < frames / 2) return 0;
-  return frame < frames / 4 * 3 ? DCLOTH_FRAME_PIPELINED : DCLOTH_FRAME_HALF_RATE_MESH;
+  return frame < frames / 4 * 3 ? DCLOTH_FRAME_PIPELINED : 0;
 }
 
 struct Options {

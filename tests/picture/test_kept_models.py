@@ -3,7 +3,8 @@
 kept/ holds a small garment as the converter of that version wrote it, poses to play, and the hashes of what the engine
 draws with the reproducible kernels. A new version adds a file; none is ever written anew. Hashes change only with
 arithmetic that is better for every file: of the push-out (`--body`), and in 0.2.0 of the int8 recurrent product, whose
-input is rounded less (0.002 mm on average, 0.04 at most, docs/compatibility.md, "Numbers").
+input is rounded less (0.002 mm on average, 0.04 at most, docs/compatibility.md, "Numbers"). Or with what is played: the
+last quarter, since 0.2.0 without the half rate that is gone.
 """
 import json
 import os

@@ -28,11 +28,12 @@ struct Level {
   const char* name;
   uint32_t stages, flags;
 };
+// By DCLOTH_LEVEL_*; the unused one has no name.
 constexpr std::array<Level, DCLOTH_LEVEL_COUNT> kLevels = {{
     {"frozen", DCLOTH_STAGES_STATIC, DCLOTH_FRAME_HOLD},
     {"static", DCLOTH_STAGES_STATIC, 0},
     {"skeleton", DCLOTH_STAGES_SKELETON, 0},
-    {"half rate mesh", DCLOTH_STAGES_MESH, DCLOTH_FRAME_HALF_RATE_MESH},
+    {nullptr, DCLOTH_STAGES_SKELETON, 0},
     {"mesh", DCLOTH_STAGES_MESH, 0},
 }};
 
@@ -121,8 +122,7 @@ double Median(std::vector<double> values) {
 struct LevelFigures {
   double error_mm = 0;      // mean distance to the truth
   double to_mesh_mm = 0;    // and to the full network, played by dcloth_cloth_tick and dcloth_cloth_skin
-  double tick_us = 0;       // median; at half rate of the ticks of rest
-  double mean_tick_us = 0;  // of all ticks, those of rest among them
+  double tick_us = 0;     // median
 };
 
 // At 30 Hz, after a second to settle.
@@ -141,7 +141,7 @@ std::array<LevelFigures, DCLOTH_LEVEL_COUNT> Measure(const Garment& garment, dou
       for (size_t level = 0; level < kLevels.size(); ++level) {
         const double us = levels[level]->Update(pose, kTick, kLevels[level].stages, kLevels[level].flags);
         draws.push_back(levels[level]->Update(pose, 0, kLevels[level].stages, kLevels[level].flags));
-        if (level != DCLOTH_LEVEL_HALF_RATE_MESH || frame % 2 == 1) times[level].push_back(us - draws.back());
+        times[level].push_back(us - draws.back());
       }
       const std::vector<float>& mesh = full.Step(clip.motion[frame]);
       if (frame < 30) continue;
@@ -160,10 +160,7 @@ std::array<LevelFigures, DCLOTH_LEVEL_COUNT> Measure(const Garment& garment, dou
     figures[level].error_mm /= static_cast<double>(frames);
     figures[level].to_mesh_mm /= static_cast<double>(frames);
     figures[level].tick_us = std::max(0.0, Median(times[level]));
-    figures[level].mean_tick_us = figures[level].tick_us;
   }
-  figures[DCLOTH_LEVEL_HALF_RATE_MESH].mean_tick_us =
-      0.5 * (figures[DCLOTH_LEVEL_HALF_RATE_MESH].tick_us + figures[DCLOTH_LEVEL_MESH].tick_us);
   return figures;
 }
 
@@ -214,25 +211,24 @@ void RecordLevels(const std::string& garment, const std::array<LevelFigures, DCL
                garment.c_str(), dcloth_version(), dcloth_isa_name(), draw_us, idle_mm);
   std::fprintf(file, ", \"levels\": [");
   for (size_t level = 0; level < kLevels.size(); ++level) {
-    std::fprintf(
-        file,
-        "%s{\"name\": \"%s\", \"error_mm\": %.3f, \"to_mesh_mm\": %.3f, \"tick_us\": %.1f, \"mean_tick_us\": %.1f}",
-        level == 0 ? "" : ", ", kLevels[level].name, figures[level].error_mm, figures[level].to_mesh_mm,
-        figures[level].tick_us, figures[level].mean_tick_us);
+    if (kLevels[level].name == nullptr) continue;
+    std::fprintf(file, "%s{\"name\": \"%s\", \"error_mm\": %.3f, \"to_mesh_mm\": %.3f, \"tick_us\": %.1f}",
+                 level == 0 ? "" : ", ", kLevels[level].name, figures[level].error_mm, figures[level].to_mesh_mm,
+                 figures[level].tick_us);
   }
   std::fprintf(file, "]}\n");
   EXPECT_EQ(std::fclose(file), 0);
 }
 
 // Each level is nearer to the full network than the one below; whether that is nearer to the truth is the garment's
-// affair. At half rate the mesh stage's part is drawn late: where it changes faster than it is large, that is farther
-// off than leaving it out, but by twice its size at most. At the full level an update at 30 Hz draws what a tick and a
+// affair. At the full level an update at 30 Hz draws what a tick and a
 // skinning of their own draw, but for the rounding of the clock.
 TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
   double draw_us = 0;
   const auto figures = Measure(garment(), &draw_us);
   std::printf("drawing %.0f us\n", draw_us);
   for (size_t level = 0; level < kLevels.size(); ++level) {
+    if (kLevels[level].name == nullptr) continue;
     std::printf("%-14s: error %.2f mm, %.3f mm from mesh, tick %.0f us\n", kLevels[level].name, figures[level].error_mm,
                 figures[level].to_mesh_mm, figures[level].tick_us);
   }
@@ -244,7 +240,6 @@ TEST_P(GarmentSceneTest, LevelsByErrorAndCost) {
   // A static stage that is bolted to the hips looks the same at any rate.
   EXPECT_LE(figures[DCLOTH_LEVEL_STATIC].to_mesh_mm, figures[DCLOTH_LEVEL_FROZEN].to_mesh_mm);
   EXPECT_LT(figures[DCLOTH_LEVEL_SKELETON].to_mesh_mm, figures[DCLOTH_LEVEL_STATIC].to_mesh_mm);
-  EXPECT_LT(figures[DCLOTH_LEVEL_HALF_RATE_MESH].to_mesh_mm, 2 * figures[DCLOTH_LEVEL_SKELETON].to_mesh_mm);
   EXPECT_LT(figures[DCLOTH_LEVEL_MESH].to_mesh_mm, kClockRoundingMm);
 }
 
@@ -354,7 +349,7 @@ constexpr std::array<float, DCLOTH_DRAW_COUNT> kStatedDrawing = [] {
   costs[DCLOTH_DRAW_FULL] = 130;
   return costs;
 }();
-constexpr std::array<float, DCLOTH_LEVEL_COUNT> kStatedTick = {15, 25, 190, 150, 1200};
+constexpr std::array<float, DCLOTH_LEVEL_COUNT> kStatedTick = {15, 25, 190, 0, 1200};
 
 // `count` characters on the clips, each at another place of it, in `budget` microseconds a frame at 60 Hz. `alone`: the
 // scene plans from costs measured here and is told what its frames took; else from the stated ones, and that frames
@@ -452,12 +447,11 @@ TEST_P(GarmentSceneTest, CrowdsKeepTheirBudget) {
         "over by 5%% in %zu of %d; error %.2f mm\n",
         c.characters, static_cast<double>(c.budget), crowd.At(0.5), crowd.At(0.99), crowd.At(0.999),
         crowd.shares.back(), crowd.Over(), frames, crowd.error_mm);
-    std::printf("  in a mean frame: %.1f frozen, %.1f static, %.1f skeleton, %.1f half rate, %.1f mesh; ",
-                crowd.levels[0], crowd.levels[1], crowd.levels[2], crowd.levels[3], crowd.levels[4]);
+    std::printf("  in a mean frame: %.1f frozen, %.1f static, %.1f skeleton, %.1f mesh; ", crowd.levels[0],
+                crowd.levels[1], crowd.levels[2], crowd.levels[DCLOTH_LEVEL_MESH]);
     std::printf("%.1f not drawn, %.1f coarse, %.1f without normals, %.1f drawn fully\n", crowd.draws[0], crowd.draws[1],
                 crowd.draws[2], crowd.draws[3]);
-    const double moving = crowd.levels[DCLOTH_LEVEL_SKELETON] + crowd.levels[DCLOTH_LEVEL_HALF_RATE_MESH] +
-                          crowd.levels[DCLOTH_LEVEL_MESH];
+    const double moving = crowd.levels[DCLOTH_LEVEL_SKELETON] + crowd.levels[DCLOTH_LEVEL_MESH];
     EXPECT_GT(moving, 0.1 * c.characters) << "the crowd stands still";
     if (alone) {
       std::printf("  of 3000 frames of the same work %zu took 1.2 times their median\n", crowd.disturbed);

@@ -198,11 +198,7 @@ enum {
    * frame, and ticks of frames as long as a tick. The flag may change from frame to frame. */
   DCLOTH_FRAME_PIPELINED = 1,
   DCLOTH_FRAME_JUMPED = 2, /* the character was moved since the last update; see "Teleport" */
-  /* Experimental: may change before 1.0. The mesh stage runs in every second tick, which saves nearly half of its
-   * time. Its part of the displacement is drawn one tick later than the rest, blended between its runs. It runs in
-   * the first tick after a reset. The flag counts for ticks that start now, and does nothing without
-   * DCLOTH_STAGES_MESH. */
-  DCLOTH_FRAME_HALF_RATE_MESH = 4,
+  /* 4 is unused: hosts of 0.1 may set it, and it does nothing. */
   /* No tick starts in this frame. A tick that becomes due waits for the next frame without the flag and takes that
    * frame's pose; the time grid starts anew there. Meanwhile the newest displacement is drawn; before the first tick,
    * none. Use it to choose in which frame a cloth pays. */

@@ -32,8 +32,7 @@ enum {
   DCLOTH_LEVEL_FROZEN = 0,     /* keeps its displacement; the static stage once a second */
   DCLOTH_LEVEL_STATIC,         /* DCLOTH_STAGES_STATIC, and so on */
   DCLOTH_LEVEL_SKELETON,
-  DCLOTH_LEVEL_HALF_RATE_MESH, /* DCLOTH_STAGES_MESH with DCLOTH_FRAME_HALF_RATE_MESH */
-  DCLOTH_LEVEL_MESH,
+  DCLOTH_LEVEL_MESH = 4,       /* 3 is unused: no character gets it, and as a top_level it counts as SKELETON */
   DCLOTH_LEVEL_COUNT
 };
 
@@ -56,8 +55,7 @@ typedef struct dcloth_scene_character {
   const dcloth_cloth* cloth; /* must outlive its place in the scene */
   float importance;         /* 0 or more, for example the share of the screen; only ratios matter. 0 stays FROZEN */
   float draw_microseconds;  /* cost of a frame without a tick, on one core; 0 if the cloth is not drawn */
-  /* Cost of one tick at each level. FROZEN is not read. HALF_RATE_MESH is the cost of a tick without the mesh stage;
-   * ticks with it cost as much as at MESH. */
+  /* Cost of one tick at each level. Those of FROZEN and of the unused level are not read. */
   float tick_microseconds[DCLOTH_SCENE_LEVELS];
   /* Error of each level, from `dcloth evaluate`. It decides which raise is worth most. */
   float error_mm[DCLOTH_SCENE_LEVELS];

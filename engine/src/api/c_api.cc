@@ -93,8 +93,9 @@ bool TakeStages(const ModelView& model, const char* argument, uint32_t* stages, 
 }
 
 bool ReadFrame(const dcloth_frame& given, const ModelView& model, dcloth_frame* frame, Diagnostic* diagnostic) {
-  constexpr uint32_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HALF_RATE_MESH |
-                              DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
+  constexpr uint32_t kUnused = 4;  // half rate of the mesh stage in 0.1
+  constexpr uint32_t kFlags =
+      DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | kUnused | DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
   *frame = given;
   if (!TakeStages(model, "frame", &frame->stages, diagnostic)) return false;
   if (!(frame->seconds >= 0.0f && frame->seconds <= dcloth::format::kLargestFloat)) {

@@ -32,14 +32,6 @@ const float* BasisCoefficients(const ModelView& model, const float* coefficients
   return HasHead(model) ? coefficients + MixedCoefficientsAt(model) : coefficients;
 }
 
-void PaceMeshCoefficients(const ModelView& model, MeshPace pace, float* q, float* before) {
-  for (uint32_t i = 0; i < model.mesh_stage.coefficients.columns; ++i) {
-    const float made = pace == MeshPace::kRest ? before[i] : q[i];
-    q[i] = pace == MeshPace::kRunBetween ? 0.5f * (before[i] + made) : made;
-    before[i] = made;
-  }
-}
-
 void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model, uint32_t stages, float* coefficients,
                      int16_t* quantized) {
   if (!HasHead(model)) {

@@ -6,7 +6,6 @@
 #define DCLOTH_ENGINE_SRC_NETWORK_DISPLACEMENT_H_
 
 #include "engine/src/network/linear.h"
-#include "engine/src/network/tick_plan.h"
 
 namespace dcloth::engine {
 
@@ -21,11 +20,6 @@ size_t MixedCoefficientsAt(const format::ModelView& model);
 
 // What the basis multiplies.
 const float* BasisCoefficients(const format::ModelView& model, const float* coefficients);
-
-// At half rate: Q of this tick from what the mesh stage made (`q`) and made last (`before`), which follows. The way
-// from run to run is straight and one tick late, so that wrinkles do not stop and go: half of it in the tick that ran,
-// the rest in the tick of rest. Rejected: to show each run at once and hold it, stop and go at half the tick rate.
-void PaceMeshCoefficients(const format::ModelView& model, MeshPace pace, float* q, float* before);
 
 // Makes them, once P and, with the mesh stage, Q are there: c = P head + Q, or zeros where P and Q are padded. P and Q
 // are kept. `stages` is one of DCLOTH_STAGES_* but STATIC; without the mesh stage Q is not read.

@@ -29,13 +29,13 @@ struct PartSize {
 
 // One part of a tick. A null function is one that the part has no use for.
 struct Part {
-  // None where the plan leaves the part out.
-  PartSize (*size)(const ModelView& model, const TickPlan& plan);
+  // None where a tick of `stages` leaves the part out.
+  PartSize (*size)(const ModelView& model, uint32_t stages);
   // Items [begin, begin + count). Null: the items are the panels of `product`.
   void (*run)(Cloth* cloth, size_t begin, size_t count);
   LinearProduct (*product)(const Cloth& cloth);
   // What a tick that has come as far as `at` needs of what this part reads or makes. Called for every part, in order.
-  void (*save)(const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans);
+  void (*save)(const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans);
 };
 
 PartSize ProductSize(const LinearView& linear, size_t rows) {
@@ -63,12 +63,10 @@ void ClearSkeletonState(Cloth* cloth) {
 }
 
 // A stage that rested starts from zero: what it remembers belongs to a motion long past.
-void WakeStages(Cloth* cloth, const TickPlan& plan) {
-  if (RunsSkeleton(plan) && !RunsSkeleton(cloth->plan)) ClearSkeletonState(cloth);
-  if (HasMesh(plan) && !HasMesh(cloth->plan)) ClearMeshState(*cloth->model, cloth->mesh);
-  if (plan.mesh == MeshPace::kRunFirst)
-    std::memset(cloth->mesh_before, 0, cloth->model->mesh_stage.coefficients.columns * sizeof(float));
-  cloth->plan = plan;
+void WakeStages(Cloth* cloth, uint32_t stages) {
+  if (RunsSkeleton(stages) && !RunsSkeleton(cloth->stages)) ClearSkeletonState(cloth);
+  if (RunsMesh(stages) && !RunsMesh(cloth->stages)) ClearMeshState(*cloth->model, cloth->mesh);
+  cloth->stages = stages;
 }
 
 // Columns of a product that are made by now, without padding.
@@ -87,7 +85,7 @@ void RunPanels(Cloth* cloth, const LinearProduct& product, size_t begin, size_t 
 float* MeshCoefficientsOf(const Cloth& cloth) { return cloth.coefficients + MeshCoefficientsAt(*cloth.model); }
 
 constexpr Part kStatic = {
-    [](const ModelView& model, const TickPlan&) {
+    [](const ModelView& model, uint32_t) {
       return PartSize{1, ProductCost(model.static_stage.hidden) + ProductCost(model.static_stage.increments)};
     },
     [](Cloth* cloth, size_t, size_t) {
@@ -97,38 +95,38 @@ constexpr Part kStatic = {
     nullptr, nullptr};
 
 constexpr Part kSkeletonInput = {
-    [](const ModelView& model, const TickPlan& plan) {
+    [](const ModelView& model, uint32_t stages) {
       const LinearView& input = model.skeleton_stage.input;
-      return RunsSkeleton(plan) ? ProductSize(input, input.rows) : PartSize{};
+      return RunsSkeleton(stages) ? ProductSize(input, input.rows) : PartSize{};
     },
     nullptr,
     [](const Cloth& cloth) {
       return SkeletonInput(cloth.model->skeleton_stage, cloth.features, cloth.skeleton, cloth.quantized);
     },
-    [](const Cloth& cloth, const TickPlan&, const TickWork& at, StateSpans* spans) {
+    [](const Cloth& cloth, uint32_t, const TickWork& at, StateSpans* spans) {
       if (at.part > TickPart::kSkeletonGates) return;
       const size_t gates = size_t{3} * cloth.model->skeleton_stage.units;
       spans->AddRow("input_gates", cloth.skeleton.gx, Made(at, TickPart::kSkeletonInput, gates));
     }};
 
 constexpr Part kSkeletonHidden = {
-    [](const ModelView& model, const TickPlan& plan) {
+    [](const ModelView& model, uint32_t stages) {
       const format::SkeletonStageView& stage = model.skeleton_stage;
-      return RunsSkeleton(plan) ? ProductSize(stage.hidden, stage.units) : PartSize{};
+      return RunsSkeleton(stages) ? ProductSize(stage.hidden, stage.units) : PartSize{};
     },
     nullptr,
     [](const Cloth& cloth) {
       return SkeletonHidden(cloth.model->skeleton_stage, cloth.coefficients, cloth.skeleton, cloth.quantized);
     },
-    [](const Cloth& cloth, const TickPlan&, const TickWork& at, StateSpans* spans) {
+    [](const Cloth& cloth, uint32_t, const TickWork& at, StateSpans* spans) {
       if (at.part > TickPart::kSkeletonGates) return;
       const size_t gates = size_t{3} * cloth.model->skeleton_stage.units;
       spans->AddRow("hidden_gates", cloth.skeleton.gh, Made(at, TickPart::kSkeletonHidden, gates));
     }};
 
 constexpr Part kSkeletonGates = {
-    [](const ModelView& model, const TickPlan& plan) {
-      return RunsSkeleton(plan) ? PartSize{1, model.skeleton_stage.units * kPerGate} : PartSize{};
+    [](const ModelView& model, uint32_t stages) {
+      return RunsSkeleton(stages) ? PartSize{1, model.skeleton_stage.units * kPerGate} : PartSize{};
     },
     [](Cloth* cloth, size_t, size_t) {
       RunSkeletonGates(ActiveKernels(), cloth->model->skeleton_stage, cloth->skeleton, cloth->coefficients);
@@ -136,15 +134,15 @@ constexpr Part kSkeletonGates = {
     nullptr, nullptr};
 
 constexpr Part kBodyPoints = {
-    [](const ModelView& model, const TickPlan& plan) {
-      return RunsMesh(plan) ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex} : PartSize{};
+    [](const ModelView& model, uint32_t stages) {
+      return RunsMesh(stages) ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex} : PartSize{};
     },
     [](Cloth* cloth, size_t begin, size_t count) {
       PoseBodyPoints(ActiveKernels(), *cloth->model, cloth->mesh, begin, count);
     },
     nullptr,
-    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
-      if (at.part > TickPart::kBodyPoints || !RunsMesh(plan)) return;
+    [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kBodyPoints || !RunsMesh(stages)) return;
       spans->AddRow("body_matrices", cloth.mesh.matrices, size_t{12} * cloth.model->joint_count);
       if (at.part != TickPart::kBodyPoints) return;
       const size_t n = cloth.model->vertex_count, done = at.items_done * kernels::kGsgruBlock;
@@ -153,15 +151,15 @@ constexpr Part kBodyPoints = {
     }};
 
 constexpr Part kMeshLayers = {
-    [](const ModelView& model, const TickPlan& plan) {
-      if (!RunsMesh(plan)) return PartSize{};
+    [](const ModelView& model, uint32_t stages) {
+      if (!RunsMesh(stages)) return PartSize{};
       return PartSize{MeshBlocks(model) * model.mesh_stage.layer_count, LayerBlockCost(model)};
     },
     [](Cloth* cloth, size_t begin, size_t count) {
       RunMeshLayers(ActiveKernels(), *cloth->model, cloth->mesh, begin, count);
     },
     nullptr,
-    [](const Cloth& cloth, const TickPlan&, const TickWork& at, StateSpans* spans) {
+    [](const Cloth& cloth, uint32_t, const TickWork& at, StateSpans* spans) {
       const ModelView& model = *cloth.model;
       const MeshMemory& mesh = cloth.mesh;
       const size_t n = model.vertex_count;
@@ -181,67 +179,65 @@ constexpr Part kMeshLayers = {
     }};
 
 constexpr Part kMeshHidden = {
-    [](const ModelView& model, const TickPlan& plan) {
-      return RunsMesh(plan) ? ProductSize(model.mesh_stage.hidden, model.mesh_stage.hidden.rows) : PartSize{};
+    [](const ModelView& model, uint32_t stages) {
+      return RunsMesh(stages) ? ProductSize(model.mesh_stage.hidden, model.mesh_stage.hidden.rows) : PartSize{};
     },
     nullptr, [](const Cloth& cloth) { return MeshHidden(cloth.model->mesh_stage, cloth.mesh, cloth.quantized); },
-    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
-      if (at.part > TickPart::kMeshCoefficients || !RunsMesh(plan)) return;
+    [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kMeshCoefficients || !RunsMesh(stages)) return;
       const size_t columns = cloth.model->mesh_stage.hidden.columns;
       spans->AddRow("mesh_hidden", cloth.mesh.hidden, Made(at, TickPart::kMeshHidden, columns));
     }};
 
 constexpr Part kMeshCoefficients = {
-    [](const ModelView& model, const TickPlan& plan) {
+    [](const ModelView& model, uint32_t stages) {
       const LinearView& linear = model.mesh_stage.coefficients;
-      return RunsMesh(plan) ? ProductSize(linear, linear.rows) : PartSize{};
+      return RunsMesh(stages) ? ProductSize(linear, linear.rows) : PartSize{};
     },
     nullptr,
     [](const Cloth& cloth) {
       return MeshCoefficients(cloth.model->mesh_stage, cloth.mesh, cloth.quantized, MeshCoefficientsOf(cloth));
     },
-    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
-      if (at.part > TickPart::kHead || !RunsMesh(plan)) return;
+    [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
+      if (at.part > TickPart::kHead || !RunsMesh(stages)) return;
       const size_t columns = cloth.model->mesh_stage.coefficients.columns;
       spans->AddRow("mesh_coefficients", MeshCoefficientsOf(cloth), Made(at, TickPart::kMeshCoefficients, columns));
     }};
 
 constexpr Part kHead = {
-    [](const ModelView& model, const TickPlan& plan) {
-      return RunsSkeleton(plan) ? PartSize{1, kPerGate + ProductCost(model.displacement.head)} : PartSize{};
+    [](const ModelView& model, uint32_t stages) {
+      return RunsSkeleton(stages) ? PartSize{1, kPerGate + ProductCost(model.displacement.head)} : PartSize{};
     },
     [](Cloth* cloth, size_t, size_t) {
       const ModelView& model = *cloth->model;
-      if (AtHalfRate(cloth->plan))
-        PaceMeshCoefficients(model, cloth->plan.mesh, MeshCoefficientsOf(*cloth), cloth->mesh_before);
-      MixCoefficients(ActiveKernels(), model, cloth->plan.stages, cloth->coefficients, cloth->quantized);
+      MixCoefficients(ActiveKernels(), model, cloth->stages, cloth->coefficients, cloth->quantized);
     },
     nullptr,
-    [](const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
-      if (at.part <= TickPart::kHead || !RunsSkeleton(plan)) return;
+    [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
+      if (at.part <= TickPart::kHead || !RunsSkeleton(stages)) return;
       // Without a head the basis multiplies Q itself; with one, what the head has mixed.
       const LinearView& head = cloth.model->displacement.head;
       if (head.rows != 0) {
         spans->AddRow("mixed_coefficients", cloth.coefficients + MixedCoefficientsAt(*cloth.model), head.columns);
-      } else if (HasMesh(plan)) {
+      } else if (RunsMesh(stages)) {
         spans->AddRow("mesh_coefficients", MeshCoefficientsOf(cloth), cloth.model->mesh_stage.coefficients.columns);
       }
     }};
 
 LinearProduct BasisProduct(const Cloth& cloth) {
-  return DisplacementProduct(*cloth.model, cloth.plan.stages, cloth.coefficients, cloth.quantized,
+  return DisplacementProduct(*cloth.model, cloth.stages, cloth.coefficients, cloth.quantized,
                              cloth.displacement[NextTick(cloth)]);
 }
 
 constexpr Part kBasis = {
-    [](const ModelView& model, const TickPlan& plan) {
+    [](const ModelView& model, uint32_t stages) {
       const format::DisplacementView& displacement = model.displacement;
       if (displacement.skeleton_rows == 0) return PartSize{};
-      if (!RunsSkeleton(plan)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
-      return ProductSize(displacement.basis, displacement.skeleton_rows + (HasMesh(plan) ? displacement.mesh_rows : 0));
+      if (!RunsSkeleton(stages)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
+      return ProductSize(displacement.basis, displacement.skeleton_rows + (RunsMesh(stages) ? displacement.mesh_rows : 0));
     },
     [](Cloth* cloth, size_t begin, size_t count) {
-      if (RunsSkeleton(cloth->plan)) {
+      if (RunsSkeleton(cloth->stages)) {
         RunPanels(cloth, BasisProduct(*cloth), begin, count);
       } else {
         std::memset(cloth->displacement[NextTick(*cloth)], 0, DisplacementFloats(*cloth->model) * sizeof(float));
@@ -274,28 +270,28 @@ void Publish(Cloth* cloth) {
 
 }  // namespace
 
-uint64_t TickCost(const ModelView& model, const TickPlan& plan) {
+uint64_t TickCost(const ModelView& model, uint32_t stages) {
   uint64_t cost = 0;
   for (TickPart part = TickPart::kStatic; part != TickPart::kDone; part = After(part)) {
-    const PartSize size = RowOf(part).size(model, plan);
+    const PartSize size = RowOf(part).size(model, stages);
     cost += size.items * size.item_cost;
   }
   return cost;
 }
 
-void BeginTick(Cloth* cloth, const SkinPose& skin, const TickPlan& plan, double elapsed_ticks, Stopwatch* watch) {
+void BeginTick(Cloth* cloth, const SkinPose& skin, uint32_t stages, double elapsed_ticks, Stopwatch* watch) {
   const ModelView& model = *cloth->model;
   double wind[3];
   VectorFromHost(cloth->rig.space, cloth->wind, wind);
   UpdateFeatures(model, skin, wind, elapsed_ticks, &cloth->root, cloth->features);
-  WakeStages(cloth, plan);
-  if (RunsMesh(plan)) PrepareBodyPoints(model, skin, cloth->root.heading, cloth->mesh);
+  WakeStages(cloth, stages);
+  if (RunsMesh(stages)) PrepareBodyPoints(model, skin, cloth->root.heading, cloth->mesh);
   cloth->work = {TickPart::kStatic, 0, {}};
   watch->Lap(DCLOTH_STEP_POSE, "pose");
 }
 
-uint64_t TickItems(const ModelView& model, const TickPlan& plan, TickPart part) {
-  return part == TickPart::kDone ? 0 : RowOf(part).size(model, plan).items;
+uint64_t TickItems(const ModelView& model, uint32_t stages, TickPart part) {
+  return part == TickPart::kDone ? 0 : RowOf(part).size(model, stages).items;
 }
 
 // The integers of a product are made anew from its input, which it does not change.
@@ -306,10 +302,10 @@ void ResumeTick(Cloth* cloth, TickPart part, uint32_t items_done) {
   cloth->work.input_scales = QuantizeInput(ActiveKernels(), RowOf(part).product(*cloth));
 }
 
-void ListTickSpans(const Cloth& cloth, const TickPlan& plan, const TickWork& at, StateSpans* spans) {
+void ListTickSpans(const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
   for (TickPart part = TickPart::kStatic; part != TickPart::kDone; part = After(part)) {
     const Part& row = RowOf(part);
-    if (row.save != nullptr) row.save(cloth, plan, at, spans);
+    if (row.save != nullptr) row.save(cloth, stages, at, spans);
   }
 }
 
@@ -317,7 +313,7 @@ uint64_t ContinueTick(Cloth* cloth, uint64_t budget, Stopwatch* watch) {
   TickWork& work = cloth->work;
   uint64_t spent = 0;
   while (TickInWork(*cloth)) {
-    const PartSize size = RowOf(work.part).size(*cloth->model, cloth->plan);
+    const PartSize size = RowOf(work.part).size(*cloth->model, cloth->stages);
     const uint64_t left = size.items - work.items_done;
     if (left == 0) {
       work.part = After(work.part);

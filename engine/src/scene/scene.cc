@@ -17,6 +17,7 @@ constexpr double kLongerThanATick = 1.05;
 constexpr double kHeldWorth = 1.25;
 constexpr double kNever = 1e30;  // more than any frame has
 constexpr double kLeastShare = 1e-9;
+constexpr uint32_t kNoLevel = DCLOTH_LEVEL_SKELETON + 1;  // the mesh stage at half rate, until 0.2
 
 // Part of a frame that a tick takes: a whole number of them fits.
 double TickShare(double microseconds, double left) {
@@ -35,17 +36,14 @@ double ShareOf(const SceneCharacter& character, uint32_t level, double frame_sec
   // Where frames are longer than ticks, up to two fall due in one.
   const double at_once = step > kLongerThanATick ? kMaxTicks : 1;
   const double rate = std::min(step, static_cast<double>(kMaxTicks));
-  const auto share = [&](uint32_t of) {
-    return rate / at_once * TickShare(at_once * static_cast<double>(character.tick_microseconds[of]), left);
-  };
-  if (level != DCLOTH_LEVEL_HALF_RATE_MESH) return share(level);
-  return 0.5 * (share(DCLOTH_LEVEL_HALF_RATE_MESH) + share(DCLOTH_LEVEL_MESH));
+  return rate / at_once * TickShare(at_once * static_cast<double>(character.tick_microseconds[level]), left);
 }
 
 // The raise that is worth most per share, of those to `top` at most; false where none removes error.
 bool FindRaise(SceneCharacter* character, uint32_t top, double frame_seconds, double left) {
   character->worth = 0;
   for (uint32_t level = character->level + 1; level <= top; ++level) {
+    if (level == kNoLevel) continue;
     const double gain = static_cast<double>(character->importance) *
                         static_cast<double>(character->error_mm[character->level] - character->error_mm[level]);
     const double share = ShareOf(*character, level, frame_seconds, left);
@@ -113,15 +111,8 @@ uint32_t TicksDue(const SceneCharacter& character, double seconds) {
 }
 
 double TickMicroseconds(const SceneCharacter& character, uint32_t ticks) {
-  const auto cost = [&](uint32_t level) { return static_cast<double>(character.tick_microseconds[level]); };
-  if (character.level == DCLOTH_LEVEL_FROZEN) return ticks * cost(DCLOTH_LEVEL_STATIC);
-  if (character.level != DCLOTH_LEVEL_HALF_RATE_MESH) return ticks * cost(character.level);
-  const TickPlan& last = character.cloth->plan;
-  bool rests = AtHalfRate(last) && RunsMesh(last);
-  double sum = 0;
-  for (uint32_t tick = 0; tick < ticks; ++tick, rests = !rests)
-    sum += cost(rests ? DCLOTH_LEVEL_HALF_RATE_MESH : DCLOTH_LEVEL_MESH);
-  return sum;
+  const uint32_t lowest = DCLOTH_LEVEL_STATIC;  // what refreshes a frozen character
+  return ticks * static_cast<double>(character.tick_microseconds[std::max(lowest, character.level)]);
 }
 
 // Fills ticks, held, microseconds, late and stale of each character for a frame of `seconds`; returns the ticks' cost,
@@ -189,7 +180,8 @@ uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {
   const uint32_t held = stages == DCLOTH_STAGES_MESH       ? DCLOTH_LEVEL_MESH
                         : stages == DCLOTH_STAGES_SKELETON ? DCLOTH_LEVEL_SKELETON
                                                            : DCLOTH_LEVEL_STATIC;
-  return asked < held ? asked : held;
+  const uint32_t top = asked < held ? asked : held;
+  return top == kNoLevel ? kNoLevel - 1 : top;
 }
 
 // Of a mean frame in which all are at their top levels, microseconds.
@@ -275,13 +267,12 @@ void PlanScene(Scene* scene, const dcloth_scene_frame& frame) {
 }
 
 uint32_t StagesOf(const SceneCharacter& character) {
-  if (character.level >= DCLOTH_LEVEL_HALF_RATE_MESH) return DCLOTH_STAGES_MESH;
+  if (character.level == DCLOTH_LEVEL_MESH) return DCLOTH_STAGES_MESH;
   return character.level == DCLOTH_LEVEL_SKELETON ? DCLOTH_STAGES_SKELETON : DCLOTH_STAGES_STATIC;
 }
 
 uint32_t FlagsOf(const SceneCharacter& character) {
-  return DCLOTH_FRAME_FREEZE_IDLE | (character.level == DCLOTH_LEVEL_HALF_RATE_MESH ? DCLOTH_FRAME_HALF_RATE_MESH : 0) |
-         (character.held ? DCLOTH_FRAME_HOLD : 0);
+  return DCLOTH_FRAME_FREEZE_IDLE | (character.held ? DCLOTH_FRAME_HOLD : 0);
 }
 
 }  // namespace dcloth::engine

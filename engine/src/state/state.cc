@@ -39,11 +39,10 @@ StateHead HeadOf(const Cloth& cloth) {
   head.feature_width = model.mesh_stage.feature_width;
   head.tick_rate = model.tick_rate;
   head.tick_count = cloth.tick_count;
-  head.stages = cloth.plan.stages;
+  head.stages = cloth.stages;
   head.part = format::FactsOf(cloth.work.part).number;
   head.items_done = TickInWork(cloth) ? cloth.work.items_done : 0;
   head.jumped = cloth.root.jumped ? 1 : 0;
-  head.mesh_pace = static_cast<uint32_t>(cloth.plan.mesh);
   head.idle_ticks = cloth.idle_ticks;
   head.tick_share = cloth.work_done;
   head.since = cloth.clock.since();
@@ -61,23 +60,20 @@ StateHead HeadOf(const Cloth& cloth) {
   return head;
 }
 
-TickPlan PlanOf(const StateHead& head) { return {head.stages, static_cast<MeshPace>(head.mesh_pace)}; }
-
 // Between ticks. A stage that rests has no state: it starts from zero.
 void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
   const ModelView& model = *cloth.model;
   const size_t n = model.vertex_count, width = model.mesh_stage.feature_width;
   spans->AddRow("features", cloth.features, model.features.length);
-  if (RunsSkeleton(at.plan)) {
+  if (RunsSkeleton(at.stages)) {
     const size_t units = model.skeleton_stage.units;
     spans->Add("skeleton_state", cloth.coefficients, 1, units, units, kLargestHidden);
   }
-  if (HasMesh(at.plan)) {
+  if (RunsMesh(at.stages)) {
     for (size_t layer = 0; layer < model.mesh_stage.layer_count; ++layer) {
       spans->Add("mesh_state", cloth.mesh.state + layer * kernels::GsgruStateFloats(n, width), n, width, width,
                  kLargestHidden);
     }
-    if (AtHalfRate(at.plan)) spans->AddRow("mesh_before", cloth.mesh_before, model.mesh_stage.coefficients.columns);
   }
   if (at.idle_floats != 0) {
     const bool own = at.idle_floats == IdleStartFloats(model);
@@ -127,7 +123,7 @@ void ClampFeatures(const Cloth& cloth) {
 
 void TakeHead(const StateHead& head, Cloth* cloth) {
   cloth->tick_count = head.tick_count;
-  cloth->plan = PlanOf(head);
+  cloth->stages = head.stages;
   cloth->idle_ticks = head.idle_ticks;
   cloth->work_done = head.tick_share;
   cloth->older_step = head.older_step;
@@ -170,13 +166,13 @@ void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
 StatePosition PositionOf(const StateHead& head) {
   TickPart part = TickPart::kDone;
   format::FindTickPart(head.part, &part);
-  return {head.tick_count, PlanOf(head), {part, head.items_done, {}}, head.idle_floats};
+  return {head.tick_count, head.stages, {part, head.items_done, {}}, head.idle_floats};
 }
 
 void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpans* spans) {
   if (position.tick_count == 0) return;
   ListKept(cloth, position, spans);
-  if (position.work.part != TickPart::kDone) ListTickSpans(cloth, position.plan, position.work, spans);
+  if (position.work.part != TickPart::kDone) ListTickSpans(cloth, position.stages, position.work, spans);
 }
 
 uint64_t ModelIdentity(const ModelView& model) {

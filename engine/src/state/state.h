@@ -27,7 +27,7 @@ struct StateHead {
   uint32_t joint_count, feature_count, bone_count, vertex_count, skeleton_units, layer_count, feature_width;
   float tick_rate;
   // Where in time; see Cloth, TickWork and FrameClock. `part` is a number of engine/format/tick_parts.h.
-  uint32_t tick_count, stages, part, items_done, jumped, mesh_pace, idle_ticks;
+  uint32_t tick_count, stages, part, items_done, jumped, unused, idle_ticks;  // `unused` is 0
   float tick_share;
   double since, waited, lag, older_step;
   double heading[2], position[3], velocity[3], yaw_rate, velocity_age, wind[3];
@@ -39,7 +39,7 @@ constexpr size_t kStateSummedFrom = offsetof(StateHead, size);
 // Where in time a state was saved, of which follows how many floats it has.
 struct StatePosition {
   uint32_t tick_count;  // 0 to kTickSlots; with 0 there are no floats
-  TickPlan plan;
+  uint32_t stages;      // one of DCLOTH_STAGES_*
   TickWork work;
   uint64_t idle_floats;  // of Cloth::idle_start, of this model or another one
 };

@@ -54,18 +54,14 @@ bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* di
   TickPart part = TickPart::kDone;
   if (!format::FindTickPart(head.part, &part) || (fresh && part != TickPart::kDone))
     return FailCount(DCLOTH_FIELD(part), head.part, "the number of a part of a tick", diagnostic);
-  // Rest and the way between belong to the mesh stage alone.
-  constexpr auto kRest = static_cast<uint32_t>(MeshPace::kRest);
-  if (head.mesh_pace > (!fresh && head.stages == DCLOTH_STAGES_MESH ? kRest : 0u))
-    return FailCount(DCLOTH_FIELD(mesh_pace), head.mesh_pace, "0; with the mesh stage, 0 to 3", diagnostic);
+  if (head.unused != 0) return FailCount(DCLOTH_FIELD(unused), head.unused, "0", diagnostic);
   if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
     return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
   const bool counting = head.idle_ticks != 0 && head.idle_ticks != kIdleTicks;
   if (counting ? head.idle_floats == 0 || head.idle_floats > kMostIdleFloats : head.idle_floats != 0)
     return FailCount(DCLOTH_FIELD(idle_floats), head.idle_floats, "1 to 2^24 while idle ticks are counted, else 0",
                      diagnostic);
-  const TickPlan plan = {head.stages, static_cast<MeshPace>(head.mesh_pace)};
-  const uint64_t items = TickItems(model, plan, part);
+  const uint64_t items = TickItems(model, head.stages, part);
   if (part != TickPart::kDone ? head.items_done >= items : head.items_done != 0)
     return FailCount(DCLOTH_FIELD(items_done), head.items_done, "fewer items than the part has", diagnostic);
   if (head.jumped > (fresh ? 0u : 1u)) return FailCount(DCLOTH_FIELD(jumped), head.jumped, "0 or 1", diagnostic);
@@ -209,11 +205,6 @@ bool CheckStateModel(const StateHead& head, const ModelView& model, bool other_m
     return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, part), nullptr,
                             "an unfinished tick in the state of another model", "a state between ticks",
                             "save after an update without DCLOTH_FRAME_PIPELINED");
-  }
-  if (head.identity != identity && head.mesh_pace != 0) {
-    return diagnostic->Fail(DCLOTH_ERROR_MODEL, offsetof(StateHead, mesh_pace), nullptr,
-                            "a mesh stage at half rate in the state of another model", "a mesh stage at full rate",
-                            "save after a tick without DCLOTH_FRAME_HALF_RATE_MESH");
   }
   return true;
 }

@@ -29,8 +29,8 @@ size_t IncrementCount(const format::ModelView& model) { return size_t{3} * model
 
 // Rows of the basis that the newest tick used.
 size_t RowsUsed(const Cloth& cloth) {
-  return RunsSkeleton(cloth.plan)
-             ? DisplacementProduct(*cloth.model, cloth.plan.stages, cloth.coefficients, nullptr, nullptr).row_count
+  return RunsSkeleton(cloth.stages)
+             ? DisplacementProduct(*cloth.model, cloth.stages, cloth.coefficients, nullptr, nullptr).row_count
              : 0;
 }
 

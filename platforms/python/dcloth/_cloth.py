@@ -27,7 +27,6 @@ class FrameFlags(enum.IntFlag):
     """Spreads each tick over the frames until the next one is due."""
     JUMPED = _engine.FRAME_JUMPED
     """The character was moved without motion since the last update."""
-    HALF_RATE_MESH = _engine.FRAME_HALF_RATE_MESH
     HOLD = _engine.FRAME_HOLD
     """No tick starts in this frame."""
     FREEZE_IDLE = _engine.FRAME_FREEZE_IDLE

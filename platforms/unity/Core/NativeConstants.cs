@@ -38,7 +38,6 @@ namespace DCloth
 
         public const uint DCLOTH_FRAME_PIPELINED = 1;
         public const uint DCLOTH_FRAME_JUMPED = 2;
-        public const uint DCLOTH_FRAME_HALF_RATE_MESH = 4;
         public const uint DCLOTH_FRAME_HOLD = 8;
         public const uint DCLOTH_FRAME_FREEZE_IDLE = 16;
 
@@ -64,7 +63,6 @@ namespace DCloth
         public const uint DCLOTH_LEVEL_FROZEN = 0;
         public const uint DCLOTH_LEVEL_STATIC = 1;
         public const uint DCLOTH_LEVEL_SKELETON = 2;
-        public const uint DCLOTH_LEVEL_HALF_RATE_MESH = 3;
         public const uint DCLOTH_LEVEL_MESH = 4;
         public const int DCLOTH_LEVEL_COUNT = 5;
         public const int DCLOTH_SCENE_LEVELS = 5;

@@ -20,7 +20,6 @@ export const Stages = Object.freeze({
 export const FrameFlags = Object.freeze({
   PIPELINED: abi.DCLOTH_FRAME_PIPELINED,
   JUMPED: abi.DCLOTH_FRAME_JUMPED,
-  HALF_RATE_MESH: abi.DCLOTH_FRAME_HALF_RATE_MESH,
   HOLD: abi.DCLOTH_FRAME_HOLD,
   FREEZE_IDLE: abi.DCLOTH_FRAME_FREEZE_IDLE,
 });
@@ -30,7 +29,6 @@ export const Levels = Object.freeze({
   FROZEN: abi.DCLOTH_LEVEL_FROZEN,
   STATIC: abi.DCLOTH_LEVEL_STATIC,
   SKELETON: abi.DCLOTH_LEVEL_SKELETON,
-  HALF_RATE_MESH: abi.DCLOTH_LEVEL_HALF_RATE_MESH,
   MESH: abi.DCLOTH_LEVEL_MESH,
 });
 

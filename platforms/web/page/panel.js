@@ -16,11 +16,12 @@ export class Panel {
     const read = () => {
       this.settings.characters = Number(get("characters").value);
       this.settings.budgetMs = Number(get("budget").value);
-      this.settings.topLevel = Number(get("level").value);
+      const top = LEVELS[Number(get("level").value)];
+      this.settings.topLevel = top.level;
       this.settings.outsideBody = get("outside").checked;
       get("characters-value").value = String(this.settings.characters);
       get("budget-value").value = `${this.settings.budgetMs.toFixed(1)} ms a frame`;
-      get("level-value").value = LEVELS[this.settings.topLevel].name;
+      get("level-value").value = top.name;
       onChange();
     };
     for (const id of ["characters", "budget", "level", "outside"]) get(id).addEventListener("input", read);
@@ -82,7 +83,8 @@ export class Panel {
     get("ms").textContent = (sum / Math.max(1, known)).toFixed(1);
     get("mm").textContent = Number.isNaN(mm) ? "–" : mm.toFixed(1);
     get("fps").textContent = fps > 0 ? fps.toFixed(fps < 10 ? 1 : 0) : "–";
-    this.#cells.forEach(({ row, count }, level) => {
+    this.#cells.forEach(({ row, count }, i) => {
+      const { level } = LEVELS[i];
       count.textContent = String(counts[level]);
       row.classList.toggle("unused", counts[level] === 0);
     });

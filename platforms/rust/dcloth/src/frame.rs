@@ -40,11 +40,6 @@ impl Frame {
         self.flag(DCLOTH_FRAME_JUMPED, on)
     }
 
-    /// Experimental: the mesh stage runs in every second tick, which saves nearly half of its time.
-    pub fn half_rate_mesh(self, on: bool) -> Self {
-        self.flag(DCLOTH_FRAME_HALF_RATE_MESH, on)
-    }
-
     /// No tick starts in this frame. A tick that becomes due waits for the next frame without the flag.
     pub fn hold(self, on: bool) -> Self {
         self.flag(DCLOTH_FRAME_HOLD, on)

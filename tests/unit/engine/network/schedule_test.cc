@@ -92,11 +92,11 @@ TEST_P(ScheduleTest, PortionsKeepTheirBudget) {
       EXPECT_LE(frames, parts);
       EXPECT_GE(frames * (cost / parts + widest), cost);
     }
-    EXPECT_LT(engine::TickCost(*inside->model, {DCLOTH_STAGES_STATIC}), cost);
+    EXPECT_LT(engine::TickCost(*inside->model, DCLOTH_STAGES_STATIC), cost);
   }
 }
 
-// States of version 3 hold these floats in this order, wherever in a tick they were saved.
+// Saved states hold these floats in this order, wherever in a tick they were saved.
 TEST(TickPartsTest, ASavedTickKeepsItsOrder) {
   ModelSpec spec;
   spec.rings = 21;
@@ -104,33 +104,29 @@ TEST(TickPartsTest, ASavedTickKeepsItsOrder) {
   const OpenedModel opened(model);
   OwnedCloth cloth(opened);
   const Cloth& inside = *Inside(&cloth);
-  const auto at = [&](engine::TickPart part, uint32_t items_done, engine::TickPlan plan) {
+  const auto at = [&](engine::TickPart part, uint32_t items_done, uint32_t stages) {
     engine::StateSpans spans;
-    engine::ListTickSpans(inside, plan, {part, items_done, 1.0f}, &spans);
+    engine::ListTickSpans(inside, stages, {part, items_done, 1.0f}, &spans);
     std::string names;
     for (uint32_t i = 0; i < spans.count; ++i) names += std::string(i == 0 ? "" : " ") + spans.spans[i].name;
     return names;
   };
   using engine::TickPart;
-  constexpr engine::TickPlan kMesh = {DCLOTH_STAGES_MESH}, kRest = {DCLOTH_STAGES_MESH, engine::MeshPace::kRest};
-  constexpr engine::TickPlan kSkeleton = {DCLOTH_STAGES_SKELETON};
+  constexpr uint32_t kMesh = DCLOTH_STAGES_MESH, kSkeleton = DCLOTH_STAGES_SKELETON;
   EXPECT_EQ(at(TickPart::kStatic, 0, kMesh), "body_matrices");
   EXPECT_EQ(at(TickPart::kStatic, 0, kSkeleton), "");
   EXPECT_EQ(at(TickPart::kSkeletonInput, 1, kMesh), "input_gates body_matrices");
   EXPECT_EQ(at(TickPart::kSkeletonHidden, 0, kMesh), "input_gates body_matrices");
   EXPECT_EQ(at(TickPart::kSkeletonHidden, 1, kSkeleton), "input_gates hidden_gates");
-  EXPECT_EQ(at(TickPart::kSkeletonHidden, 1, kRest), "input_gates hidden_gates");
   EXPECT_EQ(at(TickPart::kSkeletonGates, 0, kMesh), "input_gates hidden_gates body_matrices");
   EXPECT_EQ(at(TickPart::kBodyPoints, 1, kMesh), "body_matrices layer_input");
   EXPECT_EQ(at(TickPart::kMeshLayers, 1, kMesh), "layer_input layer_output");
   EXPECT_EQ(at(TickPart::kMeshHidden, 1, kMesh), "embedded mesh_hidden");
   EXPECT_EQ(at(TickPart::kMeshCoefficients, 0, kMesh), "mesh_hidden");
   EXPECT_EQ(at(TickPart::kHead, 0, kMesh), "mesh_coefficients");
-  EXPECT_EQ(at(TickPart::kHead, 0, kRest), "");
   EXPECT_EQ(at(TickPart::kBasis, 0, kMesh), "mesh_coefficients");
-  EXPECT_EQ(at(TickPart::kBasis, 1, kRest), "mesh_coefficients");
   EXPECT_EQ(at(TickPart::kBasis, 1, kSkeleton), "");
-  EXPECT_EQ(at(TickPart::kBasis, 0, {DCLOTH_STAGES_STATIC}), "");
+  EXPECT_EQ(at(TickPart::kBasis, 0, DCLOTH_STAGES_STATIC), "");
 }
 
 // Numbers in saved states belong to one part each.

@@ -97,11 +97,10 @@ class SceneTest : public UpdateTest {
     Ran ran;
     ran.ticks = static_cast<uint32_t>(passes[DCLOTH_STEP_STATIC]);
     ran.mesh_ticks = static_cast<uint32_t>(passes[DCLOTH_STEP_MESH] / mesh_laps_);
-    const float lower = choice.stages == DCLOTH_STAGES_MESH       ? kTicks[DCLOTH_LEVEL_HALF_RATE_MESH]
-                        : choice.stages == DCLOTH_STAGES_SKELETON ? kTicks[DCLOTH_LEVEL_SKELETON]
-                                                                  : kTicks[DCLOTH_LEVEL_STATIC];
-    ran.microseconds = static_cast<double>(kDraw) + ran.mesh_ticks * static_cast<double>(kTicks[DCLOTH_LEVEL_MESH]) +
-                       (ran.ticks - ran.mesh_ticks) * static_cast<double>(lower);
+    const float tick = choice.stages == DCLOTH_STAGES_MESH       ? kTicks[DCLOTH_LEVEL_MESH]
+                       : choice.stages == DCLOTH_STAGES_SKELETON ? kTicks[DCLOTH_LEVEL_SKELETON]
+                                                                 : kTicks[DCLOTH_LEVEL_STATIC];
+    ran.microseconds = static_cast<double>(kDraw) + ran.ticks * static_cast<double>(tick);
     EXPECT_EQ(ran.ticks, choice.ticks) << "planned and run";
     return ran;
   }

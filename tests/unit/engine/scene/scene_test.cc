@@ -113,10 +113,24 @@ TEST_F(SceneTest, LevelsFollowImportanceAndStay) {
     }
   }
   for (const uint32_t level : levels) ++seen[level];
-  std::printf("%d frozen, %d static, %d skeleton, %d half rate, %d mesh\n", seen[0], seen[1], seen[2], seen[3],
-              seen[4]);
+  std::printf("%d frozen, %d static, %d skeleton, %d mesh\n", seen[0], seen[1], seen[2], seen[DCLOTH_LEVEL_MESH]);
   EXPECT_TRUE(std::is_sorted(levels.begin(), levels.end()));
   EXPECT_NE(levels.front(), levels.back());
+}
+
+// A host of 0.1 may ask for the level that is unused now: it gets the one below.
+TEST_F(SceneTest, NobodyGetsTheUnusedLevel) {
+  constexpr uint32_t kUnused = 3;
+  for (uint32_t i = 0; i < kCharacters; ++i) {
+    dcloth_scene_character character = Character(i, 1);
+    character.error_mm[kUnused] = 0;
+    character.tick_microseconds[kUnused] = 0;
+    if (i % 2 == 0) character.top_level = kUnused;
+    ASSERT_EQ(dcloth_scene_set(scene_, i, &character), DCLOTH_OK);
+  }
+  Plan(1 / 60.0f, 1e6f);
+  for (uint32_t i = 0; i < kCharacters; ++i)
+    EXPECT_EQ(Choice(i).level, static_cast<uint32_t>(i % 2 == 0 ? DCLOTH_LEVEL_SKELETON : DCLOTH_LEVEL_MESH)) << i;
 }
 
 // Measured costs that are wrong are put right by what frames really took.
@@ -180,7 +194,7 @@ TEST_F(SceneTest, IdleCostsDrawingAndWakes) {
           Count(cloths_[i].get(), Pose(moves ? i + 0.5 + after / 60.0 : i), kSeconds, choice.stages, choice.flags);
       const bool mesh = passes[DCLOTH_STEP_MESH] != 0;
       if (passes[DCLOTH_STEP_STATIC] != 0) {
-        cost += static_cast<double>(kTicks[mesh ? DCLOTH_LEVEL_MESH : DCLOTH_LEVEL_HALF_RATE_MESH]);  // or less
+        cost += static_cast<double>(kTicks[mesh ? DCLOTH_LEVEL_MESH : DCLOTH_LEVEL_SKELETON]);  // or less
         if (woke[i] < 0) woke[i] = after;
       }
       cost += static_cast<double>(kDraw);

@@ -79,26 +79,6 @@ TEST(HotSwap, NotWithATickInWork) {
   EXPECT_EQ(Restore(newer.cloth.get(), Save(older.cloth.get()), DCLOTH_RESTORE_OTHER_MODEL), DCLOTH_OK);
 }
 
-// Nor between the two ticks of a mesh stage at half rate, whose second half is of the same model as the first.
-TEST(HotSwap, NotBetweenTheTicksOfAHalfRate) {
-  Garment older({}, 1), newer({}, 2);
-  StateBytes state;
-  for (int frame = 0; state.empty() || HeadOf(state).mesh_pace == 0; ++frame) {
-    ASSERT_LT(frame, 100);
-    ASSERT_EQ(older.Update(frame * 0.01, kFrame, DCLOTH_FRAME_HALF_RATE_MESH), DCLOTH_OK);
-    state = Save(older.cloth.get());
-  }
-  ASSERT_FALSE(InWork(state));
-  const StateBytes fresh = Save(newer.cloth.get());
-  dcloth_error error = EmptyError();
-  ASSERT_EQ(Restore(newer.cloth.get(), state, DCLOTH_RESTORE_OTHER_MODEL, &error), DCLOTH_ERROR_MODEL);
-  EXPECT_NE(std::string(error.text).find("save after a tick without DCLOTH_FRAME_HALF_RATE_MESH"), std::string::npos)
-      << error.text;
-  EXPECT_EQ(Save(newer.cloth.get()), fresh);
-  for (int frame = 0; frame < 20; ++frame) ASSERT_EQ(older.Update(1 + frame * 0.01, kFrame), DCLOTH_OK);
-  EXPECT_EQ(Restore(newer.cloth.get(), Save(older.cloth.get()), DCLOTH_RESTORE_OTHER_MODEL), DCLOTH_OK);
-}
-
 // From precision to precision: what is drawn at the moment of the change is the same to the bit. (The builder's int8
 // models are other garments: their scales take random numbers too.)
 TEST(HotSwap, OtherPrecisionsTakeOverWhatIsDrawn) {

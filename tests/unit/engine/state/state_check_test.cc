@@ -74,12 +74,6 @@ TEST_F(StateCheckTest, CountsOfTheHead) {
     const bool known =
         stages == DCLOTH_STAGES_STATIC || stages == DCLOTH_STAGES_SKELETON || stages == DCLOTH_STAGES_MESH;
     EXPECT_EQ(with([=](StateHead* h) { h->stages = stages; }), known) << stages;
-    // Half rate is the mesh stage's.
-    for (uint32_t turn = 1; turn <= 4; ++turn) {
-      EXPECT_EQ(with([=](StateHead* h) { h->stages = stages, h->mesh_pace = turn; }),
-                stages == DCLOTH_STAGES_MESH && turn <= 3)
-          << stages << " " << turn;
-    }
   }
   for (uint32_t jumped = 0; jumped <= 3; ++jumped)
     EXPECT_EQ(with([=](StateHead* h) { h->jumped = jumped; }), jumped <= 1) << jumped;
@@ -93,7 +87,7 @@ TEST_F(StateCheckTest, CountsOfTheHead) {
     }
   }
   for (uint32_t part = 0; part <= kDone + 1; ++part) {
-    const uint64_t items = part < kDone ? TickItems(view(), {DCLOTH_STAGES_MESH}, static_cast<TickPart>(part)) : 0;
+    const uint64_t items = part < kDone ? TickItems(view(), DCLOTH_STAGES_MESH, static_cast<TickPart>(part)) : 0;
     for (const uint64_t done : {uint64_t{0}, uint64_t{1}, items - 1, items, items + 1}) {
       const bool allowed = part < kDone ? done < items : part == kDone && done == 0;
       EXPECT_EQ(with([=](StateHead* h) { h->part = part, h->items_done = static_cast<uint32_t>(done); }), allowed)
@@ -109,7 +103,6 @@ TEST_F(StateCheckTest, AFreshHead) {
   ASSERT_TRUE(Holds(sound_)) << error_.text;
   const std::function<void(StateHead*)> changes[] = {[](StateHead* h) { h->stages = DCLOTH_STAGES_SKELETON; },
                                                      [](StateHead* h) { h->part = 0; },
-                                                     [](StateHead* h) { h->mesh_pace = 1; },
                                                      [](StateHead* h) { h->idle_ticks = 1, h->idle_floats = 1; },
                                                      [](StateHead* h) { h->idle_ticks = kIdleTicks; },
                                                      [](StateHead* h) { h->jumped = 1; }};

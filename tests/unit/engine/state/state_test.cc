@@ -59,8 +59,6 @@ constexpr Host kHosts[] = {
     {"47 Hz, pipelined", 47, DCLOTH_FRAME_PIPELINED, false},
     {"144 Hz, changing", 144, 0, true},
     {"wobbling, changing", 0, 0, true},
-    {"half rate", 60, DCLOTH_FRAME_HALF_RATE_MESH, false},
-    {"half rate, changing", 0, DCLOTH_FRAME_HALF_RATE_MESH, true},
 };
 
 // Saved every seventh frame of 300, restored into new memory each time, and followed for 70 frames beside the cloth

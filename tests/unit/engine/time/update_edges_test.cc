@@ -31,6 +31,19 @@ TEST_F(UpdateEdgesTest, PausesKeepStill) {
   }
 }
 
+// Hosts of 0.1 may set the flag that is unused now: it changes no bit. An unknown flag is refused.
+TEST_F(UpdateEdgesTest, TheUnusedFlagDoesNothing) {
+  constexpr uint32_t kUnused = 4;
+  OwnedCloth sets(opened_), twin(opened_);
+  for (int frame = 0; frame < 60; ++frame) {
+    const std::vector<float> pose = Pose(frame / 60.0);
+    ASSERT_EQ(sets.Update(pose, 1 / 60.0f, kAll, kUnused), DCLOTH_OK);
+    ASSERT_EQ(twin.Update(pose, 1 / 60.0f, kAll, 0), DCLOTH_OK);
+    ASSERT_EQ(sets.positions(), twin.positions()) << frame;
+  }
+  EXPECT_EQ(sets.Update(Pose(1), 1 / 60.0f, kAll, 32), DCLOTH_ERROR_ARGUMENT);
+}
+
 // What a walk at one speed gives the network as root motion: four features at the end, equal tick after tick.
 std::vector<float> RootFeatures(OwnedCloth* cloth, const Numbers& numbers) {
   const float* x = reinterpret_cast<const engine::Cloth*>(cloth->get())->features;
