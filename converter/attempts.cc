@@ -13,7 +13,7 @@ namespace {
 
 constexpr size_t kTrialsPerTensor = 6;  // of choosing formats, about: for the progress line
 
-// The engine has the last word on what is a model.
+// Re-opens the bytes with the engine's verifier.
 OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
   try {
     return OpenModel(bytes, bundle.path);

@@ -51,7 +51,7 @@ struct MeshWeights {
   Matrix basis;                // [k_M, 3n]
 };
 
-// What the network reads of the hips' way; the file format's values.
+// Root-motion features; the file format's values.
 enum class RootMotion : uint8_t { kNone, kHips, kAir };
 
 struct Bundle {

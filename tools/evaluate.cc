@@ -197,7 +197,7 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
       "tick_warm_ms is\n"
       "the same without emptying. Errors are distances to the truth. Recorded and scripted clips (\"procedural/...\") "
       "have a table\n"
-      "each. The first 12 frames of a clip do not count. \"of alive\" is the error divided by the truth's own motion. "
+      "each. The first 12 frames of a clip do not count. \"of motion\" is the error divided by how far the truth moves. "
       "fp32 is the\n"
       "difference to the float32 engine.\n"
       "Rows: the garment fixed rigidly to the hips; plain skinning (weights of the nearest body point, no network); "

@@ -173,15 +173,15 @@ void PrintVariants(std::span<const Variant> variants, std::FILE* out) {
     const converter::ClipError& motion = (variants[0].*table.error).motion;
     if (table.source != nullptr ? motion.clip_count == 0 : printed) continue;
     if (table.source != nullptr) {
-      std::fprintf(out, "%s%zu %s clip%s; the truth is alive by %.1f mm, its fine motion is %.1f mm\n",
+      std::fprintf(out, "%s%zu %s clip%s; the truth moves by %.1f mm, its fine motion is %.1f mm\n",
                    printed ? "\n" : "", motion.clip_count, table.source, motion.clip_count == 1 ? "" : "s",
                    motion.alive_mm, motion.fine_motion_mm);
     }
     std::vector<std::vector<std::string>> rows = {
-        {"",       "", "", "model",    "instance", "tick ms", "cold",    "",   "", "warm",
-         "E_d mm", "", "", "of alive", "motion",   "E_n deg", "to fp32", "mm", "", "dominated"},
-        {"variant",     "stages", "rank", "MB", "KiB",      "p50",         "p95",  "p99", "max", "p50",
-         "mean +- std", "p99",    "max",  "",   "of alive", "mean +- std", "mean", "p99", "max", "by"}};
+        {"",       "", "", "model",     "instance", "tick ms", "cold",    "",   "", "warm",
+         "E_d mm", "", "", "of motion", "motion E", "E_n deg", "to fp32", "mm", "", "dominated"},
+        {"variant",     "stages", "rank", "MB", "KiB",       "p50",         "p95",  "p99", "max", "p50",
+         "mean +- std", "p99",    "max",  "",   "of motion", "mean +- std", "mean", "p99", "max", "by"}};
     for (const Variant& v : variants) rows.push_back(Row(v, v.*table.error));
     PrintRows(rows, out);
     printed = true;

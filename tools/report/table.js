@@ -48,7 +48,7 @@ function resultTable(select) {
     ['E_d, mm', (v) => spread(v.truth && v.truth.position_mm), 'Error to the simulation'],
     ['p99', (v) => mm(v.truth, 'p99')],
     ['max', (v) => mm(v.truth, 'max')],
-    ['of alive', (v) => (v.truth && v.truth.relative_error !== null
+    ['of motion', (v) => (v.truth && v.truth.relative_error !== null
         ? `${formatNumber(100 * v.truth.relative_error)} %` : '–')],
     ['E_n, °', (v) => spread(v.truth && v.truth.normal_deg)],
     ['mean', (v) => mm(v.fp32, 'mean'), 'Difference to fp32, mm'], ['p99', (v) => mm(v.fp32, 'p99')],

@@ -64,7 +64,7 @@ def measure(model, path, folder, data, names, suffix):
     for clip in held_out(data, names):
         item = sequence.read(clip)
         row = results[item.clip or clip] = evaluate.evaluate(net, rig, faces, item, clip, referee)
-        print(f"{item.clip}: alive {row['truth']['alive_mm']:.1f} mm, "
+        print(f"{item.clip}: motion {row['truth']['alive_mm']:.1f} mm, "
               + ", ".join(f"{level} {row[level]['position_mm']['mean']:.1f} mm" for level in evaluate.level_names(row)),
               file=sys.stderr)
     evaluate.write(results, os.path.join(folder, "errors" + suffix), picture=not suffix)

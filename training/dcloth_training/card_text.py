@@ -57,7 +57,7 @@ def _row(name, row, levels, floor):
         value = evaluate.at(of, keys)
         return "-" if value is None else format(value, form)
 
-    # Cards made before alive was measured with the errors have it with the floor.
+    # Cards made before motion was measured with the errors have it with the floor.
     alive = evaluate.at(row[levels[-1]], ("alive_mm",)) or floor.get("alive_mm")
     perturbed, entered = floor.get("mean_mm"), floor.get("entered_mm")
     share = f"{perturbed / floor['alive_mm']:.0%}" if perturbed is not None and floor.get("alive_mm") else "-"
@@ -89,7 +89,7 @@ def errors(results, floors):
                  if (values := [row[key] for row in known if row.get(key) is not None])}
         floor["of_all"] = len(known) == len(rows)
         out += [f"{source.capitalize()} clips:", "",
-                f"| clip | alive | floor | floor / alive | {' | '.join(levels)} | relative error | relative motion "
+                f"| clip | motion | floor | floor / motion | {' | '.join(levels)} | relative error | relative motion "
                 "error | p99 | E_n |", "|---" * (len(levels) + 8) + "|",
                 *(_row(f"`{clip}`", row, levels, floors.get(clip, {})) for clip, row in rows.items()),
                 _row("over the clips", overall, levels, floor), ""]
@@ -112,7 +112,7 @@ def _familiar(row):
 
 def _of_alive(row):
     """How much the clip's truth moves, where that was measured."""
-    return f", its truth is alive by {row['clip_alive_mm']:.0f} mm" if "clip_alive_mm" in row else ""
+    return f", its truth moves by {row['clip_alive_mm']:.0f} mm" if "clip_alive_mm" in row else ""
 
 
 def failures(rows, folder):

@@ -171,7 +171,7 @@ def table(results):
     lines = []
     for source, rows in by_source(results):
         names = level_names(next(iter(rows.values())))
-        lines += [f"{source} clips", f"{'clip':34}{'alive':>8}" + "".join(f"{name:>26}" for name in names)]
+        lines += [f"{source} clips", f"{'clip':34}{'motion':>8}" + "".join(f"{name:>26}" for name in names)]
         for clip, row in rows.items():
             cells = [f"{row[n]['position_mm']['mean']:6.1f} +- {row[n]['position_mm']['std']:4.1f} mm "
                      f"{row[n]['normal_deg']['mean']:5.1f} deg" for n in names]

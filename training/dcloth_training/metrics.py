@@ -6,9 +6,9 @@ clips (`over_clips`) are means in which every clip weighs the same; quotients ar
 
     position_mm      E_d: distance of vertices to the truth (eq. 19 of the paper); normal_deg: E_n
     alive_mm         mean distance of the truth from its own mean shape over the clip, hips' frame: its motion
-    relative_error   E_d / alive
+    relative_error   E_d / motion
     offset_mm        distance between the two mean shapes over the clip, hips' frame
-    motion_error_mm  mean distance when each has lost its own mean shape, hips' frame; relative_motion_error: / alive
+    motion_error_mm  mean distance when each has lost its own mean shape, hips' frame; relative_motion_error: / motion
     bands            x is split by averaging over mesh neighbours (x <- (x + mean of neighbours) / 2): coarse is what 40
                      steps leave (waves longer than about 6 edges), middle what 8 steps leave beyond it, fine the rest.
                      error_mm: mean distance to the truth within the band; energy_ratio: rms of the band's motion about
@@ -17,7 +17,7 @@ clips (`over_clips`) are means in which every clip weighs the same; quotients ar
     penetration      area_share: share of the area more than 1 mm under the body; p99_mm: 99th percentile of depth
     crossings        intersecting pairs of triangles a frame: cloth with cloth, cloth with body
     strain_p99       99th percentile of edge length / rest length - 1
-    calm_mm          prediction's alive - truth's, where the truth's is below 5 mm: an idle garment must not breathe
+    calm_mm          prediction's motion - truth's, where the truth's is below 5 mm: an idle garment must not breathe
     jitter           ratio: rms of the second difference over time in the hips' frame, prediction's over truth's;
                      held_mm: how far vertices move a tick while a pose is held
 """
@@ -27,7 +27,7 @@ import scipy.sparse
 WARM_UP = 12            # frames of a clip that do not count: a garment begins at rest
 SMOOTHED = (8, 40)      # steps that separate fine from middle from coarse
 BANDS = ("coarse", "middle", "fine")
-CALM = 5.0              # mm alive: the cloth hardly moves
+CALM = 5.0              # mm of motion: the cloth hardly moves
 _BLOCK = 16             # frames smoothed together, so that they stay in the cache
 
 

@@ -51,8 +51,8 @@ def arguments(argv=None):
     add("--stages", choices=stages.NAMES, default=stages.LAST.name, help="last stage to train")
     add("--freeze", choices=sorted(FROZEN), help="ablation: leave this part of stage 1 as it starts")
     add("--root-motion", choices=tuple(features.ROOT_NUMBERS), default="hips",
-        help="what the network reads of the hips' way: nothing, their velocity, or the velocity of the air around them "
-             "and their acceleration (for clips simulated in air that stands still or blows; see --data's wind)")
+        help="root-motion features: none, the hips' velocity, or the velocity of the air around them and the hips' "
+             "acceleration (for clips simulated in air that stands still or blows; see --data's wind)")
     add("--validate-every", type=int, default=5)
     add("--head-data", help="folder of clips that stage 2 never sees, for stage 3")
     for stage in stages.STAGES:
@@ -236,7 +236,7 @@ def measure(net, fitted, character, validation, folder, log):
         found = evaluate.overall(rows)
         for level in evaluate.level_names(found):
             told = dict(zip((title for title, _, _ in evaluate.FIGURES), evaluate.figures(found[level])))
-            log(f"validation, {source}, {level}: {told['E_d mm']} mm of {found['truth']['alive_mm']:.2f} alive, "
+            log(f"validation, {source}, {level}: {told['E_d mm']} mm of {found['truth']['alive_mm']:.2f} motion, "
                 f"relative error {told['relative error']}, coarse / middle / fine {told['coarse mm']} / "
                 f"{told['middle mm']} / {told['fine mm']} mm, energy {told['energy coarse']} / {told['middle']} / "
                 f"{told['fine']}")

@@ -86,7 +86,7 @@ def measure(scene, row, model, record):
         hips = reference.matrices_for(item, scene.rig, path)[:, scene.rig.hips]
         done[name] = {"file": stamp, **metrics.clip(found, metrics.Truth(item.truth, hips, mesh))}
         scene.log(f"{row.title}: {name} {done[name]['position_mm']['mean']:.2f} mm "
-                  f"of {done[name]['alive_mm']:.2f} alive, "
+                  f"of {done[name]['alive_mm']:.2f} motion, "
                   f"{done[name]['normal_deg']['mean']:.2f} deg")
 
 

@@ -125,12 +125,12 @@ def markdown(table):
     mains = []
     for source in table["rows"][0]["average"]:
         alive = table["rows"][0]["average"][source]["alive_mm"]
-        mains += [f"## {source.capitalize()} clips (the truth is alive by {alive:.1f} mm)", "",
+        mains += [f"## {source.capitalize()} clips (the truth moves by {alive:.1f} mm)", "",
                   _main_grid(table, source), ""]
     return "\n".join([
         "# Ablation and comparison", "",
         f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames that count. E_d: mean "
-        "vertex distance. Alive: mean distance of the truth from its own mean shape; relative error: E_d / alive. E_n: "
+        "vertex distance. Motion: mean distance of the truth from its own mean shape; relative error: E_d / motion. E_n: "
         "mean angle between vertex normals. Coarse, middle, fine: error within waves longer than about 6 edges, "
         "between, and shorter than about 3; energy: how much the prediction moves there, as a share of the truth. "
         "Every clip counts the same; recorded and scripted clips are never averaged together. Learned numbers: what "

@@ -5,7 +5,7 @@
 Each clip is simulated again twice: with the garment cut 0.05 % larger, and entered half a
 second later from its pose there, held (another history of the same motion). Printed is the mean
 vertex distance to the ground truth in DATA over the frames that count (metrics.WARM_UP): no network
-can be expected to do better. Beside it stands alive, the mean distance of the cloth from its mean
+can be expected to do better. Beside it stands motion, the mean distance of the cloth from its mean
 shape in the hips' frame, and the floor's share of it.
 """
 import argparse
@@ -31,7 +31,7 @@ def _apart(first, second):
 
 
 def shares(mean_mm, entered_mm, alive_mm):
-    """{"relative", "relative_entered"}: the floors over alive; None where there is no motion or no floor."""
+    """{"relative", "relative_entered"}: the floors over motion; None where there is no motion or no floor."""
     known = alive_mm > 0
     return {"relative": round(mean_mm / alive_mm, 4) if known else None,
             "relative_entered": round(entered_mm / alive_mm, 4) if known and entered_mm is not None else None}
@@ -39,7 +39,7 @@ def shares(mean_mm, entered_mm, alive_mm):
 
 def floor(name, options, body, worn):
     """One clip -> {"clip", "frames", "mean_mm", "end_mm", "entered_mm", "alive_mm", "relative", "relative_entered",
-    "per_frame_mm"}; relative: over alive.
+    "per_frame_mm"}; relative: over motion.
 
     What was entered late is None for clips that end before the second history is forgotten.
     """
@@ -74,8 +74,8 @@ def overall(source, rows):
     """One line about several clips: quotients are of sums."""
     late = [row for row in rows if row["entered_mm"] is not None]
     mean, alive = (float(np.mean([row[key] for row in rows])) for key in ("mean_mm", "alive_mm"))
-    text = f"{len(rows)} {source} clips: floor {mean:.2f} mm, alive {alive:.1f} mm"
-    text += f", floor / alive {percent(mean / alive)}" if alive else ""
+    text = f"{len(rows)} {source} clips: floor {mean:.2f} mm, motion {alive:.1f} mm"
+    text += f", floor / motion {percent(mean / alive)}" if alive else ""
     if late:
         entered, moving = (float(np.mean([row[key] for row in late])) for key in ("entered_mm", "alive_mm"))
         text += f"; entered late {entered:.2f} mm" + (f", {percent(entered / moving)}" if moving else "")
@@ -105,7 +105,7 @@ def measure(options):
             rows.append(row)
             print(f"{row['clip']}: {row['mean_mm']} mm over {row['frames']} frames, "
                   f"{row['end_mm']} at the end, entered late {row['entered_mm']}, "
-                  f"alive {row['alive_mm']} mm, floor / alive {percent(row['relative'])}", flush=True)
+                  f"motion {row['alive_mm']} mm, floor / motion {percent(row['relative'])}", flush=True)
             if options.out:
                 with open(options.out, "w") as file:
                     json.dump({"scale": SCALE,

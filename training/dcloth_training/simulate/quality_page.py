@@ -9,8 +9,8 @@ SORTED_BY = (("order", "listed order", None), ("crossed", "frames crossing the b
              ("stretch_max", "stretch, largest", "stretch_max"),
              ("stretch_p99", "stretch, 99th percentile", "stretch_p99"), ("torn", "torn frames", "torn_share"),
              ("folded", "folds", "folded_max"), ("speed", "speed", "speed_max"),
-             ("alive", "alive", "alive_mm"), ("fine", "fine motion", "fine_motion_mm"),
-             ("floor", "floor", "floor_mean_mm"), ("relative", "floor / alive", "floor_relative"))
+             ("alive", "motion", "alive_mm"), ("fine", "fine motion", "fine_motion_mm"),
+             ("floor", "floor", "floor_mean_mm"), ("relative", "floor / motion", "floor_relative"))
 FIGURES = (("frames", "frames", "{:d}"), ("crossed_share", "crossing the body", "{:.1%} of frames"),
            ("body_crossings_max", "at most", "{:d} pairs"), ("tangled_share", "tangled", "{:.1%} of frames"),
            ("cloth_crossings_max", "at most", "{:d} pairs"),
@@ -18,9 +18,9 @@ FIGURES = (("frames", "frames", "{:d}"), ("crossed_share", "crossing the body", 
            ("penetration_max_mm", "deepest", "{:.1f} mm"), ("strain_p99", "strain p99", "{:.1%}"),
            ("stretch_p99", "stretch p99", "{:.2f}"), ("stretch_max", "max", "{:.2f}"),
            ("torn_share", "torn frames", "{:.0%}"), ("folded_max", "folded edges", "{:.2%}"),
-           ("speed_max", "speed", "{:.1f} m/s"), ("alive_mm", "alive", "{:.0f} mm"),
+           ("speed_max", "speed", "{:.1f} m/s"), ("alive_mm", "motion", "{:.0f} mm"),
            ("fine_motion_mm", "fine motion", "{:.1f} mm"), ("floor_mean_mm", "floor", "{:.2f} mm"),
-           ("floor_relative", "of alive", "{:.1%}"), ("floor_entered_mm", "entered late", "{:.2f} mm"))
+           ("floor_relative", "of motion", "{:.1%}"), ("floor_entered_mm", "entered late", "{:.2f} mm"))
 # Figures that say a clip is not cloth where they are above 0.
 NOT_CLOTH = (("crossed_share", "crosses the body"), ("tangled_share", "tangled"), ("torn_share", "torn"))
 

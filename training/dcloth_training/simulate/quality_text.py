@@ -11,8 +11,8 @@ COLUMNS = (("clip", "clip"), ("frames", "frames"), ("seed", "seed"),
            ("strain_p99", "strain p99"), ("stretch_p99", "stretch p99"), ("stretch_max", "stretch max"),
            ("stretch_max_frame", "at frame"), ("torn_share", "torn frames"), ("folded_max", "folded edges"),
            ("folded_max_frame", "at frame"), ("speed_max", "speed max m/s"), ("speed_mean", "speed mean m/s"),
-           ("alive_mm", "alive mm"), ("fine_motion_mm", "fine motion mm"), ("floor_mean_mm", "floor mm"),
-           ("floor_relative", "floor / alive"), ("floor_entered_mm", "floor, entered late mm"), ("sha256", "SHA-256"),
+           ("alive_mm", "motion mm"), ("fine_motion_mm", "fine motion mm"), ("floor_mean_mm", "floor mm"),
+           ("floor_relative", "floor / motion"), ("floor_entered_mm", "floor, entered late mm"), ("sha256", "SHA-256"),
            ("fault", "fault"))
 ROLES = (("reported", "Reported: for the final figures alone"), ("development", "Development: never trained on"),
          ("validation", "Validation: chooses when training stops"), ("training", "Training"))
@@ -26,7 +26,7 @@ MEANING = (
     "exact. Area under the body is the share of the cloth's area more than 1 mm deep. Strain is edge length over rest "
     "length - 1, p99 over all edges and frames; stretch p99 and max are edge length over rest length in the worst "
     "frame. A frame is torn where an edge is four times its length: a limb went through the cloth. Folded edges are "
-    "the share at which the cloth is bent by more than 120 degrees. Alive is the mean distance of the cloth from its "
+    "the share at which the cloth is bent by more than 120 degrees. Motion is the mean distance of the cloth from its "
     "mean shape in the hips' frame, fine motion that of its waves shorter than about six edges. The floor is the mean "
     "distance between two simulations of the clip that differ by 0.05 % of the garment's size: no network can be "
     "expected to do better.")
@@ -76,7 +76,7 @@ def summary(rows):
     """One row a group: how much there is, what is not cloth, the worst of everything and the floor."""
     lines = ["| group | files | frames | frames crossing the body | tangled frames | pairs of cloth a frame | area "
              "under the body | deepest mm | strain p99, mean | stretch max | torn frames | folded edges | speed max "
-             "m/s | alive mm, mean | fine motion mm, mean | floor mm, mean (clips) | floor / alive |",
+             "m/s | motion mm, mean | fine motion mm, mean | floor mm, mean (clips) | floor / motion |",
              "|---" * 17 + "|"]
     for group, title in GROUPS:
         own = [row for row in rows if row["group"] == group]
