@@ -106,7 +106,7 @@ bool VerifyJointNames(const Character& character, Checker* check) {
   return true;
 }
 
-// So that who walks up from a joint arrives.
+// Parents end at a root: no cycles.
 bool VerifyParents(const Character& character, Checker* check, ModelView* view) {
   const flatbuffers::Vector<uint16_t>* const parents = character.parents();
   view->parents = nullptr;

@@ -528,8 +528,7 @@ DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
  *   instead.
  * Other model: a state belongs to the model file that it was saved with, which is recognised by the identity in the
  *   file (before format 1.2: by name and sizes). DCLOTH_RESTORE_OTHER_MODEL accepts the state of another file with the
- *   same sizes: the same network in another precision or rank. The state must be saved between ticks, with the mesh
- *   stage at full rate.
+ *   same sizes: the same network in another precision or rank. The state must be saved between ticks.
  * Hot swap of a model: open the new file, create its cloth in other memory, and bind joints and space as before. For
  *   the same network, save the old cloth after an update without DCLOTH_FRAME_PIPELINED, restore it into the new one
  *   with DCLOTH_RESTORE_OTHER_MODEL and continue; the next frame differs by as much as the precisions do. For another
@@ -589,8 +588,8 @@ DCLOTH_API dcloth_status dcloth_cloth_update(dcloth_cloth* cloth, const dcloth_p
  * Cost: none. */
 DCLOTH_API dcloth_status dcloth_cloth_describe(const dcloth_cloth* cloth, dcloth_cloth_info* info);
 
-/* Advances the network by one tick of dcloth_model_info.tick_seconds. With dcloth_cloth_skin it is half of
- * dcloth_cloth_update, for hosts with a clock of their own at the tick rate. A tick that an update left in work is
+/* Advances the network by one tick of dcloth_model_info.tick_seconds. dcloth_cloth_tick + dcloth_cloth_skin =
+ * dcloth_cloth_update, for hosts that keep their own clock at the tick rate. A tick that an update left in work is
  * completed first, and the next tick of an update is due one tick later. A refused pose leaves the state untouched.
  *   pose    the pose at the end of the tick
  *   stages  DCLOTH_STAGES_*; stages that the model lacks are ignored
