@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Checks the C ABI against its manifest: every function with its signature, every struct with sizes and offsets, every
-constant with its value, every symbol of the library. And every function's comment: it says Memory, Thread, Errors, Cost.
+constant with its value, every symbol of the library. Every function's comment says Memory, Thread, Errors and Cost.
 
 Usage: check_manifest.py FOLDER MANIFEST CC [--symbols NM LIBRARY] [--write | --faults]
 

@@ -130,8 +130,8 @@ def markdown(table):
     return "\n".join([
         "# Ablation and comparison", "",
         f"Held-out clips: {len(table['clips'])}, with {sum(table['frames'].values())} frames that count. E_d: mean "
-        "vertex distance. Motion: mean distance of the truth from its own mean shape; relative error: E_d / motion. E_n: "
-        "mean angle between vertex normals. Coarse, middle, fine: error within waves longer than about 6 edges, "
+        "vertex distance. Motion: mean distance of the truth from its own mean shape; relative error: E_d / motion. "
+        "E_n: mean angle between vertex normals. Coarse, middle, fine: error within waves longer than about 6 edges, "
         "between, and shorter than about 3; energy: how much the prediction moves there, as a share of the truth. "
         "Every clip counts the same; recorded and scripted clips are never averaged together. Learned numbers: what "
         "training moved and a run stores, weight matrices folded. Training minutes: in the loops of optimisation, "
