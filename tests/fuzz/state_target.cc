@@ -24,8 +24,7 @@ using Bytes = std::vector<uint8_t>;
 
 constexpr size_t kHostBytes = 8;
 constexpr uint8_t kOtherModel = 1, kRaw = 2;  // of the fourth byte
-constexpr uint8_t kFlags =
-    DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
+constexpr uint8_t kFlags = DCLOTH_FRAME_PIPELINED | DCLOTH_FRAME_JUMPED | DCLOTH_FRAME_HOLD | DCLOTH_FRAME_FREEZE_IDLE;
 
 // A model and a walk, made once.
 struct Garment {

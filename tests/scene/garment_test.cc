@@ -120,8 +120,8 @@ double Median(std::vector<double> values) {
 }
 
 struct LevelFigures {
-  double error_mm = 0;      // mean distance to the truth
-  double to_mesh_mm = 0;    // and to the full network, played by dcloth_cloth_tick and dcloth_cloth_skin
+  double error_mm = 0;    // mean distance to the truth
+  double to_mesh_mm = 0;  // and to the full network, played by dcloth_cloth_tick and dcloth_cloth_skin
   double tick_us = 0;     // median
 };
 

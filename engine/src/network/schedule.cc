@@ -234,7 +234,8 @@ constexpr Part kBasis = {
       const format::DisplacementView& displacement = model.displacement;
       if (displacement.skeleton_rows == 0) return PartSize{};
       if (!RunsSkeleton(stages)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
-      return ProductSize(displacement.basis, displacement.skeleton_rows + (RunsMesh(stages) ? displacement.mesh_rows : 0));
+      return ProductSize(displacement.basis,
+                         displacement.skeleton_rows + (RunsMesh(stages) ? displacement.mesh_rows : 0));
     },
     [](Cloth* cloth, size_t begin, size_t count) {
       if (RunsSkeleton(cloth->stages)) {

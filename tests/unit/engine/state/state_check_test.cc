@@ -101,11 +101,10 @@ TEST_F(StateCheckTest, AFreshHead) {
   ASSERT_EQ(dcloth_cloth_reset(cloth_.get()), DCLOTH_OK);
   sound_ = testing::HeadOf(testing::Save(&cloth_));
   ASSERT_TRUE(Holds(sound_)) << error_.text;
-  const std::function<void(StateHead*)> changes[] = {[](StateHead* h) { h->stages = DCLOTH_STAGES_SKELETON; },
-                                                     [](StateHead* h) { h->part = 0; },
-                                                     [](StateHead* h) { h->idle_ticks = 1, h->idle_floats = 1; },
-                                                     [](StateHead* h) { h->idle_ticks = kIdleTicks; },
-                                                     [](StateHead* h) { h->jumped = 1; }};
+  const std::function<void(StateHead*)> changes[] = {
+      [](StateHead* h) { h->stages = DCLOTH_STAGES_SKELETON; }, [](StateHead* h) { h->part = 0; },
+      [](StateHead* h) { h->idle_ticks = 1, h->idle_floats = 1; }, [](StateHead* h) { h->idle_ticks = kIdleTicks; },
+      [](StateHead* h) { h->jumped = 1; }};
   for (const auto& change : changes) {
     StateHead head = sound_;
     change(&head);
