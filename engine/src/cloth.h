@@ -1,5 +1,5 @@
-// One garment on one character: the memory of an instance, its reset, and a frame's skinning. Ticks are in
-// network/schedule.h, time in update.h.
+// One garment on one character: the memory of an instance and its reset. Ticks are in network/schedule.h, time in
+// update.h, drawing in frame.h.
 #ifndef DCLOTH_ENGINE_SRC_CLOTH_H_
 #define DCLOTH_ENGINE_SRC_CLOTH_H_
 
@@ -72,10 +72,6 @@ void ResetCloth(Cloth* cloth);
 bool TakeWind(const float* wind, Cloth* cloth, format::Diagnostic* diagnostic);
 
 uint32_t ModelStages(const format::ModelView& model);
-
-// Draws the garment as it was `behind` ticks before the newest complete one, 0 to 2, or at the oldest tick
-// where none is so old.
-void SkinFrame(Cloth* cloth, const SkinPose& skin, double behind, const dcloth_output& output, Stopwatch* watch);
 
 }  // namespace dcloth::engine
 

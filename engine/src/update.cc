@@ -3,6 +3,7 @@
 #include <cstring>
 #include <utility>
 
+#include "engine/src/frame.h"
 #include "engine/src/network/schedule.h"
 #include "engine/src/time/idle.h"
 #include "engine/src/time/pose_blend.h"
@@ -13,8 +14,8 @@ namespace {
 constexpr uint64_t kAllOfIt = UINT64_MAX;
 
 // A pipelined frame does this times its length in ticks of a tick's cost. Work then follows the frame time,
-// however frames and ticks fall, and what is left when the next tick is due fits into that frame's own part.
-// The little above 1 keeps a host whose frame time wobbles from finishing a frame late. Rejected: equal parts
+// however frames and ticks fall, and what is left when the next tick is due fits into that frame's own share.
+// The little above 1 keeps a host whose frame time wobbles from finishing a frame late. Rejected: equal shares
 // over the frames until the next tick, where a wobble of the frame time puts a whole tick into one frame.
 constexpr double kPipelinePace = 1.05;
 
@@ -60,7 +61,7 @@ uint64_t RunDueTicks(Cloth* cloth, const DueTicks& due, const dcloth_frame& fram
   return spent;
 }
 
-// This frame's part of the tick in work, less what the frame has already `spent`.
+// This frame's share of the tick in work, less what the frame has already `spent`.
 uint64_t RunShare(Cloth* cloth, const dcloth_frame& frame, uint64_t tick_cost, uint64_t spent, Stopwatch* watch) {
   const double budget = kPipelinePace * cloth->clock.step() * static_cast<double>(tick_cost);
   if (budget >= static_cast<double>(tick_cost + spent)) return RunTick(cloth, kAllOfIt, Freezes(frame), watch);
@@ -72,8 +73,7 @@ uint64_t RunShare(Cloth* cloth, const dcloth_frame& frame, uint64_t tick_cost, u
 bool StaysFrozen(const Cloth& cloth, const dcloth_frame& frame) {
   if (!Freezes(frame) || !IsFrozen(cloth)) return false;
   if (!(frame.seconds > 0)) return true;
-  return (frame.flags & DCLOTH_FRAME_JUMPED) == 0 && frame.stages == cloth.stages &&
-         IsStill(cloth, cloth.pose_now);
+  return (frame.flags & DCLOTH_FRAME_JUMPED) == 0 && frame.stages == cloth.stages && IsStill(cloth, cloth.pose_now);
 }
 
 // Time passes: the ticks that this frame runs.
@@ -98,7 +98,7 @@ void Draw(Cloth* cloth, const Affine* pose, double behind, const dcloth_output& 
   SkinPose skin = {cloth->skin_joints, {}};
   MakeSkinPose(*cloth->model, pose, &skin);
   watch->Lap(DCLOTH_STEP_POSE, "pose");
-  SkinFrame(cloth, skin, behind, output, watch);
+  DrawFrame(cloth, skin, behind, output, watch);
 }
 
 }  // namespace

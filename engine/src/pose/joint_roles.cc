@@ -114,7 +114,7 @@ constexpr Word kSecondWords[] = {
     {"foot", DCLOTH_ROLE_LEFT_TOES, 8, true},           // SMPL, beside an ankle
 };
 constexpr const char* kTrunk[] = {"spine", "chest", "upperchest", "lowerback", "waist", "abdomen", "torso"};
-// Parts of a name that say nothing: whose skeleton it is, what kind of bone.
+// Pieces of a name that say nothing: whose skeleton it is, what kind of bone.
 constexpr const char* kIdle[] = {"mixamorig", "bip",   "bip01", "bip001", "valvebiped", "def",  "org",    "bone",
                                  "jnt",       "joint", "j",     "c",      "cc",         "base", "mixamo", "character1"};
 
@@ -133,16 +133,16 @@ struct Plain {
   char word[kMaxName + 1] = {};
   size_t size = 0;
   Side side = Side::kNone;
-  void Add(const char* part, size_t part_size) {
-    for (size_t i = 0; i < part_size && size < kMaxName; ++i) word[size++] = part[i];
+  void Add(const char* piece, size_t piece_size) {
+    for (size_t i = 0; i < piece_size && size < kMaxName; ++i) word[size++] = piece[i];
     word[size] = 0;
   }
 };
 
-// One part of a name, lower case: a side, an idle word, or part of the word. `last` tells that nothing follows it.
-void TakePart(const char* part, size_t size, Plain* plain) {
+// One piece of a name, lower case: a side, an idle word, or a piece of the word. `last` tells that nothing follows it.
+void TakePiece(const char* piece, size_t size, Plain* plain) {
   char text[kMaxName + 1] = {};
-  std::memcpy(text, part, size);
+  std::memcpy(text, piece, size);
   if (plain->side == Side::kNone && size == 1 && (text[0] == 'l' || text[0] == 'r')) {
     plain->side = text[0] == 'l' ? Side::kLeft : Side::kRight;
     return;
@@ -197,18 +197,18 @@ Plain PlainName(const char* name, bool numbered) {
     plain.side = Lower(begin[0]) == 'l' ? Side::kLeft : Side::kRight;
     ++begin;
   }
-  char part[kMaxName + 1];
+  char piece[kMaxName + 1];
   size_t size = 0;
   for (const char* at = begin;; ++at) {
     const bool letter = at != end && IsLetter(*at), digit = at != end && IsDigit(*at);
-    // A number after a word is a part of its own, but for its zeros: "spine01".
-    const bool breaks = size != 0 && digit && !IsDigit(part[size - 1]);
+    // A number after a word is a piece of its own, but for its zeros: "spine01".
+    const bool breaks = size != 0 && digit && !IsDigit(piece[size - 1]);
     if (size != 0 && ((!letter && !digit) || breaks || size == kMaxName)) {
-      TakePart(part, size, &plain);
+      TakePiece(piece, size, &plain);
       size = 0;
     }
     if (at == end) return plain;
-    if (letter || digit) part[size++] = Lower(*at);
+    if (letter || digit) piece[size++] = Lower(*at);
   }
 }
 

@@ -114,18 +114,18 @@ Affine Between(const Affine& older, const Affine& before, const Affine& now, dou
   Axes o, b, n;
   if (!SplitAxes(before, &b) || !SplitAxes(now, &n)) return out;
   const Quaternion turn = TurnBetween(b, n);
-  double part[3][3];
+  double turned[3][3];
   Quaternion curved;
   if (SplitAxes(older, &o) && CurvedRotation(turn, TurnBetween(b, o), gap, fraction, &curved)) {
-    PartialRotation(curved, 1, part);
+    PartialRotation(curved, 1, turned);
   } else {
-    PartialRotation(turn, fraction, part);
+    PartialRotation(turn, fraction, turned);
   }
   for (int c = 0; c < 3; ++c) {
     const double length = b.length[c] + fraction * (n.length[c] - b.length[c]);
     for (int r = 0; r < 3; ++r) {
-      out.m[r][c] =
-          length * (part[r][0] * b.rotation[0][c] + part[r][1] * b.rotation[1][c] + part[r][2] * b.rotation[2][c]);
+      out.m[r][c] = length * (turned[r][0] * b.rotation[0][c] + turned[r][1] * b.rotation[1][c] +
+                              turned[r][2] * b.rotation[2][c]);
     }
   }
   return out;
