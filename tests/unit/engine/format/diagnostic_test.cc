@@ -91,8 +91,7 @@ TEST(DiagnosticText, CarriesIntoThePower) {
   for (int power = -300; power <= 300; ++power) {
     const std::string text = std::to_string(power);
     EXPECT_EQ(Number(std::stod("1e" + text)), power == 0 ? "1.00000" : "1.00000e" + text);
-    EXPECT_EQ(Number(std::stod("9.9999999e" + text)),
-              power == -1 ? "1.00000" : "1.00000e" + std::to_string(power + 1));
+    EXPECT_EQ(Number(std::stod("9.9999999e" + text)), power == -1 ? "1.00000" : "1.00000e" + std::to_string(power + 1));
   }
 }
 
