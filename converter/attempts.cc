@@ -1,12 +1,12 @@
 #include "converter/attempts.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <string>
 #include <utility>
 
 #include "converter/choose_formats.h"
 #include "converter/model_maker.h"
+#include "kernels/half.h"
 
 namespace dcloth::converter {
 namespace {
@@ -22,12 +22,6 @@ OpenModel Open(const AlignedBytes& bytes, const Bundle& bundle) {
         {bundle.path, "", "a model that the engine does not open: " + error.parts().found, error.parts().expected,
          "if a limit is named, make the network smaller; otherwise this is a bug in the converter, please report it"});
   }
-}
-
-std::string Millimetres(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.6g mm", value);
-  return text;
 }
 
 }  // namespace
@@ -86,7 +80,9 @@ bool Attempts::ChooseAt(uint32_t rank, AutoReport* report) {
     if (tensor.dtype != "i8" && tensor.dtype != "f16") continue;
     FormatOption option{tensor.name, tensor.dtype == "i8" ? Precision::kInt8 : Precision::kFp16, 1};
     for (const uint32_t extent : tensor.shape) option.element_count *= extent;
-    option.has_halves = !IsLayer(tensor.name);
+    // Half a step of int8 more or less, what half floats hold: rows of a corrected basis differ by so much.
+    const double largest = std::max(-tensor.loss.lowest, tensor.loss.highest) * (1 + 1.0 / 127);
+    option.has_halves = !IsLayer(tensor.name) && largest < static_cast<double>(kernels::kMaxHalf);
     options.push_back(std::move(option));
   }
   const bool calibrated = !options_.calibration.empty();
@@ -199,9 +195,9 @@ ThresholdError Attempts::Missed() const {
   if (options_.precision) mend += ", or pass --precision auto";
   return ThresholdError({bundle_.path, "",
                          last.precision + (reduced ? " of rank " + std::to_string(last.rank) : "") +
-                             " to differ from fp32 by up to " + Millimetres(error.position_mm.max) +
+                             " to differ from fp32 by up to " + NumberText(error.position_mm.max) + " mm" +
                              (unseen ? " on motion that it was not calibrated on" : ""),
-                         "at most " + Millimetres(*options_.max_error_mm), mend});
+                         "at most " + NumberText(*options_.max_error_mm) + " mm", mend});
 }
 
 }  // namespace dcloth::converter

@@ -87,15 +87,15 @@ void ReadFeatures(TensorReader* reader, Bundle* bundle) {
 
 // S as it is or as the product of its factors. The sums are in double: the float basis keeps the rank R, which is how
 // the converter finds it again.
-Matrix ReadSkeletonBasis(TensorReader* reader, uint64_t k, uint64_t n) {
+Matrix ReadSkeletonBasis(TensorReader* reader, uint64_t k, uint64_t n, Matrix* components) {
   if (!reader->Has("skeleton.components")) return reader->TakeBasis("skeleton.basis", k, n, "[k_S, n, 3]");
   const Matrix readout = reader->TakeMatrix("skeleton.readout", k, TensorReader::kAny, "[k_S, R]");
   const auto rank = static_cast<uint64_t>(readout.cols());
   if (rank > k) {
     reader->Refuse("skeleton.readout", std::to_string(rank) + " components", "at most k_S = " + std::to_string(k));
   }
-  const Matrix components = reader->TakeBasis("skeleton.components", rank, n, "[R, n, 3]");
-  Matrix basis = (readout.cast<double>() * components.cast<double>()).cast<float>();
+  *components = reader->TakeBasis("skeleton.components", rank, n, "[R, n, 3]");
+  Matrix basis = (readout.cast<double>() * components->cast<double>()).cast<float>();
   if (!basis.allFinite())
     reader->Refuse("skeleton.components", "a product with skeleton.readout that F32 cannot hold", "finite numbers");
   return basis;
@@ -111,7 +111,7 @@ SkeletonWeights ReadSkeleton(TensorReader* reader, uint64_t n, uint64_t d) {
   skeleton.hidden.weight = reader->TakeMatrix(gru + "weight_hh", 3 * k, k, "[3 k_S, k_S]");
   skeleton.input.weight = reader->TakeMatrix(gru + "weight_ih", 3 * k, d, "[3 k_S, d]");
   skeleton.input.bias = reader->TakeVector(gru + "bias_ih", 3 * k, "[3 k_S]");
-  skeleton.basis = ReadSkeletonBasis(reader, k, n);
+  skeleton.basis = ReadSkeletonBasis(reader, k, n, &skeleton.components);
   return skeleton;
 }
 
@@ -168,8 +168,22 @@ void ReadBody(TensorReader* reader, Bundle* bundle) {
   for (Eigen::Index i = 0; i < bundle->body_collides.size(); ++i) {
     const float value = bundle->body_collides[i];
     if (value == 0 || value == 1) continue;
-    reader->Refuse("body.collides", std::to_string(value) + " at vertex " + std::to_string(i),
+    reader->Refuse("body.collides", NumberText(static_cast<double>(value)) + " at vertex " + std::to_string(i),
                    "1 for skin that cloth collides with, else 0");
+  }
+}
+
+// Names as a wrapper around the network writes them into its state dict.
+void RefuseWrappers(const SafeFile& file) {
+  for (const SafeTensor& tensor : file.tensors()) {
+    for (const std::string prefix : {"_orig_mod.", "module."}) {
+      const size_t at = tensor.name.find(prefix);
+      if (at == std::string::npos || (at != 0 && tensor.name[at - 1] != '.')) continue;
+      throw Error(
+          {file.path(), tensor.name,
+           "the prefix '" + prefix + "' of " + (prefix == "module." ? "torch.nn.DataParallel" : "torch.compile"),
+           "the names of converter/BUNDLE.md", RewriteCommand("k.replace('" + prefix + "', ''): v")});
+    }
   }
 }
 
@@ -178,6 +192,7 @@ void ReadBody(TensorReader* reader, Bundle* bundle) {
 Bundle BundleFrom(const SafeFile& file) {
   Bundle bundle;
   bundle.path = file.path();
+  RefuseWrappers(file);
   ReadMetadata(file, &bundle);
   TensorReader reader(file);
   bundle.template_positions = reader.TakeGeometry("template.positions", kAny, 3, "[n, 3]");

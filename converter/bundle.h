@@ -38,6 +38,7 @@ struct SkeletonWeights {
   LinearWeights input;   // [3k, d], gate order r, z, n
   LinearWeights hidden;  // [3k, k]
   Matrix basis;          // [k, 3n]
+  Matrix components;     // [R, 3n], the right factor of a basis that came as two; else empty
 };
 
 struct MeshWeights {

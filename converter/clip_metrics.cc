@@ -6,6 +6,7 @@
 
 #include "converter/error.h"
 #include "converter/mesh_graph.h"
+#include "converter/metrics.h"
 
 namespace dcloth::converter {
 namespace {
@@ -13,6 +14,9 @@ namespace {
 constexpr int kLittle = 8, kMuch = 40;  // steps of averaging that separate fine, middle and coarse
 constexpr size_t kBlock = ClothMesh::kLanes / 6;
 constexpr double kCalmMm = 5;
+constexpr double ClipError::*kMeans[] = {&ClipError::alive_mm,       &ClipError::predicted_alive_mm,
+                                         &ClipError::offset_mm,      &ClipError::motion_error_mm,
+                                         &ClipError::fine_motion_mm, &ClipError::strain_p99};
 
 double Length(const float* v) {
   const double x = v[0], y = v[1], z = v[2];
@@ -61,9 +65,7 @@ ClipError OverClips(std::span<const ClipError> clips) {
   for (const ClipError& clip : clips) {
     if (clip.clip_count == 0) continue;
     ++out.clip_count;
-    for (double ClipError::*field :
-         {&ClipError::error_mm, &ClipError::alive_mm, &ClipError::predicted_alive_mm, &ClipError::offset_mm,
-          &ClipError::motion_error_mm, &ClipError::fine_motion_mm, &ClipError::strain_p99}) {
+    for (double ClipError::*field : kMeans) {
       out.*field += clip.*field;
     }
     out.jitter_rms_mm = Rms(out.jitter_rms_mm, clip.jitter_rms_mm);
@@ -78,9 +80,7 @@ ClipError OverClips(std::span<const ClipError> clips) {
   }
   if (out.clip_count == 0) return out;
   const double count = static_cast<double>(out.clip_count), root = std::sqrt(count);
-  for (double ClipError::*field :
-       {&ClipError::error_mm, &ClipError::alive_mm, &ClipError::predicted_alive_mm, &ClipError::offset_mm,
-        &ClipError::motion_error_mm, &ClipError::fine_motion_mm, &ClipError::strain_p99}) {
+  for (double ClipError::*field : kMeans) {
     out.*field /= count;
   }
   out.jitter_rms_mm /= root, out.jitter_truth_rms_mm /= root;
@@ -246,7 +246,7 @@ ClipError ClipTruth::Compare(std::span<const float> positions) const {
 
   ClipError out = truth_;
   BandSums sums;
-  double error = 0, alive = 0, motion_error = 0, offset = 0;
+  double alive = 0, motion_error = 0, offset = 0;
   std::vector<float> moving(kBlock * size), apart(kBlock * size);
   for (size_t t = 0; t < counted_; t += kBlock) {
     const size_t count = std::min(kBlock, counted_ - t);
@@ -259,7 +259,6 @@ ClipError ClipTruth::Compare(std::span<const float> positions) const {
       for (size_t i = 0; i < size; i += 3) {
         float moved[3];
         for (size_t c = 0; c < 3; ++c) moved[c] = moving[k * size + i + c] - (truth[i + c] - mean_[i + c]);
-        error += Length(&apart[k * size + i]);
         alive += Length(&moving[k * size + i]);
         motion_error += Length(moved);
       }
@@ -272,7 +271,6 @@ ClipError ClipTruth::Compare(std::span<const float> positions) const {
     offset += Length(between);
   }
   const size_t points = counted_ * n;
-  out.error_mm = MeanMm(error, points);
   out.predicted_alive_mm = MeanMm(alive, points);
   out.motion_error_mm = MeanMm(motion_error, points);
   out.offset_mm = MeanMm(offset, n);
@@ -281,11 +279,7 @@ ClipError ClipTruth::Compare(std::span<const float> positions) const {
     out.bands[b].error_mm = MeanMm(sums.lengths[b], points);
     out.bands[b].rms_mm = RmsMm(sums.squares[b], points);
   }
-  if (!strain.empty()) {
-    const auto at = strain.begin() + static_cast<std::ptrdiff_t>((strain.size() * 99 + 99) / 100 - 1);
-    std::nth_element(strain.begin(), at, strain.end());
-    out.strain_p99 = static_cast<double>(*at);
-  }
+  out.strain_p99 = Percentile(&strain, 99);
   if (out.alive_mm < kCalmMm) out.calm_mm = out.predicted_alive_mm - out.alive_mm;
   return out;
 }

@@ -1,5 +1,5 @@
-// How well a predicted clip moves: what training/dcloth_training/metrics.py defines, but penetration and crossings,
-// which need exact tests of meshes.
+// How well a predicted clip moves: what training/dcloth_training/metrics.py defines, but E_d and E_n (metrics.h), and
+// penetration and crossings, which need exact tests of meshes.
 #ifndef DCLOTH_CONVERTER_CLIP_METRICS_H_
 #define DCLOTH_CONVERTER_CLIP_METRICS_H_
 
@@ -27,7 +27,6 @@ struct BandError {
 // Of one clip, or the mean over clips in which each weighs the same (rms: of the mean square).
 struct ClipError {
   size_t clip_count = 0;          // 0: nothing was measured
-  double error_mm = 0;            // E_d
   double alive_mm = 0;            // the truth about its own mean shape over the clip, in the hips' frame
   double predicted_alive_mm = 0;  // the same of the prediction
   double offset_mm = 0;           // between the two mean shapes

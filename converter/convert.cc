@@ -11,6 +11,7 @@
 #include "converter/error.h"
 #include "converter/rollout.h"
 #include "converter/stages.h"
+#include "converter/weight_place.h"
 
 namespace dcloth::converter {
 namespace {
@@ -28,7 +29,7 @@ void CheckOptions(const ConvertOptions& options) {
     }
   }
   if (options.max_error_mm && !(*options.max_error_mm >= 0 && std::isfinite(*options.max_error_mm))) {
-    throw Error({"", "", "an error bound of " + std::to_string(*options.max_error_mm) + " mm", "0 or more", ""});
+    throw Error({"", "", "an error bound of " + NumberText(*options.max_error_mm) + " mm", "0 or more", ""});
   }
   if (options.max_error_mm && Measured(options).empty()) {
     throw Error(
@@ -73,6 +74,26 @@ std::vector<std::vector<Eigen::Matrix4d>> SkinningPoses(const Bundle& bundle, st
     }
   }
   return poses;
+}
+
+// Tensors in which a row lost more than a twentieth of itself: which, by which weight, and what to do.
+std::vector<std::string> Warnings(const Bundle& bundle, const std::vector<TensorReport>& tensors) {
+  std::vector<std::string> warnings;
+  for (const TensorReport& tensor : tensors) {
+    const std::optional<RowLoss>& worst = tensor.loss.worst_row;
+    if (!worst || worst->low_count == 0) continue;
+    const WeightPlace place = LargestWeight(bundle, tensor.name);
+    const bool integers = tensor.dtype == "i8";
+    warnings.push_back(tensor.name + ": " + std::to_string(worst->low_count) + " of " +
+                       std::to_string(tensor.shape[0]) + " rows lose more than a twentieth of their size as " +
+                       (integers ? "int8" : "fp16") + ", most of all row " + std::to_string(worst->row) + " (" +
+                       NumberText(std::round(worst->snr_db * 10) / 10) +
+                       " dB without its largest weights); the largest weight is " + place.tensor + place.element +
+                       " = " + NumberText(place.value) + ": " +
+                       (integers ? "clip it, or store this tensor in fp16 or fp32 (--precision auto chooses)"
+                                 : "scale the small rows up, or pass --precision fp32"));
+  }
+  return warnings;
 }
 
 // Eigen cuts its products to the caches of the machine it runs on, and with them the order of sums: a model's last bits
@@ -129,6 +150,7 @@ ConvertResult Convert(const Bundle& whole, const ConvertOptions& options) {
       MeasurePruning(stored.skin_weights, stored.skin, bundle.template_positions, BindPositions(bundle, bundle.bones),
                      SkinningPoses(bundle, bundle.bones, Measured(options)));
   MeasureTensorCosts(bundle, stored, found.plan, Measured(options), &report.tensors, options.progress);
+  report.warnings = Warnings(bundle, report.tensors);
   result.bytes = std::move(found.bytes);
   return result;
 }

@@ -25,19 +25,19 @@ struct ConvertOptions {
   // Empty is `auto`: per tensor the cheapest format (choose_formats.h) that keeps the model within max_error_mm of the
   // fp32 one. Chosen on the calibration, so that `motion` stays unseen; on `motion` where there is no calibration.
   std::optional<Precision> precision = Precision::kFp32;
-  std::optional<double> max_error_mm;  // bound on position_mm.max; needs motion or calibration
-  std::span<const Sequence> motion;    // only measured on
+  std::optional<double> max_error_mm = {};  // bound on position_mm.max; needs motion or calibration
+  std::span<const Sequence> motion = {};    // only measured on
   // Rows of the displacement basis, and the motion that a reduction may be fitted to. The bound holds on both kinds of
   // motion; a search looks at calibration alone, so that `motion` stays unseen.
-  RankRequest rank;
-  std::span<const Sequence> calibration;
+  RankRequest rank = {};
+  std::span<const Sequence> calibration = {};
   // Bones per cloth vertex and joints per body point, 1 to 8. Fewer are written where no vertex has as many; more are
   // cut to the strongest, and the report says what that costs.
   uint32_t influences = 8;
   uint32_t body_influences = 8;
-  std::optional<uint32_t> stages;  // DCLOTH_STAGES_* that the model holds; without it all of the bundle's
-  ProgressCallback progress;       // of measuring each tensor's cost on the motion
-  ProgressCallback choosing;       // of `auto`, in models; how many it takes is an estimate
+  std::optional<uint32_t> stages = {};  // DCLOTH_STAGES_* that the model holds; without it all of the bundle's
+  ProgressCallback progress = {};       // of measuring each tensor's cost on the motion
+  ProgressCallback choosing = {};       // of `auto`, in models; how many it takes is an estimate
 };
 
 // One precision and rank that were tried. Errors are against the fp32 model with all stages and the whole basis.
@@ -84,6 +84,7 @@ struct ConvertReport {
   RankReport rank;
   std::vector<Trial> trials;  // empty without motion and calibration
   std::optional<AutoReport> automatic;
+  std::vector<std::string> warnings;  // a sentence for each tensor of which whole rows were lost
 };
 
 struct ConvertResult {

@@ -1,6 +1,7 @@
 #include "converter/error.h"
 
 #include <cstdint>
+#include <cstdio>
 #include <utility>
 
 namespace dcloth::converter {
@@ -71,6 +72,12 @@ std::string PathText(const std::filesystem::path& path) {
   const std::string& raw = path.native();
 #endif
   return PrintableText(raw);
+}
+
+std::string NumberText(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.6g", value);
+  return text;
 }
 
 Error::Error(ErrorParts parts) : std::runtime_error(Compose(parts)), parts_(std::move(parts)) {}

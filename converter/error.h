@@ -36,6 +36,9 @@ class ThresholdError : public Error {
 // not UTF-8 become '?'. what() treats every part so.
 std::string PrintableText(const std::string& raw);
 
+// Six significant digits at most: "0.5", "3e+38".
+std::string NumberText(double value);
+
 // The path as such text.
 std::string PathText(const std::filesystem::path& path);
 

@@ -4,12 +4,24 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "converter/bundle.h"
 #include "converter/quantize.h"
 
 namespace dcloth::converter {
+
+// One outlier is nearly all of a row's signal, and its scale takes what is beside it. So a row's SNR is that of all its
+// elements but the largest (one in kElementsPerOutlier, one at least), against their own size.
+constexpr size_t kElementsPerOutlier = 64;
+constexpr double kLowRowSnrDb = 26;  // a twentieth of those elements' size is lost; sound int8 rows have 33 or more
+
+struct RowLoss {
+  uint32_t row = 0;        // of [rows, columns]: an input, whose loss reaches every output
+  double snr_db = 0;       // without its largest elements
+  uint32_t low_count = 0;  // rows of the tensor below kLowRowSnrDb
+};
 
 struct TensorLoss {
   double lowest = 0, highest = 0;  // of the exact values
@@ -19,6 +31,8 @@ struct TensorLoss {
   double relative_max = 0;         // max |stored - exact| / max |exact|
   // 10 log10 (sum exact^2 / sum (stored - exact)^2), dB; infinite where stored exactly.
   double snr_db = std::numeric_limits<double>::infinity();
+  // That of the lowest SNR. Rows below a tenth of the median row's size are not looked at; empty where no row loses.
+  std::optional<RowLoss> worst_row;
 };
 
 // Stored as they are: the range, no loss. An empty span gives zeros.

@@ -50,15 +50,14 @@ double PopulationStd(const std::vector<double>& values, double mean) {
   return values.empty() ? 0 : std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-// Nearest rank: the smallest value that at least `percent` of 100 values, 1 or more, do not exceed. Reorders.
+}  // namespace
+
 double Percentile(std::vector<float>* values, size_t percent) {
   if (values->empty()) return 0;
   const size_t rank = (values->size() * percent + 99) / 100 - 1;
   std::nth_element(values->begin(), values->begin() + static_cast<std::ptrdiff_t>(rank), values->end());
   return static_cast<double>((*values)[rank]);
 }
-
-}  // namespace
 
 ErrorMeter::ErrorMeter(std::span<const uint16_t> triangles, size_t vertex_count)
     : triangles_(triangles.begin(), triangles.end()), vertex_count_(vertex_count) {

@@ -9,7 +9,10 @@
 
 namespace dcloth::converter {
 
-// Percentiles are nearest-rank over all vertices of all frames.
+// Nearest rank: the smallest value that at least `percent` (1 to 100) of 100 values do not exceed; 0 of none. Reorders.
+double Percentile(std::vector<float>* values, size_t percent);
+
+// Percentiles are over all vertices of all frames.
 struct PositionError {
   double mean = 0;                            // mm: over frames, of a frame's mean distance
   double std = 0;                             // mm: of a frame's mean distance over frames (population)

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "converter/error.h"
+#include "converter/weight_place.h"
 #include "converter/write_model.h"
 
 namespace dcloth::converter {
@@ -22,10 +23,7 @@ WrittenModel WriteRanked(const Bundle& bundle, RankMaker* ranks, uint32_t rank, 
     for (const PackedTensor* tensor : TensorsOf(parts)) model.tensors.push_back(tensor->report);
     return model;
   } catch (const Error& error) {
-    if (!error.parts().path.empty()) throw;
-    ErrorParts parts = error.parts();
-    parts.path = bundle.path;
-    throw Error(std::move(parts));
+    RethrowForBundle(error, bundle);
   }
 }
 

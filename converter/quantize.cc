@@ -23,8 +23,8 @@ void Check(const std::string& name, const Matrix& weights) {
   if (weights.size() == 0) throw Error({"", name, "an empty matrix", "at least one weight", ""});
   const double largest = static_cast<double>(weights.cwiseAbs().maxCoeff());
   if (!(largest <= kLargest)) {
-    throw Error({"", name, "the weight " + std::to_string(largest), "magnitudes up to 1e30",
-                 "check whether training diverged"});
+    throw Error(
+        {"", name, "the weight " + NumberText(largest), "magnitudes up to 1e30", "check whether training diverged"});
   }
 }
 
@@ -116,9 +116,7 @@ std::vector<uint16_t> QuantizeHalf(const std::string& name, const Matrix& weight
     for (Eigen::Index c = 0; c < weights.cols(); ++c) {
       halves.push_back(kernels::HalfFromFloat(weights(j, c)));
       if ((halves.back() & 0x7C00u) == 0x7C00u) {
-        throw Error({"", name,
-                     "the weight " + std::to_string(weights(j, c)) + " at row " + std::to_string(j) + ", column " +
-                         std::to_string(c),
+        throw Error({"", name, "the weight " + NumberText(static_cast<double>(weights(j, c))),
                      "magnitudes below 65520 for fp16", "convert with --precision fp32"});
       }
     }

@@ -5,7 +5,9 @@
 
 #include "converter/calibrate.h"
 #include "converter/correct.h"
+#include "converter/error.h"
 #include "converter/fold.h"
+#include "converter/weight_place.h"
 
 namespace dcloth::converter {
 namespace {
@@ -48,7 +50,8 @@ std::optional<ReducedBasis> RankMaker::Make(uint32_t rank, Precision precision) 
     }
   }
   ReducedBasis reduced = Reduce(bundle_, *frame_, moment_, std::min(rank, frame_->rank()));
-  if (precision == Precision::kInt8) {
+  if (precision != Precision::kInt8) return reduced;
+  try {
     if (calibration_.empty()) {
       const QuantizedMatrix whole = QuantizeTwoSided("displacement.basis.weights", StackBasis(bundle_).basis);
       const auto rows = static_cast<size_t>(reduced.basis.rows());
@@ -56,6 +59,8 @@ std::optional<ReducedBasis> RankMaker::Make(uint32_t rank, Precision precision) 
     } else {
       TradeForCorrections(&reduced);
     }
+  } catch (const Error& error) {
+    RethrowForBundle(error, bundle_);
   }
   return reduced;
 }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "converter/error.h"
+#include "converter/foreign_file.h"
 
 namespace dcloth::converter {
 namespace {
@@ -45,6 +46,9 @@ OpenModel::OpenModel(AlignedBytes bytes, std::filesystem::path path)
   const std::byte* const start = bytes_.empty() ? model_memory_.data() : bytes_.data();
   if (dcloth_model_open(start, bytes_.size(), model_memory_.data(), model_memory_.size(), &model_, &error) !=
       DCLOTH_OK) {
+    if (const ForeignFile foreign = ForeignFileOf(bytes_); foreign.name != nullptr) {
+      throw Error({path, "", foreign.name, "a .dcloth model", foreign.mend});
+    }
     throw Error(PartsOf(error, path));
   }
   info_.struct_size = sizeof(info_);
@@ -62,8 +66,8 @@ void Rollout(const OpenModel& model, const Sequence& sequence, uint32_t stages, 
   const dcloth_model_info& info = model.info();
   const double tick_rate = 1 / static_cast<double>(info.tick_seconds);
   if (std::abs(sequence.fps - tick_rate) > 0.01 * tick_rate) {
-    throw Error({sequence.path, "", std::to_string(sequence.fps) + " frames a second",
-                 std::to_string(tick_rate) + ", the model's tick rate", "resample the sequence"});
+    throw Error({sequence.path, "", NumberText(sequence.fps) + " frames a second",
+                 NumberText(tick_rate) + ", the model's tick rate", "resample the sequence"});
   }
   const std::vector<uint32_t> map = MapJoints(sequence, model.joint_names());
   std::vector<float> matrices(map.size() * 16), positions(size_t{info.vertex_count} * 3), normals(positions.size());

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "converter/error.h"
+#include "converter/foreign_file.h"
 #include "converter/safetensors_header.h"
 #include "kernels/half.h"
 
@@ -99,6 +100,9 @@ SafeFile SafeFile::Parse(AlignedBytes bytes, std::filesystem::path path) {
       throw Error({file.path_, "", "a .dcloth model", "a safetensors file",
                    "pass the training bundle that the model was made from, or a sequence"});
     }
+    if (const ForeignFile foreign = ForeignFileOf(file.bytes_); foreign.name != nullptr) {
+      throw Error({file.path_, "", foreign.name, "a safetensors file", foreign.mend});
+    }
     throw Error({file.path_, "", "a header of " + std::to_string(header_bytes) + " bytes",
                  "at most " + std::to_string(std::min<uint64_t>(size - 8, kMaxHeaderBytes)),
                  "the file is cut off, or it is not a safetensors file"});
@@ -136,6 +140,23 @@ const std::string& SafeFile::RequireMetadata(std::string_view key) const {
   return found->second;
 }
 
+std::string RewriteCommand(const std::string& items) {
+  return "run python3 -c \"from safetensors import safe_open, torch as t; t.save_file({" + items +
+         " for k, v in t.load_file('old.safetensors').items()}, 'new.safetensors', "
+         "safe_open('old.safetensors', 'pt').metadata())\"";
+}
+
+void RefuseType(const SafeFile& file, const SafeTensor& tensor, const std::string& expected) {
+  const auto cast = [](const char* to, const char* from) {
+    return RewriteCommand("k: v." + std::string(to) + "() if str(v.dtype) == 'torch." + from + "' else v");
+  };
+  std::string mend = "export the file again";
+  if (tensor.type == SafeType::kF64) mend = cast("float", "float64");
+  if (tensor.type == SafeType::kBF16) mend = cast("float", "bfloat16");
+  if (tensor.type == SafeType::kI64) mend = cast("int", "int64");
+  throw Error({file.path(), tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), expected, mend});
+}
+
 std::vector<float> FloatsOf(const SafeFile& file, const SafeTensor& tensor) {
   std::vector<float> values(tensor.count());
   if (tensor.type == SafeType::kF32) {
@@ -147,7 +168,7 @@ std::vector<float> FloatsOf(const SafeFile& file, const SafeTensor& tensor) {
       values[i] = kernels::FloatFromHalf(half);
     }
   } else {
-    throw Error({file.path(), tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), "F32 or F16", ""});
+    RefuseType(file, tensor, "F32 or F16");
   }
   for (size_t i = 0; i < values.size(); ++i) {
     if (!std::isfinite(values[i])) {

@@ -67,6 +67,12 @@ class SafeFile {
   Metadata metadata_;
 };
 
+// What mends a file with PyTorch: "run python3 -c ...", a copy whose tensors are `items`, of each name k and tensor v.
+std::string RewriteCommand(const std::string& items);
+
+// Throws Error: the tensor's dtype, and the command that casts all of a dtype that no file of ours has.
+[[noreturn]] void RefuseType(const SafeFile& file, const SafeTensor& tensor, const std::string& expected);
+
 // The numbers of an F32 or F16 tensor, exact; throws Error for other dtypes and for NaN or infinity.
 std::vector<float> FloatsOf(const SafeFile& file, const SafeTensor& tensor);
 

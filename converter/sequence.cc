@@ -25,8 +25,7 @@ void ReadMatrices(const SafeFile& file, Sequence* sequence) {
     Refuse(file, tensor.name, "shape " + ShapeText(shape),
            "[T, " + std::to_string(joints) + ", 4, 4] with T of 1 or more");
   }
-  if (tensor.type != SafeType::kF32)
-    Refuse(file, tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), "F32");
+  if (tensor.type != SafeType::kF32) RefuseType(file, tensor, "F32");
   sequence->frame_count = static_cast<size_t>(shape[0]);
   sequence->joint_matrices = FloatsOf(file, tensor);
   for (size_t i = 0; i < sequence->frame_count * joints; ++i) {
@@ -47,17 +46,15 @@ void ReadWind(const SafeFile& file, Sequence* sequence) {
   const SafeTensor* const tensor = file.Find("wind");
   if (tensor == nullptr) return;
   const Shape expected = {sequence->frame_count, 3};
-  if (tensor->shape != expected || tensor->type != SafeType::kF32) {
-    Refuse(file, tensor->name, SafeTypeName(tensor->type) + (" " + ShapeText(tensor->shape)),
-           "F32 [" + std::to_string(sequence->frame_count) + ", 3]");
-  }
+  if (tensor->shape != expected) Refuse(file, tensor->name, "shape " + ShapeText(tensor->shape), ShapeText(expected));
+  if (tensor->type != SafeType::kF32) RefuseType(file, *tensor, "F32");
   sequence->wind = FloatsOf(file, *tensor);
   constexpr double kFastest = 100;  // as dcloth_cloth_set_wind allows
   for (size_t frame = 0; frame < sequence->frame_count; ++frame) {
     const auto [x, y, z] = sequence->FrameWind(frame);
     const double speed = std::hypot(double{x}, double{y}, double{z});
     if (speed > kFastest) {
-      Refuse(file, tensor->name, std::to_string(speed) + " m/s in frame " + std::to_string(frame), "at most 100 m/s");
+      Refuse(file, tensor->name, NumberText(speed) + " m/s in frame " + std::to_string(frame), "at most 100 m/s");
     }
   }
 }
@@ -77,10 +74,9 @@ void ReadTruth(const SafeFile& file, Sequence* sequence) {
     if (tensor->type == SafeType::kF16) Refuse(file, "truth", "F16 without truth_origin", "truth_origin [T, 3] F32");
     return;
   }
-  if (origin->shape != Shape{shape[0], 3} || origin->type != SafeType::kF32) {
-    Refuse(file, origin->name, SafeTypeName(origin->type) + (" " + ShapeText(origin->shape)),
-           "F32 [" + std::to_string(shape[0]) + ", 3]");
-  }
+  const Shape expected = {shape[0], 3};
+  if (origin->shape != expected) Refuse(file, origin->name, "shape " + ShapeText(origin->shape), ShapeText(expected));
+  if (origin->type != SafeType::kF32) RefuseType(file, *origin, "F32");
   const std::vector<float> origins = FloatsOf(file, *origin);
   const size_t per_frame = sequence->truth_vertex_count * 3;
   for (size_t i = 0; i < sequence->truth.size(); ++i) {

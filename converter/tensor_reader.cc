@@ -63,7 +63,7 @@ Vector TensorReader::TakePositive(const std::string& name, uint64_t size, const 
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     // Its reciprocal is stored as a float.
     if (!(values[i] >= 1e-30f && values[i] <= 1e30f)) {
-      Refuse(name, std::to_string(values[i]) + " at element " + std::to_string(i), "1e-30 to 1e30");
+      Refuse(name, NumberText(static_cast<double>(values[i])) + " at element " + std::to_string(i), "1e-30 to 1e30");
     }
   }
   return values;
@@ -141,14 +141,14 @@ Matrix TensorReader::TakeSkinWeights(const std::string& name, uint64_t rows, uin
     const double sum = weights.row(i).cast<double>().sum();
     if (weights.row(i).minCoeff() < 0) Refuse(name, "a negative weight in row " + std::to_string(i), "0 or more");
     if (std::abs(sum - 1) > kRowSumTolerance) {
-      Refuse(name, "a sum of " + std::to_string(sum) + " in row " + std::to_string(i), "1 within 0.0001");
+      Refuse(name, "a sum of " + NumberText(sum) + " in row " + std::to_string(i), "1 within 0.0001");
     }
   }
   return weights;
 }
 
 void TensorReader::RequireType(const SafeTensor& tensor, SafeType type) const {
-  if (tensor.type != type) Refuse(tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), SafeTypeName(type));
+  if (tensor.type != type) RefuseType(file_, tensor, SafeTypeName(type));
 }
 
 void TensorReader::RefuseUnknown() const {

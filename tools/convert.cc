@@ -1,6 +1,7 @@
 // `dcloth convert`: a training bundle becomes a model file.
 #include "converter/convert.h"
 
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -88,6 +89,7 @@ int RunConvert(const Options& options) {
   outputs.emplace_back(options.model, result.bytes);
   if (!options.report.empty()) outputs.emplace_back(options.report, std::as_bytes(std::span(text)));
   for (converter::PreparedFile& output : outputs) output.Replace();
+  for (const std::string& warning : result.report.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
   if (options.json) {
     PrintJson(report);
   } else {

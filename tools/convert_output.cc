@@ -25,8 +25,12 @@ Json TensorJson(const TensorReport& t) {
                {"relative_rms", t.loss.relative_rms},
                {"relative_max", t.loss.relative_max},
                {"snr_db", nullptr},
+               {"worst_row", nullptr},
                {"cost_mm", nullptr}};
   if (std::isfinite(t.loss.snr_db)) json["snr_db"] = t.loss.snr_db;
+  if (const auto& worst = t.loss.worst_row) {
+    json["worst_row"] = {{"row", worst->row}, {"snr_db", worst->snr_db}, {"low_count", worst->low_count}};
+  }
   if (t.cost) json["cost_mm"] = {{"mean", t.cost->mean_mm}, {"p99", t.cost->p99_mm}, {"max", t.cost->max_mm}};
   return json;
 }
@@ -39,8 +43,8 @@ int NameWidth(const converter::ConvertReport& report) {
 
 void PrintTensors(const converter::ConvertReport& report) {
   const int width = NameWidth(report);
-  std::printf("%-*s  %-5s  %-13s  %10s  %22s  %8s  %8s  %7s\n", width, "tensor", "dtype", "shape", "bytes", "range",
-              "clipped", "to zero", "SNR dB");
+  std::printf("%-*s  %-5s  %-13s  %10s  %22s  %8s  %8s  %7s  %9s\n", width, "tensor", "dtype", "shape", "bytes",
+              "range", "clipped", "to zero", "SNR dB", "worst row");
   for (const TensorReport& t : report.tensors) {
     std::string shape;
     for (uint32_t s : t.shape) shape += (shape.empty() ? "" : " x ") + std::to_string(s);
@@ -49,8 +53,9 @@ void PrintTensors(const converter::ConvertReport& report) {
     std::printf("%-*s  %-5s  %-13s  %10llu  %22s", width, t.name.c_str(), t.dtype.c_str(), shape.c_str(),
                 static_cast<unsigned long long>(t.size_bytes), range);
     if (std::isfinite(t.loss.snr_db)) {
-      std::printf("  %8llu  %8llu  %7.1f\n", static_cast<unsigned long long>(t.loss.clipped),
+      std::printf("  %8llu  %8llu  %7.1f", static_cast<unsigned long long>(t.loss.clipped),
                   static_cast<unsigned long long>(t.loss.zeroed), t.loss.snr_db);
+      t.loss.worst_row ? std::printf("  %9.1f\n", t.loss.worst_row->snr_db) : std::printf("\n");
     } else {
       std::printf("  %8s  %8s  %7s\n", "", "", "exact");
     }
@@ -147,6 +152,7 @@ Json ConvertJson(const converter::ConvertReport& report, const std::filesystem::
                {"tensors", Json::array()},
                {"pruning", Json::object()},
                {"basis", RankJson(report.rank)},
+               {"warnings", report.warnings},
                {"auto", AutoJson(report)},
                {"trials", Json::array()}};
   for (const converter::TensorReport& t : report.tensors) json["tensors"].push_back(TensorJson(t));

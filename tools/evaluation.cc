@@ -220,8 +220,8 @@ size_t FramesPerTick(const Bundle& bundle, const Sequence& sequence) {
   if (whole < 1 || std::abs(ratio - whole) > 0.01 * whole) {
     throw converter::Error({.path = sequence.path,
                             .tensor = {},
-                            .found = "fps " + std::to_string(sequence.fps),
-                            .expected = "a multiple of the tick rate of " + std::to_string(bundle.tick_rate),
+                            .found = "fps " + converter::NumberText(sequence.fps),
+                            .expected = "a multiple of the tick rate of " + converter::NumberText(bundle.tick_rate),
                             .mend = "resample the sequence, or use `dcloth run`, which resamples poses"});
   }
   if (sequence.has_truth() && sequence.truth_vertex_count != bundle.vertex_count()) {

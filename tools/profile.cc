@@ -48,7 +48,7 @@ class Profiler {
     if (frame_count_ < 2) {
       throw converter::Error({.path = sequence.path,
                               .tensor = {},
-                              .found = "a single frame at " + std::to_string(options.fps) + " Hz",
+                              .found = "a single frame at " + converter::NumberText(options.fps) + " Hz",
                               .expected = "two frames or more, because the first one is not counted",
                               .mend = "pass a longer sequence or a higher --fps"});
     }

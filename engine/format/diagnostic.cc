@@ -49,7 +49,11 @@ Text& Text::AddNumber(double value) {
   uint64_t down = 0, up = 0;  // decimal places moved, so that magnitude lies in [1, 10) or is 0
   while (magnitude >= 10) magnitude /= 10, ++down;
   while (magnitude > 0 && magnitude < 1) magnitude *= 10, ++up;
-  const auto scaled = static_cast<uint64_t>(magnitude * 100000 + 0.5);
+  auto scaled = static_cast<uint64_t>(magnitude * 100000 + 0.5);
+  if (scaled == 1000000) {  // rounded up to the next power of ten
+    scaled = 100000;
+    up != 0 ? --up : ++down;
+  }
   Add(scaled / 100000).Add(".");
   for (uint64_t place = 10000, rest = scaled % 100000; place != 0; rest %= place, place /= 10) Add(rest / place);
   if (down != 0) return Add("e").Add(down);

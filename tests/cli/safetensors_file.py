@@ -4,7 +4,8 @@ import struct
 
 import numpy as np
 
-_NAMES = {"float32": "F32", "float16": "F16", "int32": "I32", "uint8": "U8"}
+_NAMES = {"float32": "F32", "float16": "F16", "int32": "I32", "uint8": "U8", "float64": "F64", "int64": "I64",
+          "uint16": "BF16"}  # NumPy has no bfloat16: the upper halves of float32
 _TYPES = {"F32": np.float32, "F16": np.float16, "I32": np.int32, "U8": np.uint8}
 
 

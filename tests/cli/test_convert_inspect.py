@@ -1,6 +1,7 @@
 """convert and inspect: what they write and say."""
 import json
 
+import numpy as np
 import pytest
 
 import safetensors_file
@@ -175,6 +176,63 @@ def test_report_ranks_tensors_by_what_they_cost(dcloth, files, tmp_path):
     assert measured == said
 
 
+@pytest.fixture
+def outlier(tmp_path):
+    """One element of a component at 1e5, far past all others (centimetres), in every row of the basis."""
+    components = small_garment.bundle_tensors()["skeleton.basis"].astype("float32")
+    readout = np.random.default_rng(5).standard_normal((len(components), len(components))).astype("float32")
+    components[3, 100, 1] = 1e5
+    path = tmp_path / "outlier.safetensors"
+    small_garment.write_bundle(path)
+    tensors, metadata = safetensors_file.read(path)
+    del tensors["skeleton.basis"]
+    safetensors_file.write(path, {**tensors, "skeleton.readout": readout, "skeleton.components": components}, metadata)
+    return path
+
+
+def test_rows_that_an_outlier_takes_are_told(dcloth, files, outlier, tmp_path):
+    convert = ["-o", tmp_path / "m.dcloth", "--precision", "int8", "--rank", "full", "--json"]
+    result = dcloth("convert", outlier, *convert)
+    said = json.loads(result.stdout)
+    basis = next(t for t in said["tensors"] if t["name"] == "displacement.basis.weights")
+    assert basis["snr_db"] > 60 and basis["rounded_to_zero"] > 1000  # all is well, says the sum over all elements
+    assert basis["worst_row"]["snr_db"] < 6 and basis["worst_row"]["low_count"] > 5
+    warning, = said["warnings"]
+    for word in ("displacement.basis.weights", f"row {basis['worst_row']['row']} ",
+                 "skeleton.components[3, 100, 1] = 100000:", "clip it", "--precision auto"):
+        assert word in warning
+    assert result.stderr == f"warning: {warning}\n"
+    for precision in ("int8", "fp16", "fp32"):
+        sound = dcloth("convert", files.bundle, "-o", tmp_path / "m.dcloth", "--precision", precision, "--json")
+        assert sound.stderr == "" and json.loads(sound.stdout)["warnings"] == []
+
+
+def test_auto_stores_an_outlier_where_it_fits(dcloth, files, outlier, tmp_path):
+    """No half float holds it: int8 loses the rest, so float32 is what is left for this tensor."""
+    result = dcloth("convert", outlier, "-o", tmp_path / "m.dcloth", "--precision", "auto", "--max-error-mm", 5,
+                    "--motion", files.walk, "--rank", "full", "--json")
+    assert result.returncode == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert said["warnings"] == [] and said["trials"][-1]["error"]["position_mm"]["max"] <= 5
+    basis = next(t for t in said["auto"]["tensors"] if t["name"] == "displacement.basis.weights")
+    assert basis["format"] == "fp32" and basis["cheaper"] == "int8" and basis["cheaper_mm"] > 5
+
+
+@pytest.mark.parametrize("name, matrix, at, precision", [
+    ("skeleton.gru.weight_hh", "skeleton_stage", (7, 9), "int8"),
+    ("skeleton.basis", "displacement", (2, 77, 1), "int8"),
+    ("mesh.basis", "displacement", (4, 300, 2), "fp16"), ("mesh.mlp.2.weight", "mesh_stage", (8, 3), "fp16"),
+    ("static.mlp.2.weight", "static_stage", (2, 5), "int8"), ("mesh.layers.0.w_o", "mesh_stage", (1, 2), "int8")])
+def test_weights_beyond_a_format_are_named_as_the_bundle_does(dcloth, tmp_path, name, matrix, at, precision):
+    weights = small_garment.bundle_tensors(width=16)[name].astype("float32")
+    weights[at] = -3e38
+    path = tmp_path / "b.safetensors"
+    small_garment.write_bundle(path, width=16, changes={name: weights})
+    result = dcloth("convert", path, "-o", tmp_path / "m.dcloth", "--precision", precision)
+    refused(result, path, f"tensor {name}: found the weight", f"element {list(at)} is the largest, -3e+38")
+    assert matrix not in result.stderr and "000000" not in result.stderr
+
+
 def test_a_model_without_its_last_stages(dcloth, files, tmp_path):
     out = tmp_path / "m.dcloth"
     convert = ["convert", files.bundle, "-o", out, "--precision", "int8", "--motion", files.walk, "--json"]
@@ -224,3 +282,5 @@ def test_a_bundle_for_a_model_and_a_model_for_a_bundle_are_told(dcloth, files, t
     for command in (["convert", files.model, "-o", tmp_path / "m"], ["evaluate", files.model, files.walk],
                     ["run", files.model, files.model, "-o", tmp_path / "x.pc2"]):
         refused(dcloth(*command), files.model, "a .dcloth model", "a safetensors file", "bundle")
+    refused(dcloth("run", files.model, files.bundle, "-o", tmp_path / "x.pc2"), files.bundle, "fps")
+    assert leftovers(tmp_path, set()) == []

@@ -1,6 +1,12 @@
 """Broken and wrong inputs: refused by name, never a crash, nothing left behind."""
+import io
 import json
+import pickle
+import re
+import subprocess
+import sys
 import unicodedata
+import zipfile
 
 import numpy as np
 import pytest
@@ -53,13 +59,6 @@ def test_flipped_bits_are_refused_or_harmless(dcloth, files, tmp_path):
     assert 2 in codes, "no flip was refused: the flips missed every table"
 
 
-def test_a_bundle_is_no_model_and_a_model_no_bundle(dcloth, files, tmp_path):
-    refused(dcloth("inspect", files.bundle), files.bundle)
-    refused(dcloth("convert", files.model, "-o", tmp_path / "x.dcloth"), files.model)
-    refused(dcloth("run", files.model, files.bundle, "-o", tmp_path / "x.pc2"), files.bundle)
-    assert leftovers(tmp_path, set()) == []
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_bad_numbers_in_poses(dcloth, files, tmp_path, bad):
     poses = small_garment.motion(10, 30)
@@ -109,6 +108,82 @@ def test_frame_rate_that_is_no_multiple(dcloth, files, tmp_path):
     html = tmp_path / "x.html"
     refused(dcloth("evaluate", files.bundle, path, "--html", html), path, "24", "tick rate")
     assert not html.exists()
+
+
+def zip_of(name):
+    packed = io.BytesIO()
+    zipfile.ZipFile(packed, "w").writestr(name, b"")
+    return packed.getvalue()
+
+
+FOREIGN = {
+    "a Git LFS pointer": (b"version https://git-lfs.github.com/spec/v1\noid sha256:" + 64 * b"0" + b"\nsize 15483236\n",
+                          "git lfs pull"),
+    "a file of torch.save": (zip_of("archive/data.pkl"), "torch.load('old.pt', weights_only=True)"),
+    "a pickle, as torch.save writes": (pickle.dumps({"mesh.basis": 64 * [0.5]}, 2), "torch.load('old.pt'"),
+    "an ONNX file": (b"\x08\x07\x12\x07pytorch\x1a\x052.1.0:" + bytes(64), "converter/BUNDLE.md"),
+    "a zip archive": (zip_of("skirt.safetensors"), "unpack"),
+    "a web page": (b"<!DOCTYPE html><html><title>Sign in</title></html>", "the file itself"),
+}
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_files_of_other_programs_are_named(dcloth, files, tmp_path, kind):
+    path = tmp_path / "theirs.safetensors"
+    path.write_bytes(FOREIGN[kind][0])
+    for arguments in (["convert", path, "-o", tmp_path / "x.dcloth"], ["evaluate", path, files.walk],
+                      ["run", files.model, path, "-o", tmp_path / "x.pc2"], ["inspect", path]):
+        result = dcloth(*arguments)
+        refused(result, path, f"found {kind}, expected", FOREIGN[kind][1])
+        assert len(result.stderr.splitlines()) == 1
+    assert leftovers(tmp_path, {"theirs.safetensors"}) == []
+
+
+def mended(said, folder):
+    """What the command in the message makes of old.safetensors."""
+    command = re.search(r'python3 -c "([^"]+)"', said).group(1)
+    subprocess.run([sys.executable, "-c", command], cwd=folder, check=True)
+    return folder / "new.safetensors"
+
+
+@pytest.mark.parametrize("prefix, whose", [("_orig_mod.", "torch.compile"), ("module.", "torch.nn.DataParallel")])
+@pytest.mark.parametrize("place", ["", "mesh."])
+def test_prefixes_of_wrappers_are_named(dcloth, files, tmp_path, prefix, whose, place):
+    tensors, metadata = safetensors_file.read(files.bundle)
+    wrapped = {name.replace(place, place + prefix, 1) if name.startswith(place) else name: value
+               for name, value in tensors.items()}
+    safetensors_file.write(tmp_path / "old.safetensors", wrapped, metadata)
+    result = dcloth("convert", tmp_path / "old.safetensors", "-o", tmp_path / "x.dcloth")
+    refused(result, f"the prefix '{prefix}' of {whose}")
+    assert len(result.stderr.splitlines()) == 1
+    pytest.importorskip("safetensors.torch")
+    assert dcloth("convert", mended(result.stderr, tmp_path), "-o", tmp_path / "x.dcloth").returncode == 0
+    assert (tmp_path / "x.dcloth").read_bytes() == files.model.read_bytes()
+
+
+@pytest.mark.parametrize("name, dtype", [("mesh.mlp.0.weight", "F64"), ("mesh.mlp.0.weight", "BF16"),
+                                         ("template.positions", "F64"), ("template.faces", "I64")])
+def test_dtypes_that_must_be_cast_are_named(dcloth, files, tmp_path, name, dtype):
+    tensors, metadata = safetensors_file.read(files.bundle)
+    value = tensors[name]
+    if dtype == "BF16":
+        value = (value.view(np.uint32) & 0xFFFF0000).view(np.float32)
+        tensors[name] = value
+        safetensors_file.write(tmp_path / "wanted.safetensors", tensors, metadata)
+        value = (value.view(np.uint32) >> 16).astype(np.uint16)
+    else:
+        safetensors_file.write(tmp_path / "wanted.safetensors", tensors, metadata)
+        value = value.astype({"F64": np.float64, "I64": np.int64}[dtype])
+    safetensors_file.write(tmp_path / "old.safetensors", {**tensors, name: value}, metadata)
+    result = dcloth("convert", tmp_path / "old.safetensors", "-o", tmp_path / "x.dcloth")
+    refused(result, f"tensor {name}: found dtype {dtype}", "python3 -c")
+    assert len(result.stderr.splitlines()) == 1
+    pytest.importorskip("safetensors.torch")
+    models = []
+    for bundle in (mended(result.stderr, tmp_path), tmp_path / "wanted.safetensors"):
+        assert dcloth("convert", bundle, "-o", tmp_path / "x.dcloth").returncode == 0
+        models.append((tmp_path / "x.dcloth").read_bytes())
+    assert models[0] == models[1]
 
 
 def test_an_existing_output_survives_a_failure(dcloth, files, tmp_path):

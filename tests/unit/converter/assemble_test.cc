@@ -75,9 +75,7 @@ TEST(AssembleTest, EmbeddingIsTheBundles) {
 
 // Back from the parts to the bundle's skin: vertex by vertex, joints by their names, faces in their order.
 TEST(AssembleTest, BodyIsTheBundles) {
-  BundleSpec spec;
-  spec.joints = 9;
-  spec.body_vertices = 70;
+  const BundleSpec spec{.joints = 9, .body_vertices = 70};
   for (const bool classes : {false, true}) {
     Bundle bundle = ParseBundle(spec);
     bundle.body_collides = Vector::Ones(70);

@@ -35,10 +35,7 @@ class AttemptsTest : public ::testing::Test {
   AttemptsTest() : bundle_(ParseBundle(spec_)), still_{ParseSequence(spec_, 1)}, walk_{ParseSequence(spec_, 60)} {}
 
   ConvertOptions Asked(std::optional<Precision> precision, RankMode mode, uint32_t rank = 0) const {
-    ConvertOptions options;
-    options.precision = precision;
-    options.rank = {mode, rank};
-    return options;
+    return {.precision = precision, .rank = {mode, rank}};
   }
   Trial Measured(ConvertOptions options) const {
     options.max_error_mm.reset();

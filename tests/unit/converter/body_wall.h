@@ -17,8 +17,7 @@ using Corners = std::array<uint32_t, 3>;
 // A wall of `columns` x `rows` vertices, 0.05 m apart, along x through the template. Its left half hangs on the first
 // bone, its right half on the first joint, which is no bone and needed by no one else.
 inline converter::Bundle WithWall(int columns, int rows) {
-  BundleSpec spec;
-  spec.feature_joints = 1;
+  const BundleSpec spec{.feature_joints = 1};
   converter::Bundle bundle = ParseBundle(spec);
   const Eigen::Index b = Eigen::Index{columns} * rows, joints = bundle.body_joint_weights.cols();
   bundle.body_positions.resize(b, 3);

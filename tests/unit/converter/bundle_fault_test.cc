@@ -85,14 +85,16 @@ TEST(BundleDamageTest, NanAndInfinityAnywhereAreRefused) {
 }
 
 TEST(BundleDamageTest, EveryTruncatedPrefixIsRefused) {
-  BundleSpec spec;
-  spec.vertices = 12;
-  spec.joints = 3;
-  spec.feature_joints = 1;
-  spec.bones = 2;
-  spec.body_vertices = 3;
-  spec.static_width = spec.skeleton_basis = spec.mesh_basis = spec.mesh_width = 2;
-  spec.layers = 1;
+  const BundleSpec spec{.vertices = 12,
+                        .joints = 3,
+                        .feature_joints = 1,
+                        .bones = 2,
+                        .body_vertices = 3,
+                        .static_width = 2,
+                        .skeleton_basis = 2,
+                        .mesh_basis = 2,
+                        .layers = 1,
+                        .mesh_width = 2};
   const AlignedBytes whole = BuildBundle(spec).Bytes();
   ASSERT_EQ(ErrorText([&] { BundleFrom(SafeFile::Parse(whole, "b")); }), "");
   for (size_t size = 0; size < whole.size(); ++size) {

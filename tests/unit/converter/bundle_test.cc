@@ -53,8 +53,7 @@ TEST(BundleTest, ParentsMayBeAbsent) {
 }
 
 TEST(BundleTest, StagesMayBeAbsent) {
-  BundleSpec spec;
-  spec.mesh = false;
+  BundleSpec spec{.mesh = false};
   EXPECT_FALSE(ParseBundle(spec).mesh);
   EXPECT_TRUE(ParseBundle(spec).skeleton);
   spec.skeleton = false;
@@ -109,8 +108,7 @@ TEST(BundleTest, ABasisMayComeAsFactors) {
 }
 
 TEST(BundleTest, HalfWeightsWidenAndHalfGeometryIsRefused) {
-  BundleSpec spec;
-  spec.half_weights = true;
+  const BundleSpec spec{.half_weights = true};
   RawFile raw = BuildBundle(spec);
   EXPECT_EQ(raw.At("mesh.basis").type, SafeType::kF16);
   EXPECT_EQ(Refusal(raw), "");

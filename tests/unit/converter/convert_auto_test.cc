@@ -16,18 +16,15 @@
 namespace dcloth::converter {
 namespace {
 
-using dcloth::testing::BundleSpec;
 using dcloth::testing::ErrorText;
 using dcloth::testing::Mentions;
 using dcloth::testing::ParseBundle;
 using dcloth::testing::ParseSequence;
 
 TEST(ConvertAutoTest, AutoTakesTheCheapestThatHolds) {
-  BundleSpec spec;
-  const Bundle bundle = ParseBundle(spec);
-  const std::vector<Sequence> motion = {ParseSequence(spec, 30)};
-  ConvertOptions options;
-  options.motion = motion;
+  const Bundle bundle = ParseBundle({});
+  const std::vector<Sequence> motion = {ParseSequence({}, 30)};
+  ConvertOptions options{.motion = motion};
   double worst[3] = {};
   for (int i = 0; i < 3; ++i) {
     options.precision = kPrecisions[i];
@@ -66,13 +63,9 @@ TEST(ConvertAutoTest, AutoTakesTheCheapestThatHolds) {
 
 // What it says of its choice, against models made by hand.
 TEST(ConvertAutoTest, AutoSaysWhy) {
-  BundleSpec spec;
-  const Bundle bundle = ParseBundle(spec);
-  const std::vector<Sequence> calibration = {ParseSequence(spec, 30)}, motion = {ParseSequence(spec, 12)};
-  ConvertOptions options;
-  options.precision = Precision::kInt8;
-  options.rank.mode = RankMode::kFull;
-  options.calibration = calibration;
+  const Bundle bundle = ParseBundle({});
+  const std::vector<Sequence> calibration = {ParseSequence({}, 30)}, motion = {ParseSequence({}, 12)};
+  ConvertOptions options{.precision = Precision::kInt8, .rank = {.mode = RankMode::kFull}, .calibration = calibration};
   const double int8_mm = Convert(bundle, options).report.trials.at(0).calibration.position_mm.max;
   options.precision.reset();
   options.motion = motion;
@@ -110,13 +103,9 @@ TEST(ConvertAutoTest, AutoSaysWhy) {
 
 // Chosen while standing still, where int8 costs little, and checked while walking.
 TEST(ConvertAutoTest, AutoIsCheckedOnUnseenMotion) {
-  BundleSpec spec;
-  const Bundle bundle = ParseBundle(spec);
-  const std::vector<Sequence> calibration = {ParseSequence(spec, 1)}, motion = {ParseSequence(spec, 40)};
-  ConvertOptions options;
-  options.precision = Precision::kInt8;
-  options.calibration = calibration;
-  options.motion = motion;
+  const Bundle bundle = ParseBundle({});
+  const std::vector<Sequence> calibration = {ParseSequence({}, 1)}, motion = {ParseSequence({}, 40)};
+  ConvertOptions options{.precision = Precision::kInt8, .motion = motion, .calibration = calibration};
   const Trial trial = Convert(bundle, options).report.trials.at(0);
   ASSERT_LT(trial.calibration.position_mm.max, 0.9 * trial.error.position_mm.max);
   options.precision.reset();
@@ -126,13 +115,9 @@ TEST(ConvertAutoTest, AutoIsCheckedOnUnseenMotion) {
 
 // After formats, bones: as few as the bound allows, and what one fewer would cost.
 TEST(ConvertAutoTest, AutoPrunesInfluencesWithinTheBound) {
-  BundleSpec spec;
-  const Bundle bundle = ParseBundle(spec);
-  const std::vector<Sequence> calibration = {ParseSequence(spec, 30)}, motion = {ParseSequence(spec, 12)};
-  ConvertOptions options;
-  options.rank.mode = RankMode::kFull;
-  options.calibration = calibration;
-  options.motion = motion;
+  const Bundle bundle = ParseBundle({});
+  const std::vector<Sequence> calibration = {ParseSequence({}, 30)}, motion = {ParseSequence({}, 12)};
+  ConvertOptions options{.motion = motion, .rank = {.mode = RankMode::kFull}, .calibration = calibration};
   options.precision.reset();
   const auto converted = [&](double bound) {
     options.max_error_mm = bound;

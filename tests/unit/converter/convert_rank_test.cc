@@ -22,20 +22,11 @@ using dcloth::testing::ParseBundle;
 using dcloth::testing::ParseSequence;
 
 ConvertOptions With(Precision precision, RankMode mode = RankMode::kExact, uint32_t rank = 0) {
-  ConvertOptions options;
-  options.precision = precision;
-  options.rank = {mode, rank};
-  return options;
+  return {.precision = precision, .rank = {mode, rank}};
 }
 
 // A garment large enough that int8 saves with the head.
-BundleSpec Spec() {
-  BundleSpec spec;
-  spec.vertices = 300;
-  spec.skeleton_basis = 21;
-  spec.mesh_basis = 11;
-  return spec;
-}
+BundleSpec Spec() { return {.vertices = 300, .skeleton_basis = 21, .mesh_basis = 11}; }
 
 TEST(ConvertRankTest, KnownRankIsFoundAndCostsNothing) {
   const BundleSpec spec = Spec();
@@ -111,8 +102,7 @@ TEST(ConvertRankTest, BundlesOfFullRankStayAsTheyAre) {
   EXPECT_FALSE(exact.report.rank.reduced);
   ASSERT_EQ(exact.bytes.size(), full.bytes.size());
   EXPECT_EQ(std::memcmp(exact.bytes.data(), full.bytes.data(), full.bytes.size()), 0);
-  BundleSpec still;
-  still.skeleton = still.mesh = false;
+  const BundleSpec still{.skeleton = false, .mesh = false};
   EXPECT_EQ(Convert(ParseBundle(still), With(Precision::kFp32)).report.rank.full, 0u);
 }
 

@@ -23,12 +23,6 @@ using dcloth::testing::Mentions;
 using dcloth::testing::ParseBundle;
 using dcloth::testing::ParseSequence;
 
-ConvertOptions With(Precision precision) {
-  ConvertOptions options;
-  options.precision = precision;
-  return options;
-}
-
 TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
   std::vector<BundleSpec> specs(8);
   specs[1].mesh = false;
@@ -44,7 +38,7 @@ TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
     const Bundle bundle = ParseBundle(spec);
     uint64_t last = UINT64_MAX;
     for (const Precision precision : kPrecisions) {
-      const ConvertResult result = Convert(bundle, With(precision));
+      const ConvertResult result = Convert(bundle, {.precision = precision});
       const OpenModel model(result.bytes);
       EXPECT_EQ(model.info().vertex_count, spec.vertices);
       EXPECT_STREQ(model.info().precision, PrecisionName(precision));
@@ -62,12 +56,12 @@ TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
 TEST(ConvertTest, SameInputGivesSameBytes) {
   const Bundle bundle = ParseBundle({});
   for (const Precision precision : kPrecisions) {
-    const AlignedBytes a = Convert(bundle, With(precision)).bytes, b = Convert(ParseBundle({}), With(precision)).bytes;
+    const AlignedBytes a = Convert(bundle, {.precision = precision}).bytes,
+                       b = Convert(ParseBundle({}), {.precision = precision}).bytes;
     ASSERT_EQ(a.size(), b.size());
     EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size()), 0);
   }
-  BundleSpec other;
-  other.seed = 2;
+  const BundleSpec other{.seed = 2};
   const AlignedBytes a = Convert(bundle, {}).bytes, c = Convert(ParseBundle(other), {}).bytes;
   EXPECT_TRUE(a.size() != c.size() || std::memcmp(a.data(), c.data(), a.size()) != 0);
 }
@@ -75,10 +69,7 @@ TEST(ConvertTest, SameInputGivesSameBytes) {
 // All networks at zero: what remains is skinning, and every joint lookup, bind inverse, folding and layout with it.
 TEST(ConvertTest, PlainSkinningAgreesWithDouble) {
   for (const uint32_t vertices : {9u, 60u, 331u}) {
-    BundleSpec spec;
-    spec.vertices = vertices;
-    spec.joints = 11;
-    spec.bones = 5;
+    const BundleSpec spec{.vertices = vertices, .joints = 11, .bones = 5};
     Bundle bundle = ParseBundle(spec);
     bundle.static_increments.weight.setZero();
     bundle.static_increments.bias.setZero();
@@ -86,7 +77,7 @@ TEST(ConvertTest, PlainSkinningAgreesWithDouble) {
     bundle.mesh->basis.setZero();
     const Sequence sequence = ParseSequence(spec, 12);
     for (const Precision precision : kPrecisions) {
-      ConvertOptions options = With(precision);
+      ConvertOptions options{.precision = precision};
       options.influences = 5;  // all of them: nothing is pruned
       const ConvertResult result = Convert(bundle, options);
       EXPECT_EQ(result.report.influences.removed_worst, 0);
@@ -108,9 +99,8 @@ TEST(ConvertTest, PlainSkinningAgreesWithDouble) {
 }
 
 TEST(ConvertTest, NetworksMoveTheCloth) {
-  BundleSpec spec;
-  const Bundle bundle = ParseBundle(spec);
-  const Sequence sequence = ParseSequence(spec, 8);
+  const Bundle bundle = ParseBundle({});
+  const Sequence sequence = ParseSequence({}, 8);
   const ConvertResult result = Convert(bundle, {});
   const OpenModel model(result.bytes);
   std::vector<double> distance;
@@ -134,11 +124,9 @@ TEST(ConvertTest, NetworksMoveTheCloth) {
 }
 
 TEST(ConvertTest, ReportsTensorsJointsAndPruning) {
-  BundleSpec spec;
-  spec.joints = 30;
-  spec.body_vertices = 5;
+  const BundleSpec spec{.joints = 30, .body_vertices = 5};
   const Bundle bundle = ParseBundle(spec);
-  ConvertOptions options = With(Precision::kInt8);
+  ConvertOptions options{.precision = Precision::kInt8};
   options.influences = options.body_influences = 2;
   const std::vector<Sequence> motion = {ParseSequence(spec, 40)};
   options.motion = motion;
@@ -175,8 +163,7 @@ TEST(ConvertTest, ReportsTensorsJointsAndPruning) {
 
 // Pruning is measured on up to 256 poses, evenly spaced over all frames, each sequence from its first one on.
 TEST(ConvertTest, PruningIsMeasuredOnPosesByHand) {
-  BundleSpec spec;
-  spec.vertices = 9;
+  const BundleSpec spec{.vertices = 9};
   const Bundle bundle = ParseBundle(spec);
   const std::vector<std::vector<uint32_t>> motions = {{256}, {257}, {3, 2}, {400, 113}, {510, 3}};
   for (const std::vector<uint32_t>& lengths : motions) {
@@ -255,9 +242,9 @@ TEST(ConvertTest, BadOptionsAreRefused) {
 TEST(ConvertTest, HalfOverflowNamesBundleTensorAndWayOut) {
   Bundle bundle = ParseBundle({});
   bundle.mesh->basis(2, 5) = 7e4f;
-  EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, With(Precision::kFp16)); }), "b.safetensors",
-                       "displacement.basis.weights", "row 12, column 5", "--precision fp32"));
-  EXPECT_EQ(ErrorText([&] { Convert(bundle, With(Precision::kFp32)); }), "");
+  EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, {.precision = Precision::kFp16}); }), "b.safetensors",
+                       "mesh.basis", "[2, 1, 2]", "--precision fp32"));
+  EXPECT_EQ(ErrorText([&] { Convert(bundle, {.precision = Precision::kFp32}); }), "");
 }
 
 }  // namespace

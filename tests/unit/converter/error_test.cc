@@ -21,6 +21,13 @@ TEST(ErrorTest, LeavesEmptyPartsOut) {
   EXPECT_STREQ(Error({"", "", "", "a file", "pass one"}).what(), "expected a file; pass one");
 }
 
+TEST(ErrorTest, NumbersAreShort) {
+  EXPECT_EQ(NumberText(3e38), "3e+38");
+  EXPECT_EQ(NumberText(static_cast<double>(0.1f)), "0.1");
+  EXPECT_EQ(NumberText(-1e-9), "-1e-09");
+  EXPECT_EQ(NumberText(24), "24");
+}
+
 TEST(ErrorTest, ThresholdIsAnErrorOfItsOwn) {
   bool threshold = false;
   try {

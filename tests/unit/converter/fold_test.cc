@@ -22,8 +22,7 @@ constexpr double kHalfUlp = 0x1p-24;  // relative rounding of a float
 
 TEST(FoldTest, SkinWeightsAreTheNormalisedClampedSum) {
   for (const uint32_t residuals : {0u, 1u, 5u}) {
-    BundleSpec spec;
-    spec.residuals = residuals;
+    const BundleSpec spec{.residuals = residuals};
     const Bundle bundle = ParseBundle(spec);
     const MatrixD folded = FoldSkinWeights(bundle);
     for (Eigen::Index i = 0; i < folded.rows(); ++i) {
@@ -72,8 +71,7 @@ TEST(FoldTest, ASumOfAMillionthIsNoneAndTheNextDoubleIsOne) {
 
 // The folded layer's pre-activations against the unfolded formula, both in double, on random inputs.
 TEST(FoldTest, MeshLayerGivesTheSamePreActivations) {
-  BundleSpec spec;
-  spec.feature_width = 16;
+  const BundleSpec spec{.feature_width = 16};
   const Bundle bundle = ParseBundle(spec);
   for (const MeshLayerWeights& layer : bundle.mesh->layers) {
     const FoldedMeshLayer folded = FoldMeshLayer(layer);
@@ -105,10 +103,7 @@ TEST(FoldTest, MeshLayerGivesTheSamePreActivations) {
 }
 
 TEST(FoldTest, KeepsExactlyTheJointsThatAreNeeded) {
-  BundleSpec spec;
-  spec.joints = 12;
-  spec.feature_joints = 2;
-  spec.bones = 3;
+  const BundleSpec spec{.joints = 12, .feature_joints = 2, .bones = 3};
   Bundle bundle = ParseBundle(spec);
   EXPECT_EQ(ChooseJoints(bundle, {}).joints, (std::vector<uint32_t>{0, 1, 9, 10, 11}));
   PrunedWeights body{2, {4, 5, 9, 6}, {0.5f, 0.5f, 1, 0}};
@@ -121,10 +116,7 @@ TEST(FoldTest, KeepsExactlyTheJointsThatAreNeeded) {
 }
 
 TEST(FoldTest, PassesOverJointsThatAreNotKept) {
-  BundleSpec spec;
-  spec.joints = 12;
-  spec.feature_joints = 2;
-  spec.bones = 3;
+  const BundleSpec spec{.joints = 12, .feature_joints = 2, .bones = 3};
   Bundle bundle = ParseBundle(spec);
   // Kept are 0, 1, 9, 10, 11. Above 9 stand 8 and 7, then 1; above 10 stands 2 alone; 1 stands above 0.
   bundle.parents = {1, -1, -1, 0, 0, 0, 0, 1, 7, 8, 2, 9};
@@ -134,11 +126,7 @@ TEST(FoldTest, PassesOverJointsThatAreNotKept) {
 }
 
 TEST(FoldTest, MoreThan256JointsAreRefused) {
-  BundleSpec spec;
-  spec.joints = 300;
-  spec.bones = 256;
-  spec.feature_joints = 1;
-  spec.mesh = spec.skeleton = false;
+  const BundleSpec spec{.joints = 300, .feature_joints = 1, .bones = 256, .skeleton = false, .mesh = false};
   Bundle bundle = ParseBundle(spec);  // hips and one feature joint 0, bones 44 to 299
   EXPECT_TRUE(Mentions(ErrorText([&] { ChooseJoints(bundle, {}); }), "257 joints"));
   bundle.bones.pop_back();

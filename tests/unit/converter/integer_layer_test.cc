@@ -21,8 +21,7 @@ using dcloth::testing::ParseSequence;
 
 // Integers times the stacked weights are inputs times the folded ones, whatever the steps.
 TEST(IntegerLayerTest, StepsAreInTheWeights) {
-  BundleSpec spec;
-  spec.feature_width = 16;
+  const BundleSpec spec{.feature_width = 16};
   const Bundle bundle = ParseBundle(spec);
   const std::vector<MeshLayerWeights>& layers = bundle.mesh->layers;
   for (size_t l = 0; l < layers.size(); ++l) {
@@ -50,8 +49,7 @@ TEST(IntegerLayerTest, StepsAreInTheWeights) {
 // 32767 steps reach the largest that the norm before gives: four deviations, or all that F features allow.
 TEST(IntegerLayerTest, StepsReachWhatTheNormGives) {
   for (const uint32_t width : {16u, 32u}) {
-    BundleSpec spec;
-    spec.feature_width = width;
+    const BundleSpec spec{.feature_width = width};
     Bundle bundle = ParseBundle(spec);
     MeshLayerWeights& before = bundle.mesh->layers[0];
     before.norm_weight.setConstant(-0.5f);
@@ -78,12 +76,10 @@ size_t LayersInIntegers(const ConvertResult& result) {
 
 TEST(IntegerLayerTest, WideLayersOfInt8ModelsHaveThem) {
   for (const uint32_t width : {8u, 16u, 40u}) {
-    BundleSpec spec;
-    spec.feature_width = width;
+    const BundleSpec spec{.feature_width = width};
     const Bundle bundle = ParseBundle(spec);
     for (const Precision precision : kPrecisions) {
-      ConvertOptions options;
-      options.precision = precision;
+      const ConvertOptions options{.precision = precision};
       const size_t expected = precision == Precision::kInt8 && width >= 16 ? bundle.mesh->layers.size() : 0;
       const ConvertResult result = Convert(bundle, options);
       EXPECT_EQ(LayersInIntegers(result), expected) << width << " " << PrecisionName(precision);
@@ -95,9 +91,7 @@ TEST(IntegerLayerTest, WideLayersOfInt8ModelsHaveThem) {
 class IntegerClothTest : public ::testing::Test {
  protected:
   IntegerClothTest() {
-    BundleSpec spec;
-    spec.feature_width = 32;
-    spec.vertices = 300;
+    const BundleSpec spec{.vertices = 300, .feature_width = 32};
     bundle_ = ParseBundle(spec);
     folded_ = FoldBundle(bundle_, 8, 8);
     sequence_ = ParseSequence(spec, 24);

@@ -41,6 +41,51 @@ TEST(LossTest, TightScalesClipNothingAndAnOutlierZeroesItsColumn) {
   EXPECT_EQ(LossOf(exact, QuantizeTwoSided("w", exact)).zeroed, 0u);  // a row scale takes the outlier
 }
 
+// Each row has one element a thousand times the others, which are lost in row 2 alone.
+TEST(LossTest, ARowIsJudgedWithoutItsOutlier) {
+  Matrix exact = Matrix::Ones(4, 8);
+  exact.col(3).setConstant(1000);
+  QuantizedMatrix stored;
+  stored.rows = 4, stored.columns = 8;
+  stored.row_scales.assign(4, 1);
+  stored.column_scales = {0.75f, 0.75f, 0.75f, 10, 0.75f, 0.75f, 0.75f, 0.75f};
+  stored.values.assign(32, 1);
+  for (size_t j = 0; j < 4; ++j) stored.values[8 * j + 3] = 100;
+  for (size_t c = 0; c < 8; ++c) {
+    if (c != 3) stored.values[16 + c] = 0;
+  }
+  const TensorLoss loss = LossOf(exact, stored);
+  EXPECT_GT(loss.snr_db, 50);
+  ASSERT_TRUE(loss.worst_row);
+  EXPECT_EQ(loss.worst_row->row, 2u);
+  EXPECT_EQ(loss.worst_row->snr_db, 0);      // of seven ones nothing is left
+  EXPECT_EQ(loss.worst_row->low_count, 4u);  // a quarter of each is 12 dB
+  for (size_t i = 0; i < 32; ++i) {
+    if (i / 8 == 2 && i % 8 != 3) stored.values[i] = 1;
+  }
+  EXPECT_NEAR(LossOf(exact, stored).worst_row->snr_db, 20 * std::log10(4), 1e-12);
+  stored.column_scales.assign(8, 1);
+  stored.column_scales[3] = 10;
+  EXPECT_FALSE(LossOf(exact, stored).worst_row);
+}
+
+TEST(LossTest, RowsFarBelowTheOthersAreNotJudged) {
+  Matrix exact = Matrix::Ones(5, 6);
+  exact.row(1) *= 0.09f;
+  exact.row(4).setZero();
+  QuantizedMatrix stored;
+  stored.rows = 5, stored.columns = 6;
+  stored.row_scales.assign(5, 1);
+  stored.column_scales.assign(6, 1);
+  stored.values.assign(30, 1);
+  for (size_t i = 6; i < 12; ++i) stored.values[i] = 0;
+  for (size_t i = 24; i < 30; ++i) stored.values[i] = 0;
+  EXPECT_FALSE(LossOf(exact, stored).worst_row);
+  exact.row(1) *= 2;
+  EXPECT_EQ(LossOf(exact, stored).worst_row->row, 1u);
+  EXPECT_FALSE(LossOf(Matrix::Ones(3, 1) * 0.3f, QuantizeHalf("w", Matrix::Ones(3, 1) * 0.3f)).worst_row);
+}
+
 TEST(LossTest, HalvesUnderflowAndMayBeExact) {
   Matrix exact(1, 4);
   exact << 1e-8f, 4e-8f, 0, 2;  // half of the smallest half is 2^-25 = 2.98e-8

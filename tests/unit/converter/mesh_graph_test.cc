@@ -18,8 +18,7 @@ TEST(MeshGraphTest, TwoTrianglesAndAVertexAlone) {
 }
 
 TEST(MeshGraphTest, AgreesWithSetsOnATube) {
-  dcloth::testing::BundleSpec spec;
-  spec.vertices = 997;
+  const dcloth::testing::BundleSpec spec{.vertices = 997};
   const Bundle bundle = dcloth::testing::ParseBundle(spec);
   std::vector<std::set<int>> neighbours(spec.vertices);
   for (int i = 0; i < static_cast<int>(spec.vertices); ++i) neighbours[static_cast<size_t>(i)].insert(i);

@@ -18,9 +18,7 @@ using dcloth::testing::ParseBundle;
 
 // 40 + 16 rows of rank 6.
 Bundle LowRank() {
-  BundleSpec spec;
-  spec.skeleton_basis = 40;
-  spec.mesh_basis = 16;
+  const BundleSpec spec{.skeleton_basis = 40, .mesh_basis = 16};
   Bundle bundle = ParseBundle(spec);
   LowerRank(&bundle, 6);
   return bundle;
@@ -36,8 +34,7 @@ TEST(ModelMakerTest, RowsAreThoseOfTheBasis) {
   EXPECT_EQ(maker.Make(Precision::kFp32, 6).rows, 6u);
   const Bundle full = ParseBundle({});
   EXPECT_EQ(ModelMaker(full, {}).DefaultRank(Precision::kFp32), RankMaker::kFullRank);
-  BundleSpec still;
-  still.mesh = still.skeleton = false;
+  const BundleSpec still{.skeleton = false, .mesh = false};
   const Bundle none = ParseBundle(still);
   EXPECT_EQ(ModelMaker(none, {}).Make(Precision::kFp32, RankMaker::kFullRank).rows, 0u);
 }
@@ -46,9 +43,7 @@ TEST(ModelMakerTest, MakesWhatConvertWrites) {
   const Bundle bundle = LowRank();
   ModelMaker maker(bundle, {});
   for (const RankMode mode : {RankMode::kFull, RankMode::kExact}) {
-    ConvertOptions options;
-    options.precision = Precision::kFp16;
-    options.rank.mode = mode;
+    const ConvertOptions options{.precision = Precision::kFp16, .rank = {.mode = mode}};
     const uint32_t rank = mode == RankMode::kFull ? RankMaker::kFullRank : maker.DefaultRank(Precision::kFp16);
     const MadeModel made = maker.Make(Precision::kFp16, rank);
     EXPECT_TRUE(std::ranges::equal(made.model.bytes(), Convert(bundle, options).bytes));
@@ -75,7 +70,7 @@ TEST(ModelMakerTest, ErrorsNameTheBundle) {
   bundle.mesh->hidden.weight(2, 1) = 1e6f;  // no half
   ModelMaker maker(bundle, {});
   EXPECT_TRUE(Mentions(ErrorText([&] { maker.Make(Precision::kFp16, RankMaker::kFullRank); }),
-                       bundle.path.string() + ": tensor mesh_stage.hidden.weights: found the weight 1000000"));
+                       bundle.path.string() + ": tensor mesh.mlp.0.weight: found the weight 1e+06", "element [2, 1]"));
 }
 
 }  // namespace

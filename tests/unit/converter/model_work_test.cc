@@ -18,22 +18,13 @@ using dcloth::testing::BundleSpec;
 using dcloth::testing::ParseBundle;
 
 ConvertResult Converted(const BundleSpec& spec, Precision precision) {
-  ConvertOptions options;
-  options.precision = precision;
-  options.rank.mode = RankMode::kFull;
+  const ConvertOptions options{.precision = precision, .rank = {.mode = RankMode::kFull}};
   return Convert(ParseBundle(spec), options);
 }
 
 const PartWork& At(const ModelWork& work, WorkPart part) { return work[static_cast<size_t>(part)]; }
 
-BundleSpec Spec() {
-  BundleSpec spec;
-  spec.vertices = 300;
-  spec.skeleton_basis = 21;
-  spec.mesh_basis = 11;
-  spec.layers = 3;
-  return spec;
-}
+BundleSpec Spec() { return {.vertices = 300, .skeleton_basis = 21, .mesh_basis = 11, .layers = 3}; }
 
 TEST(ModelWorkTest, ProductsReadWhatIsStored) {
   const BundleSpec spec = Spec();

@@ -38,8 +38,7 @@ TEST(SmallestGoodRankTest, FindsEveryThresholdInFewCalls) {
 // A gated unit without inputs whose update gate is closed and whose candidate is tanh(b): P is the same in every frame,
 // and the moment follows by hand, the turning and walking character notwithstanding.
 TEST(DisplacementMomentTest, AgreesWithAKnownDisplacement) {
-  BundleSpec spec;
-  spec.mesh = false;
+  const BundleSpec spec{.mesh = false};
   Bundle bundle = ParseBundle(spec);
   SkeletonWeights& skeleton = *bundle.skeleton;
   const Eigen::Index k = skeleton.basis.rows();
@@ -68,8 +67,7 @@ TEST(DisplacementMomentTest, AgreesWithAKnownDisplacement) {
 
 // Of one frame it is that frame's own; a bone without inverse leaves nothing to turn back by.
 TEST(DisplacementMomentTest, IsAMeanOverFramesWhoseBonesHaveAnInverse) {
-  BundleSpec spec;
-  spec.mesh = false;
+  const BundleSpec spec{.mesh = false};
   Bundle bundle = ParseBundle(spec);
   bundle.bind[bundle.bones[0]].setIdentity();
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
@@ -105,11 +103,10 @@ TEST(DisplacementMomentTest, IsAMeanOverFramesWhoseBonesHaveAnInverse) {
 
 // Half of the moment is the skeleton stage's own: a mesh stage that cancels it must not drop its directions.
 TEST(DisplacementMomentTest, KeepsBothLevels) {
-  BundleSpec spec;
-  Bundle bundle = ParseBundle(spec);
+  Bundle bundle = ParseBundle({});
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
   const BasisFrame frame = BasisRank(bundle).Frame();
-  const std::vector<Sequence> motion = {ParseSequence(spec, 20)};
+  const std::vector<Sequence> motion = {ParseSequence({}, 20)};
   const MatrixD both = DisplacementMoment(bundle, folded, frame, motion);
   bundle.mesh->basis.setZero();
   const MatrixD skeleton = DisplacementMoment(bundle, folded, frame, motion);
@@ -121,10 +118,7 @@ TEST(DisplacementMomentTest, KeepsBothLevels) {
 
 // 48 + 16 rows of rank 44, enough for an int8 basis to trade some of them.
 Bundle OfRank44(uint32_t vertices) {
-  BundleSpec spec;
-  spec.vertices = vertices;
-  spec.skeleton_basis = 48;
-  spec.mesh_basis = 16;
+  const BundleSpec spec{.vertices = vertices, .skeleton_basis = 48, .mesh_basis = 16};
   Bundle bundle = ParseBundle(spec);
   dcloth::testing::LowerRank(&bundle, 44);
   return bundle;
@@ -180,12 +174,11 @@ TEST(RankMakerTest, BasesAreThoseOfTheirMoment) {
 }
 
 TEST(RankMakerTest, ZeroBasesHaveARankToo) {
-  BundleSpec spec;
-  Bundle bundle = ParseBundle(spec);
+  Bundle bundle = ParseBundle({});
   bundle.skeleton->basis.setZero();
   bundle.mesh->basis.setZero();
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
-  const std::vector<Sequence> motion = {ParseSequence(spec, 2)};
+  const std::vector<Sequence> motion = {ParseSequence({}, 2)};
   RankMaker maker(bundle, folded, motion);
   ASSERT_EQ(maker.exact_rank(), 2u);
   const ReducedBasis reduced = *maker.Make(2, Precision::kFp32);
@@ -199,8 +192,7 @@ TEST(RankMakerTest, TheNumericalRankSavesWhereItIsLess) {
     const FoldedBundle folded = FoldBundle(bundle, 4, 4);
     return RankMaker(bundle, folded, {}).ExactSaves(precision);
   };
-  BundleSpec spec;
-  spec.skeleton_basis = spec.mesh_basis = 5;
+  BundleSpec spec{.skeleton_basis = 5, .mesh_basis = 5};
   const Bundle odd = ParseBundle(spec);
   ASSERT_TRUE(ReductionSaves(odd, 10, Precision::kFp32));
   EXPECT_FALSE(saves(odd, Precision::kFp32));

@@ -47,9 +47,7 @@ TEST(BasisRankTest, FindsTheRankBehindFloatsAndHalves) {
     }
   }
   EXPECT_EQ(BasisRank(ParseBundle({})).rank(), kRows);
-  BundleSpec wide;
-  wide.skeleton_basis = 6;
-  wide.mesh_basis = 11;
+  const BundleSpec wide{.skeleton_basis = 6, .mesh_basis = 11};
   Bundle bundle = ParseBundle(wide);
   LowerRank(&bundle, 4);
   EXPECT_EQ(BasisRank(bundle).rank(), 4u) << "more rows below than above";
@@ -98,8 +96,7 @@ TEST(BasisRankTest, OddBases) {
 // displacement as W_2 and M, whatever the moment that chose the directions.
 TEST(ReduceTest, AtTheNumericalRankNothingChanges) {
   for (const bool mesh : {true, false}) {
-    BundleSpec spec;
-    spec.mesh = mesh;
+    const BundleSpec spec{.mesh = mesh};
     Bundle bundle = ParseBundle(spec);
     LowerRank(&bundle, 5);
     const BasisFrame frame = BasisRank(bundle).Frame();

@@ -78,8 +78,7 @@ TEST(RolloutTest, OtherRatesAndCharactersAreRefused) {
   EXPECT_TRUE(
       Mentions(ErrorText([&] { Rollout(model, ParseSequence(spec, 2, 60), 1, ignore); }), "resample the sequence"));
   EXPECT_EQ(ErrorText([&] { Rollout(model, ParseSequence(spec, 2, 29.97), 1, ignore); }), "");
-  BundleSpec other;
-  other.joints = 4;
+  const BundleSpec other{.joints = 4};
   EXPECT_TRUE(
       Mentions(ErrorText([&] { Rollout(model, ParseSequence(other, 2), 1, ignore); }), "no joints joint_4, joint_5"));
   EXPECT_TRUE(Mentions(ErrorText([&] { Rollout(model, ParseSequence(spec, 2), 2, ignore); }),

@@ -24,18 +24,11 @@ using dcloth::testing::ParseSequence;
 constexpr uint32_t kStages[] = {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH};
 
 Bundle Holding(uint32_t stages) {
-  BundleSpec spec;
-  spec.mesh = stages == DCLOTH_STAGES_MESH;
-  spec.skeleton = stages != DCLOTH_STAGES_STATIC;
+  const BundleSpec spec{.skeleton = stages != DCLOTH_STAGES_STATIC, .mesh = stages == DCLOTH_STAGES_MESH};
   return ParseBundle(spec);
 }
 
-ConvertOptions Keeping(uint32_t stages) {
-  ConvertOptions options;
-  options.stages = stages;
-  options.rank.mode = RankMode::kFull;
-  return options;
-}
+ConvertOptions Keeping(uint32_t stages) { return {.rank = {.mode = RankMode::kFull}, .stages = stages}; }
 
 std::vector<float> Played(const OpenModel& model, uint32_t stages) {
   std::vector<float> all;

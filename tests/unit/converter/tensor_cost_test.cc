@@ -17,9 +17,7 @@ using dcloth::testing::ParseBundle;
 using dcloth::testing::ParseSequence;
 
 ConvertReport ReportOf(const Bundle& bundle, Precision precision, std::span<const Sequence> motion) {
-  ConvertOptions options;
-  options.precision = precision;
-  options.motion = motion;
+  const ConvertOptions options{.precision = precision, .motion = motion};
   return Convert(bundle, options).report;
 }
 const TensorReport& Find(const ConvertReport& report, const std::string& name) {
@@ -30,9 +28,8 @@ const TensorReport& Find(const ConvertReport& report, const std::string& name) {
 // The coefficients' weights underflow as halves, and a basis as much larger makes up for them: in f32 the
 // same network, in fp16 the whole mesh stage is lost by this one tensor.
 TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
-  BundleSpec spec;
-  Bundle bundle = ParseBundle(spec);
-  const std::vector<Sequence> motion = {ParseSequence(spec, 12)};
+  Bundle bundle = ParseBundle({});
+  const std::vector<Sequence> motion = {ParseSequence({}, 12)};
   const ConvertReport healthy = ReportOf(bundle, Precision::kFp16, motion);
   const std::string poisoned = "mesh_stage.coefficients.weights";
   MeshWeights& mesh = *bundle.mesh;
@@ -59,8 +56,7 @@ TEST(TensorCostTest, ThePoisonedTensorRanksFirst) {
 
 // With one lossy tensor its cost is that of the model, and exact tensors cost nothing.
 TEST(TensorCostTest, OneLossyTensorCostsWhatTheModelCosts) {
-  BundleSpec spec;
-  spec.skeleton = spec.mesh = false;
+  const BundleSpec spec{.skeleton = false, .mesh = false};
   Bundle bundle = ParseBundle(spec);
   for (float& weight : bundle.static_hidden.weight.reshaped())
     weight = kernels::FloatFromHalf(kernels::HalfFromFloat(weight));
@@ -76,16 +72,13 @@ TEST(TensorCostTest, OneLossyTensorCostsWhatTheModelCosts) {
 }
 
 TEST(TensorCostTest, MeasuredOnMotionOnlyAndForLossyTensorsOnly) {
-  BundleSpec spec;
-  const Bundle bundle = ParseBundle(spec);
+  const Bundle bundle = ParseBundle({});
   for (const TensorReport& tensor : ReportOf(bundle, Precision::kInt8, {}).tensors) EXPECT_FALSE(tensor.cost);
-  const std::vector<Sequence> motion = {ParseSequence(spec, 5)};
+  const std::vector<Sequence> motion = {ParseSequence({}, 5)};
   EXPECT_TRUE(RankByCost(ReportOf(bundle, Precision::kFp32, motion).tensors).empty());
 
   size_t calls = 0, last = 0, total = 0;
-  ConvertOptions options;
-  options.precision = Precision::kInt8;
-  options.motion = motion;
+  ConvertOptions options{.precision = Precision::kInt8, .motion = motion};
   options.progress = [&](size_t done, size_t all) {
     EXPECT_EQ(done, last + 1);
     ++calls, last = done, total = all;

@@ -99,9 +99,7 @@ TEST(TextureMeshTest, RepeatsAVertexForEachFurtherPlace) {
 }
 
 TEST(TextureMeshTest, RefusesMoreVerticesThanIndicesReach) {
-  dcloth::testing::BundleSpec spec;
-  spec.vertices = 12000;
-  spec.skeleton = spec.mesh = false;
+  const dcloth::testing::BundleSpec spec{.vertices = 12000, .skeleton = false, .mesh = false};
   const auto raw = Textured(spec, [](Eigen::Index corner, int) { return std::pair(static_cast<float>(corner), 0.0f); });
   const Bundle bundle = dcloth::testing::ParseRawBundle(raw);
   try {

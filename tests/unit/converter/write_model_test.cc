@@ -72,8 +72,7 @@ TEST(WriteModelTest, MinorVersionIsThatOfItsParts) {
     const AlignedBytes bytes = WriteModel(parts);
     return format::GetModel(bytes.data())->format_minor();
   };
-  dcloth::testing::BundleSpec spec;
-  spec.feature_width = 16;
+  const dcloth::testing::BundleSpec spec{.feature_width = 16};
   const Bundle bundle = dcloth::testing::ParseBundle(spec);
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
   ModelParts floats = Assemble(bundle, folded, {Precision::kFp32, {}});

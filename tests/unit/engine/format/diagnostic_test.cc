@@ -82,6 +82,19 @@ TEST(DiagnosticText, WritesNumbersWithSixDigits) {
   EXPECT_EQ(Number(NAN), "NaN");
 }
 
+// Six digits that round up to the next power of ten.
+TEST(DiagnosticText, CarriesIntoThePower) {
+  EXPECT_EQ(Number(static_cast<double>(-1e-9f)), "-1.00000e-9");
+  EXPECT_EQ(Number(9.999999), "1.00000e1");
+  EXPECT_EQ(Number(0.9999999), "1.00000");
+  EXPECT_EQ(Number(999999.9), "1.00000e6");
+  for (int power = -300; power <= 300; ++power) {
+    const std::string text = std::to_string(power);
+    EXPECT_EQ(Number(std::stod("1e" + text)), power == 0 ? "1.00000" : "1.00000e" + text);
+    EXPECT_EQ(Number(std::stod("9.9999999e" + text)), power == -1 ? "1.00000" : "1.00000e" + std::to_string(power + 1));
+  }
+}
+
 TEST(Diagnostic, TellsTheFirstFailureAlone) {
   dcloth_error error = {};
   error.struct_size = sizeof(error);
