@@ -49,8 +49,8 @@ class Body {
   struct Boxes {  // beside the part's anchor, over the whole frame
     Vecs low, high;
   };
-  // Where the distance was last measured, beside the anchor, and how far beyond the limit it was, plus what the part had
-  // travelled by then.
+  // Where the distance was last measured, beside the anchor, and how far beyond the limit it was, plus what the part
+  // had travelled by then.
   struct Watched {
     Vecs seen;
     Floats clear;

@@ -18,6 +18,12 @@ typedef int32_t Ints __attribute__((vector_size(32)));
 struct alignas(16) Point {
   float x, y, z, w;
 };
+// Where a point lies beyond the first one, in bytes: constraints are solved too often to multiply by its size.
+using Offset = uint32_t;
+inline Offset OffsetOf(int32_t i) { return static_cast<Offset>(i) * static_cast<Offset>(sizeof(Point)); }
+inline Point* PointAt(Point* points, Offset offset) {
+  return reinterpret_cast<Point*>(reinterpret_cast<char*>(points) + offset);
+}
 inline Vec ToVec(const Point& p) { return {p.x, p.y, p.z}; }
 inline Point ToPoint(const Vec& v) { return {v.x, v.y, v.z, 0}; }
 

@@ -64,13 +64,16 @@ void Solver::MakeSprings() {
     if (inverse_mass_[e.a] + inverse_mass_[e.b] > 0) free.push_back(e);
   const auto blocks = Blocks(static_cast<int32_t>(free.size()), problem_.vertices,
                              [&](int32_t k) { return std::array<int32_t, 2>{free[k].a, free[k].b}; });
+  const float shortening = 1 / std::max(settings_.compression, 1e-6f);
   for (const Block& block : blocks) {
     Springs s = {};
-    s.a.fill(spare_), s.b.fill(spare_), s.yield += 1.0f;
+    s.a.fill(OffsetOf(spare_)), s.b.fill(OffsetOf(spare_));
     for (int k = 0; k < kLanes && block[k] >= 0; ++k) {
       const Edge& e = free[block[k]];
-      s.a[k] = e.a, s.b[k] = e.b, s.rest[k] = e.rest, s.yield[k] = 1 / (e.stiffness * dt_ * dt_);
+      s.a[k] = OffsetOf(e.a), s.b[k] = OffsetOf(e.b), s.rest[k] = e.rest;
       s.weight_a[k] = inverse_mass_[e.a], s.weight_b[k] = inverse_mass_[e.b];
+      const float both = s.weight_a[k] + s.weight_b[k], yield = 1 / (e.stiffness * dt_ * dt_);
+      s.longer[k] = 1 / (both + yield), s.shorter[k] = 1 / (both + shortening * yield);
     }
     springs_.push_back(s);
   }
@@ -88,16 +91,17 @@ void Solver::MakeHinges() {
     for (const Block& block : blocks) {
       Hinges own = {};
       Creases at_rest = {};
-      for (auto& v : own.v) v.fill(spare_);
+      for (auto& v : own.v) v.fill(OffsetOf(spare_));
+      at_rest.a.fill(spare_), at_rest.b.fill(spare_);
       for (int lane = 0; lane < kLanes && block[lane] >= 0; ++lane) {
         const Hinge& h = some[block[lane]];
         float total = h.compliance * per_squared;
         for (int m = 0; m < 4; ++m) total += h.k[m] * h.k[m] * inverse_mass_[h.v[m]];
         for (int m = 0; m < 4; ++m) {
           own.k[m][lane] = h.k[m], own.move[m][lane] = -h.k[m] * inverse_mass_[h.v[m]] / total;
-          own.v[m][lane] = h.v[m];
+          own.v[m][lane] = OffsetOf(h.v[m]);
         }
-        at_rest.rest[lane] = h.rest;
+        at_rest.a[lane] = h.v[0], at_rest.b[lane] = h.v[1], at_rest.rest[lane] = h.rest;
       }
       hinges_.push_back(own);
       if (creased) creases_.push_back(at_rest);
@@ -149,10 +153,9 @@ void Solver::Step(float t) {
 
 void Solver::LookAtNormals() {
   Normals(mesh_, x_, &normals_);
-  for (size_t block = 0; block < creases_.size(); ++block) {
-    Creases& creases = creases_[block];
+  for (Creases& creases : creases_) {
     for (int k = 0; k < kLanes; ++k) {
-      const Vec outward = ToVec(normals_[hinges_[block].v[0][k]]) + ToVec(normals_[hinges_[block].v[1][k]]);
+      const Vec outward = ToVec(normals_[creases.a[k]]) + ToVec(normals_[creases.b[k]]);
       creases.bent[k] = ToPoint(creases.rest[k] * Unit(outward));
     }
   }
@@ -179,7 +182,7 @@ void Solver::Predict() {
 
 // Hinges of a block share no vertex: their curvature vectors are summed side by side, two in a vector.
 void Solver::Bend() {
-  Point* const at = x_.data();
+  Point* const points = x_.data();
   for (size_t block = 0; block < hinges_.size(); ++block) {
     const Hinges& h = hinges_[block];
     const Creases* creases = block < creases_.size() ? &creases_[block] : nullptr;
@@ -187,12 +190,12 @@ void Solver::Bend() {
       constexpr int k = decltype(number)::value;
       Floats corner[4], bent{};
       for (int m = 0; m < 4; ++m) {
-        corner[m] = LoadPair(at[h.v[m][k]], at[h.v[m][k + 4]]);
+        corner[m] = LoadPair(*PointAt(points, h.v[m][k]), *PointAt(points, h.v[m][k + 4]));
         bent += Spread<k>(h.k[m]) * corner[m];
       }
       if (creases != nullptr) bent -= LoadPair(creases->bent[k], creases->bent[k + 4]);
       for (int m = 0; m < 4; ++m)
-        StorePair(corner[m] + Spread<k>(h.move[m]) * bent, &at[h.v[m][k]], &at[h.v[m][k + 4]]);
+        StorePair(corner[m] + Spread<k>(h.move[m]) * bent, PointAt(points, h.v[m][k]), PointAt(points, h.v[m][k + 4]));
     };
     pair(Number<0>{}), pair(Number<1>{}), pair(Number<2>{}), pair(Number<3>{});
   }
@@ -200,24 +203,24 @@ void Solver::Bend() {
 
 // All passes over the edges. Those of a block share no vertex, so their roots and quotients are taken side by side.
 void Solver::Stretch() {
-  const float shortening = 1 / std::max(settings_.compression, 1e-6f);
-  Point* const at = x_.data();
+  Point* const points = x_.data();
+  const Floats least = Floats{} + 1e-9f;
   for (int pass = 0; pass < settings_.stretch_passes; ++pass) {
     for (const Springs& s : springs_) {
       Floats a[4], b[4], d[4];
       for (int k = 0; k < 4; ++k) {
-        a[k] = LoadPair(at[s.a[k]], at[s.a[k + 4]]), b[k] = LoadPair(at[s.b[k]], at[s.b[k + 4]]);
+        a[k] = LoadPair(*PointAt(points, s.a[k]), *PointAt(points, s.a[k + 4]));
+        b[k] = LoadPair(*PointAt(points, s.b[k]), *PointAt(points, s.b[k + 4]));
         d[k] = b[k] - a[k];
       }
-      const Floats length = SquareRoot(SumOfEach(d[0] * d[0], d[1] * d[1], d[2] * d[2], d[3] * d[3]));
-      const Floats longer = length - s.rest, least = Floats{} + 1e-9f;
-      const Floats yield = longer < 0.0f ? shortening * s.yield : s.yield;
-      const Floats push = longer / ((s.weight_a + s.weight_b + yield) * (length < least ? least : length));
+      const Floats squared = SumOfEach(d[0] * d[0], d[1] * d[1], d[2] * d[2], d[3] * d[3]);
+      const Floats length = SquareRoot(squared), share = squared < s.rest * s.rest ? s.shorter : s.longer;
+      const Floats push = share - share * (s.rest / (length < least ? least : length));
       const Floats to_a = s.weight_a * push, to_b = s.weight_b * push;
       const auto pair = [&](auto number) {
         constexpr int k = decltype(number)::value;
-        StorePair(a[k] + Spread<k>(to_a) * d[k], &at[s.a[k]], &at[s.a[k + 4]]);
-        StorePair(b[k] - Spread<k>(to_b) * d[k], &at[s.b[k]], &at[s.b[k + 4]]);
+        StorePair(a[k] + Spread<k>(to_a) * d[k], PointAt(points, s.a[k]), PointAt(points, s.a[k + 4]));
+        StorePair(b[k] - Spread<k>(to_b) * d[k], PointAt(points, s.b[k]), PointAt(points, s.b[k + 4]));
       };
       pair(Number<0>{}), pair(Number<1>{}), pair(Number<2>{}), pair(Number<3>{});
     }

@@ -47,15 +47,16 @@ class Solver {
   Body body_;
   Layers layers_;
   struct Springs {
-    Floats rest, yield, weight_a, weight_b;  // m; 1/kg: compliance over the step's squared length, inverse masses
-    std::array<int32_t, kLanes> a, b;
+    Floats rest, longer, shorter, weight_a, weight_b;  // m; kg: share of a change in length, over inverse masses; 1/kg
+    std::array<Offset, kLanes> a, b;
   };
   std::vector<Springs> springs_;
   struct Hinges {
     Floats k[4], move[4];  // of a vertex along the curvature vector
-    std::array<int32_t, kLanes> v[4];
+    std::array<Offset, kLanes> v[4];
   };
   struct Creases {  // of the first hinges
+    std::array<int32_t, kLanes> a, b;  // ends of the edge
     std::array<float, kLanes> rest;
     std::array<Point, kLanes> bent;  // curvature vector at rest
   };
