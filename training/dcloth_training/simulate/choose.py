@@ -72,18 +72,20 @@ def farthest_first(pieces, known=None, kinds=None, frames=np.inf):
         away = {name: np.minimum(distances(own, known), MOST) for name, (own, _, _) in pieces.items()}
         adds, first = {name: float(own.mean()) for name, own in away.items()}, None
     taken, left = dict.fromkeys((kinds.get(name) for name in pieces), 0), set(pieces)
+    chosen, looked_at = [], dict.fromkeys(pieces, 0)      # histories; how many of them a piece was compared with
     while left and sum(taken.values()) < frames:
         fewest = min((kinds.get(name) for name in left), key=lambda kind: (taken[kind], str(kind)))
-        name = first or max((n for n in left if kinds.get(n) == fewest), key=lambda n: (adds[n], n))
+        while True:     # what a piece adds only shrinks: one that leads with today's number is the farthest
+            name = first or max((n for n in left if kinds.get(n) == fewest), key=lambda n: (adds[n], n))
+            if first or looked_at[name] == len(chosen):
+                break
+            away[name] = np.minimum(away[name], distances(pieces[name][0], np.concatenate(chosen[looked_at[name]:])))
+            adds[name], looked_at[name] = float(away[name].mean()), len(chosen)
         first = None
         yield name, adds[name]
         left.remove(name)
-        own, other, count = pieces[name]
-        taken[kinds.get(name)] += count
-        chosen = np.concatenate([own, other])
-        for n in left:
-            away[n] = np.minimum(away[n], distances(pieces[n][0], chosen))
-            adds[n] = float(away[n].mean())
+        chosen.append(np.concatenate(pieces[name][:2]))
+        taken[kinds.get(name)] += pieces[name][2]
 
 
 def kinds_of(path):
