@@ -17,7 +17,7 @@ WOOL = {
 COTTON = {**WOOL, "density": 0.13, "bend": 1.4e-5, "friction": 0.3}
 SOLVER = {
     "steps": 30,
-    "stretch_passes": 6,
+    "stretch_passes": 7,
     "frame_seconds": 1.0 / FPS,
     "gravity": 9.81,
     "drag_normal": 1.3,     # a flat plate across the flow: 1.1 to 2
