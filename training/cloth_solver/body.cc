@@ -2,23 +2,39 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace cloth_solver {
 namespace {
 
-constexpr int32_t kLeaf = 4;
 constexpr float kDeepest = 0.03f;  // m: cloth sinks by millimetres in a step; what is deeper looks into an open end
-constexpr float kOnEdge = 1e-4f;  // barycentric weight below which the nearest point counts as on the edge
+constexpr float kFar = 0.1f;       // m: how far exactly is not asked beyond
+constexpr float kTrusted = 0.02f;  // m: a face that was followed to says no more about the rest of the part
+constexpr float kNowhere = 1e9f;   // m: a box that is not there
+constexpr float kOnEdge = 1e-4f;   // barycentric weight below which the nearest point counts as on the edge
 
-Vec Low(const Vec& a, const Vec& b) { return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)}; }
-Vec High(const Vec& a, const Vec& b) { return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)}; }
+Vecs Spread(const Vec& v) { return {Floats{} + v.x, Floats{} + v.y, Floats{} + v.z}; }
+Floats Lower(const Floats& a, const Floats& b) { return a < b ? a : b; }
+Floats Higher(const Floats& a, const Floats& b) { return a > b ? a : b; }
+Vecs Lower(const Vecs& a, const Vecs& b) { return {Lower(a.x, b.x), Lower(a.y, b.y), Lower(a.z, b.z)}; }
+Vecs Higher(const Vecs& a, const Vecs& b) { return {Higher(a.x, b.x), Higher(a.y, b.y), Higher(a.z, b.z)}; }
 
-float SquaredToBox(const Vec& p, const Vec& low, const Vec& high) {
-  const float x = std::max({low.x - p.x, 0.0f, p.x - high.x}), y = std::max({low.y - p.y, 0.0f, p.y - high.y}),
-              z = std::max({low.z - p.z, 0.0f, p.z - high.z});
-  return x * x + y * y + z * z;
+Floats SquaredToBoxes(const Vecs& p, const Vecs& low, const Vecs& high) {
+  const Vecs outside = Higher(Higher(low - p, p - high), Vecs{});
+  return Dot(outside, outside);
+}
+
+int Lowest(const Floats& v, uint32_t among) {
+  int best = __builtin_ctz(among);
+  ForEachBit(among, [&](int k) { best = v[k] < v[best] ? k : best; });
+  return best;
+}
+
+// The squared distance from p to the segment from a along ab.
+Floats SquaredToSegment(const Vecs& ab, const Vecs& ap) {
+  const Floats along = Dot(ab, ap) / Higher(Dot(ab, ab), Floats{} + 1e-20f);
+  const Vecs away = ap - Lower(Higher(along, Floats{}), Floats{} + 1.0f) * ab;
+  return Dot(away, away);
 }
 
 float AngleAt(const Vec& a, const Vec& b, const Vec& c) {
@@ -29,8 +45,8 @@ float AngleAt(const Vec& a, const Vec& b, const Vec& c) {
 }  // namespace
 
 Body::Body(int32_t vertices, int32_t faces, const int32_t* face, const int32_t* part, int32_t parts,
-           std::vector<uint32_t> touches, int32_t cloth_vertices)
-    : parts_(parts), touches_(std::move(touches)), last_face_(parts, std::vector<int32_t>(cloth_vertices, -1)) {
+           const std::vector<uint32_t>& touches)
+    : parts_(parts), from_(vertices), to_(vertices), at_(vertices) {
   for (int32_t f = 0; f < faces; ++f) parts_[part[f]].faces.push_back({face[3 * f], face[3 * f + 1], face[3 * f + 2]});
   for (Part& p : parts_) {
     p.local.assign(vertices, -1);
@@ -59,58 +75,84 @@ Body::Body(int32_t vertices, int32_t faces, const int32_t* face, const int32_t* 
     for (size_t f = 0; f < p.faces.size(); ++f)
       for (int k = 0; k < 3; ++k)
         if (p.across[f][k] < 0) p.border[p.local[p.faces[f][k]]] = p.border[p.local[p.faces[f][(k + 1) % 3]]] = 1;
+    constexpr float kNever = 1e15f;
+    p.watched.assign((touches.size() + kLanes - 1) / kLanes, Watched{{}, Floats{} + kNever});
+    for (size_t i = 0; i < touches.size(); ++i)
+      if (!p.faces.empty() && (touches[i] >> (&p - parts_.data()) & 1)) p.watched[i / kLanes].clear[i % kLanes] = 0;
+    p.face.assign(touches.size(), -1), p.searched.assign(touches.size(), 0);
   }
 }
 
-void Body::Build(Part* part) {
-  part->order.resize(part->faces.size());
-  std::iota(part->order.begin(), part->order.end(), 0);
-  part->nodes.assign(1, {{}, {}, 0, static_cast<int32_t>(part->order.size())});
+// Faces order[first, last) so that each kLanes of them, and each kLanes of those, lie together.
+void Body::Sort(const Part& part, int32_t first, int32_t last, std::vector<int32_t>* order) const {
+  if (last - first <= kLanes) return;
   const auto centre = [&](int32_t f) {
-    const auto& v = part->faces[f];
-    return from_[v[0]] + from_[v[1]] + from_[v[2]];
+    const auto& v = part.faces[f];
+    return ToVec(from_[v[0]]) + ToVec(from_[v[1]]) + ToVec(from_[v[2]]);
   };
-  for (size_t n = 0; n < part->nodes.size(); ++n) {
-    const int32_t first = part->nodes[n].first, count = part->nodes[n].count;
-    if (count <= kLeaf) continue;
-    Vec low{1e9f, 1e9f, 1e9f}, high{-1e9f, -1e9f, -1e9f};
-    for (int32_t i = first; i < first + count; ++i) {
-      const Vec c = centre(part->order[i]);
-      low = Low(low, c), high = High(high, c);
-    }
-    const Vec size = high - low;
-    float Vec::*axis = size.x >= size.y && size.x >= size.z ? &Vec::x : size.y >= size.z ? &Vec::y : &Vec::z;
-    std::sort(part->order.begin() + first, part->order.begin() + first + count, [&](int32_t f, int32_t g) {
-      const float a = centre(f).*axis, b = centre(g).*axis;
-      return a != b ? a < b : f < g;
-    });
-    const int32_t child = static_cast<int32_t>(part->nodes.size());
-    part->nodes.push_back({{}, {}, first, count / 2});
-    part->nodes.push_back({{}, {}, first + count / 2, count - count / 2});
-    part->nodes[n].first = child, part->nodes[n].count = 0;
+  Vec low{1e9f, 1e9f, 1e9f}, high{-1e9f, -1e9f, -1e9f};
+  for (int32_t i = first; i < last; ++i) {
+    const Vec c = centre((*order)[i]);
+    low = {std::min(low.x, c.x), std::min(low.y, c.y), std::min(low.z, c.z)};
+    high = {std::max(high.x, c.x), std::max(high.y, c.y), std::max(high.z, c.z)};
   }
+  const Vec size = high - low;
+  float Vec::*axis = size.x >= size.y && size.x >= size.z ? &Vec::x : size.y >= size.z ? &Vec::y : &Vec::z;
+  std::sort(order->begin() + first, order->begin() + last, [&](int32_t f, int32_t g) {
+    const float a = centre(f).*axis, b = centre(g).*axis;
+    return a != b ? a < b : f < g;
+  });
+  const int32_t half = ((last - first) / 2 + kLanes - 1) / kLanes * kLanes;
+  Sort(part, first, first + half, order);
+  Sort(part, first + half, last, order);
 }
 
-void Body::Refit(Part* part) {
-  for (size_t n = part->nodes.size(); n-- > 0;) {
-    Node& node = part->nodes[n];
-    if (node.count == 0) {
-      node.low = Low(part->nodes[node.first].low, part->nodes[node.first + 1].low);
-      node.high = High(part->nodes[node.first].high, part->nodes[node.first + 1].high);
-      continue;
+void Body::Build(Part* part) const {
+  std::vector<int32_t> order(part->faces.size());
+  std::iota(order.begin(), order.end(), 0);
+  Sort(*part, 0, static_cast<int32_t>(order.size()), &order);
+  for (size_t first = 0; first < order.size(); first += kLanes) {
+    FaceBlock& block = part->blocks.emplace_back();
+    for (size_t k = 0; k < kLanes; ++k) {
+      block.face[k] = order[first + k < order.size() ? first + k : first];
+      for (int m = 0; m < 3; ++m) block.corner[m][k] = part->faces[block.face[k]][m];
     }
-    node.low = {1e9f, 1e9f, 1e9f}, node.high = {-1e9f, -1e9f, -1e9f};
-    for (int32_t i = node.first; i < node.first + node.count; ++i)
-      for (int32_t v : part->faces[part->order[i]]) {
-        node.low = Low(node.low, from_[v]), node.high = High(node.high, from_[v]);
-      }
+  }
+  const Vecs nothing = Spread({kNowhere, kNowhere, kNowhere});
+  for (size_t inner = part->blocks.size(); part->levels.empty() || inner > 1; inner = part->levels.back().size())
+    part->levels.emplace_back((inner + kLanes - 1) / kLanes, Boxes{nothing, nothing});
+}
+
+void Body::Refit(Part* part) const {
+  const auto keep = [](const Vecs& low, const Vecs& high, size_t k, std::vector<Boxes>* level) {
+    Vec least{low.x[0], low.y[0], low.z[0]}, most{high.x[0], high.y[0], high.z[0]};
+    for (int m = 1; m < kLanes && low.x[m] < kNowhere; ++m) {
+      least = {std::min(least.x, low.x[m]), std::min(least.y, low.y[m]), std::min(least.z, low.z[m])};
+      most = {std::max(most.x, high.x[m]), std::max(most.y, high.y[m]), std::max(most.z, high.z[m])};
+    }
+    Boxes& to = (*level)[k / kLanes];
+    const size_t lane = k % kLanes;
+    to.low.x[lane] = least.x, to.low.y[lane] = least.y, to.low.z[lane] = least.z;
+    to.high.x[lane] = most.x, to.high.y[lane] = most.y, to.high.z[lane] = most.z;
+  };
+  for (size_t k = 0; k < part->blocks.size(); ++k) {
+    Vecs low = Spread({kNowhere, kNowhere, kNowhere}), high = -1.0f * low;
+    for (const auto& corner : part->blocks[k].corner) {
+      const Vecs a = Gather(from_, corner) - part->anchor_from, b = Gather(to_, corner) - part->anchor_to;
+      low = Lower(low, Lower(a, b)), high = Higher(high, Higher(a, b));
+    }
+    keep(low, high, k, &part->levels[0]);
+  }
+  for (size_t level = 1; level < part->levels.size(); ++level) {
+    const std::vector<Boxes>& inner = part->levels[level - 1];
+    for (size_t k = 0; k < inner.size(); ++k) keep(inner[k].low, inner[k].high, k, &part->levels[level]);
   }
 }
 
 // Ericson, "Real-time collision detection", 5.1.5: nearest point of a triangle with its barycentric weights.
-Body::Nearest Body::On(const std::vector<Vec>& at, const Part& part, int32_t face, const Vec& p) {
+Body::Nearest Body::On(const Part& part, int32_t face, const Vec& p) const {
   const auto& v = part.faces[face];
-  const Vec &a = at[v[0]], &b = at[v[1]], &c = at[v[2]];
+  const Vec a = ToVec(at_[v[0]]), b = ToVec(at_[v[1]]), c = ToVec(at_[v[2]]);
   const Vec ab = b - a, ac = c - a, ap = p - a;
   const float d1 = Dot(ab, ap), d2 = Dot(ac, ap);
   Nearest out;
@@ -148,68 +190,83 @@ Body::Nearest Body::On(const std::vector<Vec>& at, const Part& part, int32_t fac
   return done(va * sum, vb * sum, vc * sum);
 }
 
-Body::Nearest Body::Search(const Part& part, const Vec& p, float reach, int32_t guess) const {
-  Nearest best;
-  best.squared = reach * reach;
-  if (guess >= 0)
-    if (const Nearest near = On(from_, part, guess, p); near.squared < best.squared) best = near;
-  int32_t stack[64], depth = 0;
-  stack[depth++] = 0;
-  while (depth > 0) {
-    const Node& node = part.nodes[stack[--depth]];
-    if (SquaredToBox(p, node.low, node.high) >= best.squared) continue;
-    if (node.count == 0) {
-      const float a = SquaredToBox(p, part.nodes[node.first].low, part.nodes[node.first].high);
-      const float b = SquaredToBox(p, part.nodes[node.first + 1].low, part.nodes[node.first + 1].high);
-      stack[depth++] = node.first + (a < b ? 1 : 0);
-      stack[depth++] = node.first + (a < b ? 0 : 1);
+// To their planes where p is above them, else to the nearest side.
+Floats Body::SquaredToFaces(const FaceBlock& faces, const Vec& p) const {
+  const Vecs at = Spread(p), a = Gather(at_, faces.corner[0]), b = Gather(at_, faces.corner[1]);
+  const Vecs c = Gather(at_, faces.corner[2]), ab = b - a, bc = c - b, ca = a - c, n = Cross(ab, bc);
+  const Vecs ap = at - a, bp = at - b, cp = at - c;
+  const Ints above =
+      (Dot(Cross(n, ab), ap) >= 0.0f) & (Dot(Cross(n, bc), bp) >= 0.0f) & (Dot(Cross(n, ca), cp) >= 0.0f);
+  const Floats height = Dot(n, ap), squared = height * height / Higher(Dot(n, n), Floats{} + 1e-30f);
+  const Floats side = Lower(SquaredToSegment(ab, ap), Lower(SquaredToSegment(bc, bp), SquaredToSegment(ca, cp)));
+  return above ? squared : side;
+}
+
+void Body::Descend(const Part& part, size_t level, int32_t block, const Vec& p, Nearest* best) const {
+  const Boxes& boxes = part.levels[level][block];
+  const Floats squared = SquaredToBoxes(Spread(p - part.anchor), boxes.low, boxes.high);
+  for (uint32_t left = Bits(squared < best->squared); left != 0; left &= Bits(squared < best->squared)) {
+    const int k = Lowest(squared, left), child = kLanes * block + k;
+    left &= ~(1u << k);
+    if (level > 0) {
+      Descend(part, level - 1, child, p, best);
       continue;
     }
-    for (int32_t i = node.first; i < node.first + node.count; ++i)
-      if (const Nearest near = On(from_, part, part.order[i], p); near.squared < best.squared) best = near;
+    const FaceBlock& faces = part.blocks[child];
+    const Floats to_faces = SquaredToFaces(faces, p);
+    const int nearest = Lowest(to_faces, (1u << kLanes) - 1);
+    if (to_faces[nearest] > best->squared) continue;
+    if (const Nearest near = On(part, faces.face[nearest], p); near.squared < best->squared) *best = near;
   }
+}
+
+// The nearest face within kFar.
+Body::Nearest Body::Search(const Part& part, const Vec& p, int32_t guess) const {
+  Nearest best;
+  best.squared = kFar * kFar;
+  if (guess >= 0)
+    if (const Nearest near = On(part, guess, p); near.squared < best.squared) best = near;
+  Descend(part, part.levels.size() - 1, 0, p, &best);
   return best;
 }
 
-void Body::BeginFrame(std::vector<Vec> from, std::vector<Vec> to, float seconds, const std::vector<Vec>& cloth,
-                      float cloth_travel, float reach) {
-  from_ = std::move(from), to_ = std::move(to);
-  at_ = from_, t_ = 0;
+void Body::BeginFrame(const float* from, const float* to, const Vec& origin, float seconds) {
+  ++frame_;
   per_second_ = 1 / seconds;
-  for (size_t p = 0; p < parts_.size(); ++p) {
-    Part& part = parts_[p];
+  for (size_t b = 0; b < at_.size(); ++b) {
+    from_[b] = ToPoint(Vec{from[3 * b], from[3 * b + 1], from[3 * b + 2]} - origin);
+    to_[b] = ToPoint(Vec{to[3 * b], to[3 * b + 1], to[3 * b + 2]} - origin);
+  }
+  for (Part& part : parts_) {
     if (part.faces.empty()) continue;
-    if (part.nodes.empty()) Build(&part);
-    Refit(&part);
-    float travel = 0;
-    for (int32_t v : part.vertices) travel = std::max(travel, Length(to_[v] - from_[v]));
-    part.step_travel = travel;  // of the whole frame: MoveTo takes its share
-    const float all = reach + travel + cloth_travel;
-    part.candidates.clear(), part.face.clear(), part.seen_at.clear(), part.clear.clear();
-    for (int32_t i = 0; i < static_cast<int32_t>(cloth.size()); ++i) {
-      if (!touches_.empty() && !(touches_[i] >> p & 1)) continue;
-      if (SquaredToBox(cloth[i], part.nodes[0].low, part.nodes[0].high) > all * all) continue;
-      const Nearest near = Search(part, cloth[i], all, last_face_[p][i]);
-      if (near.face < 0) continue;
-      last_face_[p][i] = near.face;
-      part.candidates.push_back(i);
-      part.face.push_back(near.face);
-      part.seen_at.push_back(cloth[i]);
-      part.clear.push_back(0);
+    Vec sum_from{}, sum_to{};
+    for (int32_t v : part.vertices) sum_from += ToVec(from_[v]), sum_to += ToVec(to_[v]);
+    const float share = 1 / static_cast<float>(part.vertices.size());
+    part.anchor_from = share * sum_from, part.anchor_to = share * sum_to;
+    const Vec way = part.anchor_to - part.anchor_from;
+    for (Watched& watched : part.watched) {
+      const Floats clear = watched.clear - part.travelled;
+      watched.clear = clear > kTrusted ? clear : Floats{};
     }
+    part.travel = part.travelled = 0;
+    for (int32_t v : part.vertices) part.travel = std::max(part.travel, Length(ToVec(to_[v]) - ToVec(from_[v]) - way));
+    if (part.blocks.empty()) Build(&part);
+    Refit(&part);
   }
 }
 
 void Body::MoveTo(float t) {
-  for (size_t b = 0; b < at_.size(); ++b) at_[b] = Mix(from_[b], to_[b], t);
-  for (Part& part : parts_)
-    for (float& clear : part.clear) clear -= (t - t_) * part.step_travel;
-  t_ = t;
+  for (size_t b = 0; b < at_.size(); ++b) at_[b] = ToPoint(Mix(ToVec(from_[b]), ToVec(to_[b]), t));
+  for (Part& part : parts_) {
+    part.anchor = Mix(part.anchor_from, part.anchor_to, t);
+    part.travelled = t * part.travel;
+  }
 }
 
 Vec Body::FaceNormal(const Part& part, int32_t face) const {
   const auto& v = part.faces[face];
-  return Cross(at_[v[1]] - at_[v[0]], at_[v[2]] - at_[v[0]]);
+  const Vec a = ToVec(at_[v[0]]);
+  return Cross(ToVec(at_[v[1]]) - a, ToVec(at_[v[2]]) - a);
 }
 
 bool Body::OnBorder(const Part& part, const Nearest& near) const {
@@ -242,27 +299,25 @@ Vec Body::PseudoNormal(const Part& part, const Nearest& near) const {
   for (int32_t j = part.around_first[local]; j < part.around_first[local + 1]; ++j) {
     const auto& g = part.faces[part.around[j]];
     const int m = g[0] == v[corner] ? 0 : g[1] == v[corner] ? 1 : 2;
-    n += AngleAt(at_[g[m]], at_[g[(m + 1) % 3]], at_[g[(m + 2) % 3]]) * Unit(FaceNormal(part, part.around[j]));
+    const Vec here = ToVec(at_[g[m]]), next = ToVec(at_[g[(m + 1) % 3]]), last = ToVec(at_[g[(m + 2) % 3]]);
+    n += AngleAt(here, next, last) * Unit(FaceNormal(part, part.around[j]));
   }
   return n;
 }
 
-Contact Body::Touch(int32_t p, int32_t k, const Vec& at, float limit) {
-  Part& part = parts_[p];
-  Contact contact;
-  const Vec moved = at - part.seen_at[k];
-  if (part.clear[k] > 0 && part.clear[k] * part.clear[k] > Dot(moved, moved)) return contact;
-  Nearest near = On(at_, part, part.face[k], at);
-  for (int walk = 0; walk < 16; ++walk) {  // to the nearest face from there, over edges and about corners
+// To the nearest face from there, over edges and about corners.
+Body::Nearest Body::Follow(const Part& part, const Vec& at, int32_t face) const {
+  Nearest near = On(part, face, at);
+  for (int walk = 0; walk < 16; ++walk) {
     const auto& v = part.faces[near.face];
     int corner = -1, on = 0;
     for (int m = 0; m < 3; ++m)
       if (near.weight[m] > kOnEdge) ++on, corner = m;
     if (on == 3) break;
     Nearest best = near;
-    const auto consider = [&](int32_t face) {
-      if (face < 0 || face == near.face) return;
-      if (const Nearest there = On(at_, part, face, at); there.squared < best.squared) best = there;
+    const auto consider = [&](int32_t other) {
+      if (other < 0 || other == near.face) return;
+      if (const Nearest there = On(part, other, at); there.squared < best.squared) best = there;
     };
     if (on == 1) {
       const int32_t local = part.local[v[corner]];
@@ -274,23 +329,40 @@ Contact Body::Touch(int32_t p, int32_t k, const Vec& at, float limit) {
     if (best.face == near.face) break;
     near = best;
   }
-  part.face[k] = near.face;
-  last_face_[p][part.candidates[k]] = near.face;
-  part.seen_at[k] = at;
-  part.clear[k] = 0;
-  if (OnBorder(part, near)) return contact;
+  return near;
+}
+
+Contact Body::Touch(int32_t p, int32_t i, const Vec& at, float limit) {
+  Part& part = parts_[p];
+  Contact contact;
+  const bool follows = part.searched[i] == frame_;
+  const Nearest near = follows ? Follow(part, at, part.face[i]) : Search(part, at, part.face[i]);
+  const Vec beside = at - part.anchor;
+  Watched& watched = part.watched[i / kLanes];
+  const int32_t lane = i % kLanes;
+  watched.seen.x[lane] = beside.x, watched.seen.y[lane] = beside.y, watched.seen.z[lane] = beside.z;
+  if (near.face < 0) {
+    const Boxes& all = part.levels.back()[0];
+    const Floats squared = SquaredToBoxes(Spread(beside), all.low, all.high);
+    const float least = std::sqrt(squared[Lowest(squared, (1u << kLanes) - 1)]);
+    watched.clear[lane] = std::max(kFar, least) - limit + part.travelled;
+    return contact;
+  }
+  part.face[i] = near.face, part.searched[i] = frame_;
   const Vec away = at - near.point;
   const Vec pseudo = PseudoNormal(part, near);
   const float distance = std::sqrt(near.squared);
   const bool inside = Dot(away, pseudo) < 0;
-  part.clear[k] = inside ? 0 : distance - limit;
-  if (inside ? distance > kDeepest : distance >= limit) return contact;
+  const float touching = inside ? kDeepest : limit;  // what is deeper, or farther, does not touch
+  const float clear = follows ? std::min(distance - touching, kTrusted) : distance - touching;
+  watched.clear[lane] = inside && distance <= kDeepest ? 0 : clear + part.travelled;
+  if (distance >= touching || OnBorder(part, near)) return contact;
   contact.near = true;
   contact.distance = inside ? -distance : distance;
   contact.normal = distance > 1e-5f ? (inside ? -1 / distance : 1 / distance) * away : Unit(pseudo);
   const auto& v = part.faces[near.face];
   Vec velocity{};
-  for (int m = 0; m < 3; ++m) velocity += near.weight[m] * (to_[v[m]] - from_[v[m]]);
+  for (int m = 0; m < 3; ++m) velocity += near.weight[m] * (ToVec(to_[v[m]]) - ToVec(from_[v[m]]));
   contact.velocity = per_second_ * velocity;
   return contact;
 }

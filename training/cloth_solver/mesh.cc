@@ -20,25 +20,6 @@ struct Side {
 // B, whatever the triangles' size (tests/test_fabric.py).
 constexpr float kSoftening = 1.9f;
 
-// Items grouped so that consecutive ones share no vertex (greedy colouring): a Gauss-Seidel pass then favours no
-// direction of the mesh, and the processor overlaps consecutive constraints.
-template <typename T, typename Vertices>
-void Interleave(std::vector<T>* items, int32_t vertices, Vertices vertices_of) {
-  std::vector<std::vector<T>> colours;
-  std::vector<uint64_t> used(vertices, 0);
-  for (const T& item : *items) {
-    uint64_t taken = 0;
-    for (int32_t v : vertices_of(item)) taken |= used[v];
-    int colour = 0;
-    while (colour < 63 && (taken >> colour & 1)) ++colour;
-    for (int32_t v : vertices_of(item)) used[v] |= uint64_t{1} << colour;
-    if (static_cast<size_t>(colour) >= colours.size()) colours.resize(colour + 1);
-    colours[colour].push_back(item);
-  }
-  items->clear();
-  for (const auto& colour : colours) items->insert(items->end(), colour.begin(), colour.end());
-}
-
 float Cotangent(float ux, float uy, float vx, float vy) {
   constexpr float kSteepest = 4;  // of a sliver: keeps its hinge from outweighing all others
   const float cross = std::abs(ux * vy - uy * vx), dot = ux * vx + uy * vy;
@@ -107,18 +88,20 @@ Mesh MakeMesh(int32_t vertices, int32_t faces, const int32_t* face, const float*
   mesh.neighbours.resize(mesh.first[vertices]);
   std::vector<int32_t> next(mesh.first.begin(), mesh.first.end() - 1);
   for (const Edge& e : mesh.edges) mesh.neighbours[next[e.a]++] = e.b, mesh.neighbours[next[e.b]++] = e.a;
-  Interleave(&mesh.edges, vertices, [](const Edge& e) { return std::array<int32_t, 2>{e.a, e.b}; });
-  Interleave(&mesh.hinges, vertices, [](const Hinge& h) { return h.v; });
   return mesh;
 }
 
-void Normals(const Mesh& mesh, const std::vector<Vec>& at, std::vector<Vec>& out) {
-  out.assign(at.size(), Vec{});
+void Normals(const Mesh& mesh, const std::vector<Point>& at, std::vector<Point>* out) {
+  std::fill(out->begin(), out->end(), Point{});
+  const auto add = [out](int32_t i, const Vec& n) {
+    Point& to = (*out)[i];
+    to.x += n.x, to.y += n.y, to.z += n.z;
+  };
   for (const auto& [a, b, c] : mesh.faces) {
-    const Vec n = Cross(at[b] - at[a], at[c] - at[a]);
-    out[a] += n, out[b] += n, out[c] += n;
+    const Vec from = ToVec(at[a]), n = Cross(ToVec(at[b]) - from, ToVec(at[c]) - from);
+    add(a, n), add(b, n), add(c, n);
   }
-  for (Vec& n : out) n = Unit(n);
+  for (Point& n : *out) n = ToPoint(Unit(ToVec(n)));
 }
 
 std::vector<Tether> Tethers(const Mesh& mesh, int32_t vertices, const std::vector<int32_t>& pins) {

@@ -1,7 +1,11 @@
 """Simulation: garment, files and checks, without a solver."""
 import dataclasses
+import functools
 import json
+import os
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -10,7 +14,11 @@ from scipy.sparse.csgraph import connected_components
 
 from dcloth_training import figure, metrics, safetensors_io, sequence
 from dcloth_training.motion import skeleton
-from dcloth_training.simulate import body as parts, checks, clips, cloth_job, garment, settings, statics
+from dcloth_training.simulate import body as parts, checks, clips, cloth_job, garment, pattern, settings, statics
+
+
+TRAINING = os.path.join(os.path.dirname(__file__), "..")
+MODELS = os.path.join(TRAINING, "..", "models")
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +83,56 @@ def test_garments_are_sewn_without_holes_and_face_outward(worn):
     low = worn.vertices[:, 1] < worn.vertices[:, 1].min() + 0.3
     a, b, c = (worn.vertices[worn.faces[low[worn.faces].all(1)][:, i]] for i in range(3))
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) * [1, 0, 1]) > 0).mean() > 0.99
+
+
+# Panels and start of both garments, and of a coarser cut that is not kept.
+CUT = """
+import hashlib
+import numpy as np
+from dcloth_training import figure
+from dcloth_training.simulate import garment
+for name, changes in (("skirt", {}), ("robe", {}), ("skirt", {"spacing": 0.03})):
+    worn = garment.GARMENTS[name](figure.load(), **changes)
+    given = [worn.vertices, worn.cloth.pattern, worn.cloth.mass_scale, worn.cloth.bend_scale, worn.cloth.crease]
+    arrays = [np.float32(array) for array in given] + [worn.faces, worn.mirror, worn.pinned, worn.touches]
+    print(name, *(hashlib.sha256(np.ascontiguousarray(array)).hexdigest()[:12] for array in arrays))
+"""
+
+
+def test_every_processor_cuts_the_same_cloth():
+    """The matrix library has kernels of its own for each processor, and so have numpy's sines: last bits differ."""
+    old = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES":
+           "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL"}
+
+    def cut(processor):
+        environment = {**os.environ, **processor, "PYTHONPATH": TRAINING}
+        return subprocess.run([sys.executable, "-W", "ignore", "-c", CUT], env=environment, text=True, check=True,
+                              stdout=subprocess.PIPE).stdout.splitlines()
+    cuts = [cut(processor) for processor in ({"OPENBLAS_CORETYPE": "Haswell"}, {"OPENBLAS_CORETYPE": "Prescott"}, old)]
+    assert len(cuts[0]) == 3
+    assert cuts[0] == cuts[1] == cuts[2]
+
+
+def test_the_bundled_garments_are_cut_as_they_were(worn):
+    bundled = safetensors_io.read(os.path.join(MODELS, worn.name, f"{worn.name}.safetensors"))[0]
+    assert np.array_equal(worn.faces, bundled["template.faces"])
+
+
+def test_panels_that_are_kept_are_cut_no_more(body, tmp_path, monkeypatch):
+    made, path = {}, str(tmp_path / "panels.safetensors")
+    first = garment.skirt(body, made, spacing=0.03)
+    pattern.keep(made, path)
+    monkeypatch.setattr(pattern, "KEPT", path)
+    monkeypatch.setattr(pattern, "_kept", functools.lru_cache(pattern._kept.__wrapped__))
+
+    def refused(*_):
+        raise AssertionError("cut anew")
+    monkeypatch.setattr(pattern, "triangulate", refused)
+    second = garment.skirt(body, spacing=0.03)
+    assert np.array_equal(first.faces, second.faces)
+    assert np.abs(first.cloth.pattern - second.cloth.pattern).max() < pattern.KEPT_WITHIN
+    with pytest.raises(AssertionError, match="cut anew"):     # another outline is another panel
+        garment.skirt(body, spacing=0.03, length=0.59)
 
 
 def test_a_mesh_has_no_direction(worn):

@@ -89,7 +89,7 @@ def test_what_was_not_cloth_is_not_tried_again(tmp_path, monkeypatch, capsys):
 
 
 def test_a_folder_begun_with_other_triangles_is_refused(tmp_path):
-    """Other versions of numpy and scipy cut as many vertices and other triangles."""
+    """A change to the cut may leave as many vertices and other triangles."""
     worn = garment.GARMENTS["skirt"](figure.load())
     path = str(tmp_path / "character.safetensors")
     there = {"cloth_template": worn.vertices.astype(np.float32), "cloth_faces": worn.faces}

@@ -4,6 +4,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from dcloth_training import geometry
 from dcloth_training.motion import skeleton
 from dcloth_training.simulate import crossings, pattern, settings, solver
 
@@ -141,6 +142,35 @@ def test_a_quick_ball_does_not_pass_through_either():
     out = run(points, cloth, np.zeros(0, np.int32), frames, body=body, body_faces=ball_faces, gravity=0.0)
     for frame in range(frames):
         assert len(crossings.count(out[frame], cloth.faces, body[frame], ball_faces)[1]) == 0
+
+
+def test_a_turning_dumbbell_does_not_pass_through():
+    """Two balls turn about their middle, which stays where it is: the part's mean says nothing about their speed."""
+    ball, ball_faces = icosphere(0.06)
+    pair, faces = np.concatenate([ball - [0.3, 0, 0], ball + [0.3, 0, 0]]), np.concatenate([ball_faces] * 2)
+    faces[len(ball_faces):] += len(ball)
+    points, cloth = sheet(0.3)
+    frames = 14
+    turn = np.radians(-45 + 6 * np.arange(frames))
+    body = np.stack([pair @ np.array([[np.cos(t), np.sin(t), 0], [-np.sin(t), np.cos(t), 0], [0, 0, 1]]) for t in turn])
+    above = points + [0.3, -0.1, 0]
+    out = run(above, cloth, np.zeros(0, np.int32), frames, body=body, body_faces=faces, gravity=0.0)
+    assert out[-1, :, 1].max() > above[:, 1].max() + 0.05    # it was hit
+    for frame in range(frames):
+        assert len(crossings.count(out[frame], cloth.faces, body[frame], faces)[1]) == 0
+
+
+def test_inner_forces_do_not_move_the_whole():
+    """Springs and hinges give back what they take, also where they are solved side by side."""
+    points, cloth = sheet()
+    mass = np.zeros(len(points))
+    area = 0.5 * np.abs(geometry.doubled_areas(cloth.pattern))
+    np.add.at(mass, cloth.faces.ravel(), np.repeat(area, 3))
+    bent = 1.01 * points + [0, 0.01, 0] * np.sin(40 * points[:, :1])
+    out = run(bent, cloth, np.zeros(0, np.int32), 10, gravity=0.0, air_density=0.0, damping=0.0, layer_thickness=0.0)
+    assert np.abs(out[-1] - out[0]).max() > 0.005
+    middle = np.einsum("n,tnk->tk", mass, out.astype(np.float64)) / mass.sum()
+    assert np.abs(middle - middle[0]).max() < 1e-5
 
 
 def test_friction_holds_a_sheet_on_a_slope():

@@ -85,7 +85,8 @@ def section(figure, height, half_width=0.25):
     points = points[np.abs(points[:, 0]) < half_width]
     angle = np.linspace(-np.pi, np.pi, 361)
     direction = np.stack([np.sin(angle), np.cos(angle)], -1)
-    support = (points @ direction.T).max(0)           # the convex hull: cloth spans hollows
+    # The convex hull: cloth spans hollows. Without BLAS, whose last bits depend on the processor.
+    support = (points[:, :1] * direction[:, 0] + points[:, 1:] * direction[:, 1]).max(0)
     normal = np.stack([np.cos(angle), -np.sin(angle)], -1)
     slope = np.gradient(support, angle)
     hull = support[:, None] * direction + slope[:, None] * normal

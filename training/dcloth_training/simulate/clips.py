@@ -181,7 +181,7 @@ def why_left_out(name):
                  if any(fnmatch.fnmatch(name, pattern) for pattern in patterns.split())), None)
 
 
-def _take(name, motion_folder):
+def take(name, motion_folder):
     """The motion of a clip as recorded or scripted, looped, at the origin; not eased in."""
     group, _, stem = name.partition("/")
     if group == "procedural":
@@ -206,13 +206,12 @@ def _takes(first, pool, kind, generator, motion_folder):
     motion = None
     while motion is None or len(motion) < LONG_FRAMES:
         chosen = first or pool[generator.integers(len(pool))]
-        take = variations.vary(_take(chosen, motion_folder), int(generator.integers(1 << 31)),
-                               STRENGTHS[kind])
+        varied = variations.vary(take(chosen, motion_folder), int(generator.integers(1 << 31)), STRENGTHS[kind])
         if kind == LIFTING_KIND:
-            take = variations.lift_legs(take, generator)
+            varied = variations.lift_legs(varied, generator)
         if kind == LEANING_KIND or (kind == LIFTING_KIND and generator.integers(2)):
-            take = variations.lean(take, generator)
-        motion = variations.join(motion, take) if motion else take
+            varied = variations.lean(varied, generator)
+        motion = variations.join(motion, varied) if motion else varied
         first = None
     return motion[:LONG_FRAMES]
 
@@ -246,7 +245,7 @@ def load(name, motion_folder=None):
         generator = np.random.default_rng([0x6F, seed(name)])   # scripts neither lean nor turn their thighs
         motion = timing.to_origin(variations.offset_joints(motion, generator, max(STRENGTHS)))
     else:
-        motion, frames = _take(name, motion_folder), None
+        motion, frames = take(name, motion_folder), None
     return clearance.clear(timing.ease_in(motion, EASE_FRAMES)[:frames])
 
 

@@ -1,6 +1,7 @@
 """Garments cut from flat panels and sewn around the figure.
 
-Each is symmetric in the plane x = 0: the left half is cut, the right half is its reflection.
+Each is symmetric in the plane x = 0: the left half is cut, the right half is its reflection. Panels are cut once and
+kept (pattern.cut); after a change to a cut, `python3 -m dcloth_training.simulate.garment` keeps the new ones.
 """
 import dataclasses
 from dataclasses import dataclass
@@ -8,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from .. import geometry
+from .. import figure as figures, geometry
 from ..motion.skeleton import LOWER_BODY, WHOLE_BODY
 from . import body as parts
 from . import pattern
@@ -55,6 +56,11 @@ def _both_sides(panels, seams, folds):
     return sewn, mirror
 
 
+def _rounded(vertices):
+    """Without what depends on the processor's sines, the sign of zero included."""
+    return np.round(vertices, pattern.DIGITS) + 0.0
+
+
 def _layout(sewn, gap=0.05):
     """[c, 3, 2] u right and v down of the faces' corners: each panel beside its reflection, joined where it is cut on
     the fold, and the pairs side by side; the cloth's right side up, with one scale for both, in the unit square."""
@@ -91,7 +97,7 @@ SKIRT = {
 }
 
 
-def skirt(figure, **changes):
+def skirt(figure, made=None, **changes):
     """A pleated skirt: front and back cut from circle sectors on the fold, side seams, waistband, turned-up hem; sunray
     pleats pressed along rays of the circle, a line on every fold and seam."""
     cut = {**SKIRT, **changes}
@@ -123,8 +129,8 @@ def skirt(figure, **changes):
     band = round_(inner + cut["band"], quarter, 0.0)[1:-1]
     rays = [side(quarter * k / lines, inner + cut["band"] + spacing, outer - 0.8 * spacing) for k in range(1, lines)]
     panels = []
-    for seed in (1, 2):
-        points, faces = pattern.triangulate(border, spacing, [band] + rays, seed)
+    for seed, name in ((1, "skirt-front"), (2, "skirt-back")):
+        points, faces = pattern.cut(name, border, spacing, [band] + rays, seed, made)
         panels.append((points, faces, False))
     own_fold = np.arange(len(fold))
     own_seam = np.arange(len(fold) + len(hem) - 2, len(fold) + len(hem) + len(seam) - 2)
@@ -155,7 +161,7 @@ def skirt(figure, **changes):
         crease[sewn.vertex[p][on]] = (np.where(np.round(ray) % 2 == 0, 1, -1) * pressed)[on]
     factor = np.where(slant > length - cut["hem"], cut["hem_layers"], 1.0)
     cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5, crease)
-    return Garment("skirt", "wool", start, cloth, mirror, slant <= cut["band"] + 1e-6,
+    return Garment("skirt", "wool", _rounded(start), cloth, mirror, slant <= cut["band"] + 1e-6,
                    np.full(sewn.count, parts.TRUNK | parts.LEFT_LEG | parts.RIGHT_LEG, np.uint32),
                    _layout(sewn), LOWER_BODY)
 
@@ -209,7 +215,7 @@ def _robe_start(x, y, low, half, top, armpit, arm):
     return trunk + share * (sleeve - trunk)
 
 
-def robe(figure, **changes):
+def robe(figure, made=None, **changes):
     """A belted robe: front and back cut in one with their sleeves on the fold, sewn along shoulder, sleeve and side;
     the front is open from the hem to above the knee."""
     cut = {**ROBE, **changes}
@@ -240,7 +246,7 @@ def robe(figure, **changes):
     hem = pattern.sample([(cut["hem"], cut["hem_height"]), (0, cut["hem_height"])], spacing)
     bottom = np.r_[0, curve[:, 0], reach], np.r_[underarm[1], curve[:, 1], sleeve_low]   # of the sleeve, by x
     panels, rows = [], []
-    for seed, drop in ((1, cut["front_neck"]), (2, cut["back_neck"])):
+    for seed, name, drop in ((1, "robe-front", cut["front_neck"]), (2, "robe-back", cut["back_neck"])):
         turn = np.linspace(0, np.pi / 2, 30)
         fold = pattern.sample([(0, cut["hem_height"]), (0, top - drop)], spacing)
         neck = pattern.sample(np.stack([cut["neck"] * np.sin(turn), top - drop * np.cos(turn)], -1), spacing)
@@ -250,7 +256,7 @@ def robe(figure, **changes):
         rows.append([np.arange(at[k], at[k + 1] + 1) % len(border) for k in range(6)])
         lines = [np.stack([np.arange(spacing, side(y) - 0.5 * spacing, spacing), np.full(len(np.arange(
             spacing, side(y) - 0.5 * spacing, spacing)), y)], -1) for y in (belt_low, cut["waist_height"], belt_high)]
-        points, faces = pattern.triangulate(border, spacing, lines, seed)
+        points, faces = pattern.cut(name, border, spacing, lines, seed, made)
         panels.append((points, faces, False))
     panels[1] = (panels[1][0], panels[1][1], True)
     seams = [((0, rows[0][2]), (1, rows[1][2])), ((0, rows[0][4]), (1, rows[1][4]))]
@@ -294,7 +300,7 @@ def robe(figure, **changes):
         crease[own[seam]] = -np.radians(cut["pressed"]) * pressed
     factor = np.where(height < cut["hem_height"] + cut["turned_up"], cut["hem_layers"], 1.0)
     cloth = Fabric(sewn.faces, sewn.pattern, factor, factor ** 1.5, crease)
-    return Garment("robe", "cotton", start, cloth, mirror, pinned, sleeved, _layout(sewn), WHOLE_BODY,
+    return Garment("robe", "cotton", _rounded(start), cloth, mirror, pinned, sleeved, _layout(sewn), WHOLE_BODY,
                    {"thickness": cut["clear"]})
 
 
@@ -305,3 +311,14 @@ FELT = {"skirt": LOWER_BODY, "robe": WHOLE_BODY}
 def perturbed(garment, scale):
     """The same garment cut a little larger or smaller, for the predictability floor."""
     return dataclasses.replace(garment, cloth=dataclasses.replace(garment.cloth, pattern=garment.cloth.pattern * scale))
+
+
+def main():
+    panels = {}
+    for cut in GARMENTS.values():
+        cut(figures.load(), panels)
+    pattern.keep(panels)
+
+
+if __name__ == "__main__":
+    main()

@@ -3,14 +3,19 @@
 A panel's triangles have no common direction (points spread evenly, then relaxed), so that no lattice prints through the
 cloth. Warp runs along +y of the panel.
 """
+import functools
+import os
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
-from .. import geometry
+from .. import geometry, safetensors_io
 
 RELAXATIONS = 80
+DIGITS = 9              # of an outline in metres: processors' sines and products differ below
+KEPT = os.path.join(os.path.dirname(__file__), "panels.safetensors")
+KEPT_WITHIN = 1e-7      # m: float32
 
 
 @dataclass
@@ -43,6 +48,41 @@ def inside(points, outline):
     return (crosses & (x < slope * (y - a[:, 1]) + a[:, 0])).sum(1) % 2 == 1
 
 
+def _fixed(outline, lines):
+    return np.round(np.concatenate([np.asarray(line, float) for line in (outline, *lines)]), DIGITS)
+
+
+@functools.lru_cache(maxsize=None)
+def _kept():
+    """{name: (points [p, 2] m, faces [c, 3], number of fixed points)} of the file KEPT."""
+    tensors, fixed = safetensors_io.read(KEPT)
+    return {name: (tensors[name + ".points"].astype(np.float64), tensors[name + ".faces"].astype(np.int32), int(count))
+            for name, count in fixed.items()}
+
+
+def keep(panels, path=KEPT):
+    """Write {name: (points [p, 2], faces [c, 3], number of fixed points)} for cut()."""
+    tensors = {}
+    for name, (points, faces, _) in panels.items():
+        tensors[name + ".points"], tensors[name + ".faces"] = points.astype(np.float32), faces.astype(np.uint16)
+    safetensors_io.write(path, tensors, {name: str(fixed) for name, (_, _, fixed) in panels.items()})
+
+
+def cut(name, outline, spacing, lines=(), seed=0, made=None):
+    """triangulate(), but for a panel that is kept under `name`, has this outline and these lines: that one.
+
+    Which triangles relaxed random points get depends on the last bit of the outline and on the version of scipy. A
+    garment that is trained on must not change. made: a dict that gets the panel, anew, under its name (keep())."""
+    if made is not None:
+        made[name] = (*triangulate(outline, spacing, lines, seed), len(_fixed(outline, lines)))
+        return made[name][:2]
+    fixed = _fixed(outline, lines)
+    points, faces, count = _kept().get(name, (None, None, 0))
+    if count == len(fixed) and np.abs(points[:count] - fixed).max() < KEPT_WITHIN:
+        return points.copy(), faces.copy()
+    return triangulate(outline, spacing, lines, seed)
+
+
 def triangulate(outline, spacing, lines=(), seed=0):
     """Points [p, 2] and faces [c, 3] (counter-clockwise) of a panel.
 
@@ -50,8 +90,7 @@ def triangulate(outline, spacing, lines=(), seed=0):
     lines: further rows of points [l, 2] that become mesh edges (creases). The outline's points come first, then the
     lines'. Takes about a second for 10,000 points.
     """
-    outline = np.asarray(outline, float)
-    fixed = np.concatenate([outline] + [np.asarray(line, float) for line in lines])
+    outline, fixed = np.round(outline, DIGITS), _fixed(outline, lines)
     low, high = outline.min(0), outline.max(0)
     rng = np.random.default_rng(seed)
     # Random points, then relaxed: grains of every direction. A grid, however shaken, relaxes into a lattice again.

@@ -51,8 +51,8 @@ def put_on(folder, name):
             raise ValueError(f"{path}: {len(hanging)} cloth vertices, the {name} has {len(worn.vertices)}; take "
                              "a folder of its own for each garment")
         if not np.array_equal(there["cloth_faces"], worn.faces):
-            raise ValueError(f"{path}: other triangles than the {name} cut here. Other versions of numpy and scipy cut "
-                             "panels into other triangles; simulate with those that began the folder, or take another")
+            raise ValueError(f"{path}: other triangles than the {name} cut here: its cut has changed since the folder "
+                             "was begun. Simulate with the version that began it, or take another folder")
         return body, dataclasses.replace(worn, vertices=hanging)
     worn, moving, lopsided = cloth_job.hung(worn, body)
     print(f"{name}: hanging, it moves {1e3 * moving:.3f} mm a frame; left and right differed by "
