@@ -32,11 +32,6 @@ uint32_t RoleOfKey(const std::string& key) {
   return dcloth_role_of_name(key.c_str());
 }
 
-[[noreturn]] void Refuse(const CharacterFile& file, const std::string& found, const std::string& expected,
-                         const std::string& mend) {
-  throw converter::Error({.path = file.path, .tensor = {}, .found = found, .expected = expected, .mend = mend});
-}
-
 // Joints in the order of the file's nodes: bones of the skin and what is named.
 void ChooseJoints(const CharacterFile& file, const JointMap& map, Hero* hero) {
   std::unordered_map<std::string, uint32_t> told(file.roles.begin(), file.roles.end());
