@@ -60,13 +60,16 @@ def body(at):
 
 
 class Figure:
-    """The document and its buffer, to be changed before `glb`. `axes` are those of every joint in the world."""
+    """The document and its buffer, to be changed before `glb`. `axes` are those of every joint in the world, `turn`
+    turns the whole figure."""
 
-    def __init__(self, name_of=lambda name: name, axes=IDENTITY, rise=0):
+    def __init__(self, name_of=lambda name: name, axes=IDENTITY, rise=0, turn=IDENTITY):
         self.binary = bytearray()
         self.document = {"asset": {"version": "2.0"}, "scene": 0, "accessors": [], "bufferViews": [], "nodes": []}
         at = places(rise)
         self.vertices, triangles, self.joint_of = body(at)
+        at = {name: turn @ place for name, place in at.items()}
+        self.vertices = (self.vertices @ turn.T).astype("<f4")
         world = {name: np.vstack([np.c_[axes, at[name]], [0, 0, 0, 1]]) for name in NAMES}
         turn = Rotation.from_matrix(axes).as_quat().tolist()
         for name, above, _ in JOINTS:
@@ -104,7 +107,7 @@ class Figure:
         matrices = np.asarray(inverse, "<f4").transpose(0, 2, 1).reshape(-1, 16)
         self.skin["inverseBindMatrices"] = self.add(matrices, "MAT4")
 
-    def raise_leg(self, interpolation="LINEAR", kind="<f4", node="LeftUpLeg"):
+    def raise_leg(self, interpolation="LINEAR", kind="<f4", seconds=2.0):
         """The left thigh is lifted by 80 degrees in the middle of two seconds: three keys, flat tangents."""
         angle = np.radians([0, -80, 0])
         keys = np.c_[np.sin(angle / 2), np.zeros((3, 2)), np.cos(angle / 2)]
@@ -112,11 +115,11 @@ class Figure:
             keys = np.stack([0 * keys, keys, 0 * keys], 1).reshape(-1, 4)
         most = {"<f4": 1, "<i2": 32767, "i1": 127}[kind]
         values = (keys if most == 1 else np.round(keys * most)).astype(kind)
-        times = self.add(np.array([[0], [1], [2]], "<f4"), "SCALAR")
+        times = self.add(np.array([[0], [seconds / 2], [seconds]], "<f4"), "SCALAR")
         output = self.add(values, "VEC4", normalized=most != 1)
         self.document["animations"] = [{
             "name": "Raise", "samplers": [{"input": times, "output": output, "interpolation": interpolation}],
-            "channels": [{"sampler": 0, "target": {"node": NAMES.index(node), "path": "rotation"}}]}]
+            "channels": [{"sampler": 0, "target": {"node": NAMES.index("LeftUpLeg"), "path": "rotation"}}]}]
         return self
 
     def glb(self):

@@ -107,9 +107,11 @@ def morph(weight, of_node=False):
 
 @pytest.mark.parametrize("make", [lambda: quantised(16383), lambda: quantised(65535), without_bind_matrices,
                                   named_like_the_hips, sparse, weights_of_bytes, lambda: morph(0.0),
-                                  lambda: Figure(lambda name: f"{name}_{NAMES.index(name) + 1:02d}")],
+                                  lambda: Figure(lambda name: f"{name}_{NAMES.index(name) + 1:02d}"),
+                                  lambda: Figure(lambda name: "Character1_" + name),
+                                  lambda: Figure(lambda name: "The knight|" + name)],
                          ids=["quantised14", "quantised16", "no_bind", "equal_names", "sparse", "weights", "morph_off",
-                              "sketchfab"])
+                              "sketchfab", "humanik", "any_prefix"])
 def test_one_figure_is_dressed_alike(make, plain, dcloth, skirt, tmp_path):
     report = dress(dcloth, skirt, tmp_path, make().glb())
     fit = report["fit"]

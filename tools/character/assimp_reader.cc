@@ -197,7 +197,10 @@ CharacterFile AssimpReader::Read(bool meshes) {
   if (meshes) ReadMaterials();
   std::vector<BoundMesh> skinned;
   for (unsigned i = 0; i < scene_.mNumMeshes; ++i) {
-    if (scene_.mMeshes[i]->mNumBones != 0) skinned.push_back(ReadMesh(*scene_.mMeshes[i], meshes));
+    if (scene_.mMeshes[i]->mNumBones != 0)
+      skinned.push_back(ReadMesh(*scene_.mMeshes[i], meshes));
+    else
+      ++file_.loose_meshes;
   }
   AddSkins(skinned, meshes, &file_);
   return std::move(file_);

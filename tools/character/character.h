@@ -72,6 +72,7 @@ struct CharacterFile {
   std::vector<CharacterNode> nodes;
   std::vector<CharacterClip> clips;
   std::vector<SkinnedMesh> meshes;
+  size_t loose_meshes = 0;  // without a skin, not among `meshes`
   std::vector<Material> materials;
   std::vector<std::vector<std::byte>> pictures;         // PNG, JPEG or WebP, unread
   std::vector<std::pair<std::string, uint32_t>> roles;  // node, DCLOTH_ROLE_*: where the file says so (VRM)

@@ -39,7 +39,7 @@ class GltfReader {
 
   std::vector<SkinBone> BonesOf(const tinygltf::Skin& skin, const std::string& where) const;
   Eigen::Matrix4d OwnToWorld(std::span<const SkinBone> bones) const;
-  void AddMesh(const tinygltf::Node& node, bool meshes, std::vector<BoundMesh>* to) const;
+  void AddMesh(const tinygltf::Node& node, bool meshes, std::vector<BoundMesh>* to);
   BoundMesh ReadPrimitive(const tinygltf::Primitive& primitive, std::span<const double> weights,
                           const BoundMesh& empty) const;
   void ReadPositions(const tinygltf::Primitive& primitive, std::span<const double> weights, BoundMesh* mesh) const;

@@ -82,8 +82,12 @@ Eigen::Matrix4d GltfReader::OwnToWorld(std::span<const SkinBone> bones) const {
   return first.isIdentity(kSamePose) ? Eigen::Matrix4d::Identity() : first;
 }
 
-void GltfReader::AddMesh(const tinygltf::Node& node, bool meshes, std::vector<BoundMesh>* to) const {
-  if (node.mesh < 0 || node.skin < 0) return;
+void GltfReader::AddMesh(const tinygltf::Node& node, bool meshes, std::vector<BoundMesh>* to) {
+  if (node.mesh < 0) return;
+  if (node.skin < 0) {
+    ++file_.loose_meshes;
+    return;
+  }
   if (static_cast<size_t>(node.mesh) >= model_.meshes.size() || static_cast<size_t>(node.skin) >= model_.skins.size()) {
     Refuse(file_, "mesh " + std::to_string(node.mesh) + " with skin " + std::to_string(node.skin),
            "some of the file's " + std::to_string(model_.meshes.size()) + " meshes and " +
