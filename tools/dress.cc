@@ -32,7 +32,7 @@ namespace {
 constexpr size_t kSettleTicks = 30;  // in a clip's first pose, before its first frame
 constexpr size_t kStandingSeconds = 3;
 constexpr size_t kMostGlbFrames = 600;    // one morph target each
-constexpr size_t kMostPageFrames = 3600;  // of all clips; each takes about 100 KB while the page is written
+constexpr size_t kMostPageFrames = 3600;  // of all clips
 
 struct Options {
   std::filesystem::path hero, map;
