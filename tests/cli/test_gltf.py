@@ -227,6 +227,15 @@ def test_a_view_beyond_its_buffer(dcloth, tmp_path):
             "buffer view 0 of", "the places of mesh 'Figure'", "range of buffer 0")
 
 
+@pytest.mark.parametrize("view", [10_000, 1 << 30])
+def test_a_view_that_is_not_there(view, dcloth, tmp_path):
+    figure = Figure()
+    figure.document["accessors"][0]["bufferView"] = view
+    (tmp_path / "hero.glb").write_bytes(figure.glb())
+    refused(dcloth("hero", tmp_path / "hero.glb", "-o", tmp_path / "o.safetensors"),
+            f"buffer view {view} for the places of mesh 'Figure'", "one of the file's")
+
+
 @pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
 def test_compressed_meshes(name, dcloth, tmp_path):
     figure = Figure()

@@ -131,6 +131,7 @@ std::vector<Value> GltfAccessors::Read(int accessor, int width, const std::strin
     for (size_t c = 0; c < components; ++c) to[c] = convert(Component(at + c * component, from.componentType), from);
   };
   if (from.bufferView >= 0) {
+    View(from.bufferView, where);  // before its stride is read
     const size_t told = model_.bufferViews[static_cast<size_t>(from.bufferView)].byteStride;
     const size_t stride = told == 0 ? element : told;
     const std::byte* const first = values_of(from.bufferView, from.byteOffset, stride, element, count);
