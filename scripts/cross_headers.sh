@@ -7,14 +7,14 @@ set -euo pipefail
 [ $# -ge 1 ] && [[ ${2:-aarch64} =~ ^(aarch64|windows)$ ]] ||
   { echo "cross_headers: allowed: FOLDER [aarch64|windows]" >&2; exit 2; }
 folder=$1 platform=${2:-}
-packages=(libhwy-dev libflatbuffers-dev nlohmann-json3-dev libcli11-dev libeigen3-dev)
+packages=(libhwy-dev libflatbuffers-dev nlohmann-json3-dev libtinygltf-dev libcli11-dev libeigen3-dev)
 
 mkdir -p "$folder/usr/lib"
 dpkg -L "${packages[@]}" | grep -E '^/usr/(include|share/(cmake|eigen3))/' | sort -u |
   while IFS= read -r path; do
     if [ -f "$path" ]; then printf '%s\n' "${path#/}"; fi
   done | tar -C / --create --file - --dereference --files-from - | tar -C "$folder" --extract --file -
-for header in hwy/highway.h flatbuffers/flatbuffers.h nlohmann/json.hpp CLI/CLI.hpp eigen3/Eigen/Core; do
+for header in hwy/highway.h flatbuffers/flatbuffers.h nlohmann/json.hpp tiny_gltf.h CLI/CLI.hpp eigen3/Eigen/Core; do
   [ -f "$folder/usr/include/$header" ] ||
     { echo "cross_headers: none of ${packages[*]} holds $header; scripts/install_dependencies.sh build" >&2; exit 1; }
 done

@@ -8,7 +8,7 @@ set -euo pipefail
 gcc_version=$(g++ -dumpversion 2>/dev/null || echo 12)
 declare -A groups=(
   [build]="ca-certificates g++ cmake ninja-build libhwy-dev libflatbuffers-dev flatbuffers-compiler nlohmann-json3-dev
-           libeigen3-dev libcli11-dev zlib1g-dev python3"
+           libtinygltf-dev libeigen3-dev libcli11-dev zlib1g-dev python3"
   [test]="libgtest-dev python3-numpy python3-scipy python3-matplotlib python3-torch libopenblas0-pthread python3-pytest
           chromium binutils clang libclang-rt-dev pkg-config python3-distributed"
   [cross_aarch64]="g++-aarch64-linux-gnu qemu-user googletest"

@@ -149,7 +149,8 @@ licences() {
   local gcc
   gcc=$(g++ -dumpversion | cut -d. -f1)
   local -A groups=([engine]="highway=libhwy-dev flatbuffers=libflatbuffers-dev"
-    [tools]="cli11=libcli11-dev nlohmann-json=nlohmann-json3-dev eigen=libeigen3-dev zlib=zlib1g-dev"
+    [tools]="cli11=libcli11-dev nlohmann-json=nlohmann-json3-dev tinygltf=libtinygltf-dev eigen=libeigen3-dev
+      zlib=zlib1g-dev"
     [linux]="gcc=libstdc++-$gcc-dev glibc=libc6-dev"
     [windows]="gcc=gcc-mingw-w64-base mingw-w64=mingw-w64-x86-64-dev"
     [emscripten]="emscripten=emscripten")

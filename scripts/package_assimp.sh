@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds assimp for a package's command line: `package_assimp.sh FOLDER NAME [CMAKE OPTION]...`. Out of Debian's source
-# package, with the readers of glTF, FBX and BVH alone, static: Debian's own library is shared, and there is none for
+# package, with the readers of FBX and BVH alone, static: Debian's own library is shared, and there is none for
 # Windows. FOLDER/source and FOLDER/licences serve every NAME; FOLDER/NAME/installed goes to cmake.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -35,7 +35,7 @@ fi
 # Archives of zip files are no reader's here, so nothing links minizip.
 cmake -S "$folder/source" -B "$into" -G Ninja -DCMAKE_BUILD_TYPE=Release -DBUILD_SHARED_LIBS=OFF \
   -DASSIMP_BUILD_TESTS=OFF -DASSIMP_BUILD_ASSIMP_TOOLS=OFF -DASSIMP_NO_EXPORT=ON -DASSIMP_IGNORE_GIT_HASH=ON \
-  -DASSIMP_WARNINGS_AS_ERRORS=OFF -DASSIMP_BUILD_ALL_IMPORTERS_BY_DEFAULT=OFF -DASSIMP_BUILD_GLTF_IMPORTER=ON \
+  -DASSIMP_WARNINGS_AS_ERRORS=OFF -DASSIMP_BUILD_ALL_IMPORTERS_BY_DEFAULT=OFF \
   -DASSIMP_BUILD_FBX_IMPORTER=ON -DASSIMP_BUILD_BVH_IMPORTER=ON -DASSIMP_BUILD_ZLIB=OFF -DASSIMP_BUILD_MINIZIP=ON \
   -DUNZIP_FOUND=ON -DUNZIP_INCLUDE_DIRS="$PWD/$folder/source/contrib/minizip" -DASSIMP_BUILD_DRACO=OFF \
   -DCMAKE_CXX_FLAGS="-ffile-prefix-map=$PWD/=" -DCMAKE_INSTALL_PREFIX="$PWD/$into/installed" "$@"

@@ -160,7 +160,7 @@ test_linux_x86_64() {
   said=$(ldd "$here/bin/dcloth" 2>&1 || true)
   holds "ldd bin/dcloth" "not a dynamic executable|statically linked" "$said"
   no_paths "$here/bin/dcloth" "$here/lib/libdcloth.a"
-  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc glibc
+  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json tinygltf eigen assimp zlib gcc glibc
   blocks "$here/README.md" sh >"$work/typed.sh"
   typed_linux "$here" "$work/typed.sh"
   play "$here" "$here/bin/dcloth"
@@ -184,7 +184,7 @@ test_linux_aarch64() {
   holds "bin/dcloth" "Machine: +AArch64" "$said"
   if grep INTERP <<<"$said"; then fail "bin/dcloth: needs a loader, expected a static program"; fi
   no_paths "$here/bin/dcloth" "$here/lib/libdcloth.a"
-  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc glibc
+  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json tinygltf eigen assimp zlib gcc glibc
   for walk in "$here"/share/dcloth/sequences/*; do
     scripts/package_files.py clip "$walk" "$walk.part" 30
     mv "$walk.part" "$walk"
@@ -211,7 +211,7 @@ test_windows_x86_64() {
   needs_only "$here/bin/dcloth.dll" KERNEL32 msvcrt
   needs_only "$here/bin/dcloth.exe" ADVAPI32 KERNEL32 SHELL32 msvcrt
   no_paths "$here"/bin/* "$here/lib/libdcloth.dll.a"
-  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc mingw-w64
+  licences_are_there "$here/licenses" dcloth highway flatbuffers cli11 nlohmann-json tinygltf eigen assimp zlib gcc mingw-w64
   bare wine wineboot --init >/dev/null 2>&1 </dev/null
   blocks "$here/README.md" bat | sed 's/$/\r\nif errorlevel 1 exit \/b 1\r/' >"$work/typed.txt"
   [ "$(grep -c . "$work/typed.txt")" -ge 16 ] || fail "README.md: hardly any command"
@@ -373,7 +373,7 @@ test_python() {
   said=$(bare venv/bin/dcloth dress figure.glb --garment skirt -o hero.html 2>&1) || fail "dcloth dress: $said"
   holds "dcloth dress" "hero.html: 1 clip" "$said"
   licences_are_there venv/lib/python3*/site-packages/dcloth-"$version".dist-info/licenses \
-    dcloth highway flatbuffers cli11 nlohmann-json eigen assimp zlib gcc glibc nanobind robin-map
+    dcloth highway flatbuffers cli11 nlohmann-json tinygltf eigen assimp zlib gcc glibc nanobind robin-map
   no_paths venv/lib/python3*/site-packages/dcloth/{_engine*.so,bin/dcloth}
   said=$(readelf -W -d -V venv/lib/python3*/site-packages/dcloth/_engine*.so)
   if grep NEEDED <<<"$said" | grep -vE '\[lib[cm]\.so\.6\]|ld-linux'; then fail "the module needs these libraries"; fi

@@ -31,7 +31,8 @@ namespace {
 
 constexpr size_t kSettleTicks = 30;  // in a clip's first pose, before its first frame
 constexpr size_t kStandingSeconds = 3;
-constexpr size_t kMostGlbFrames = 600;  // one morph target each
+constexpr size_t kMostGlbFrames = 600;    // one morph target each
+constexpr size_t kMostPageFrames = 3600;  // of all clips
 
 struct Options {
   std::filesystem::path hero, map;
@@ -47,10 +48,33 @@ struct Fitted {
   converter::AlignedBytes storage;  // what the cloth uses from now on
 };
 
-struct Played {
-  HeroClip clip;
+// What a .glb holds of its one clip.
+struct Recording {
+  std::vector<float> poses;    // [frames, joints, 16]
   std::vector<float> garment;  // [frames, n, 3]
 };
+
+// What the engine tells a host to do, as a user of this command does it. Its texts begin so.
+struct Advice {
+  const char* engine;
+  const char* command;
+};
+constexpr Advice kAdvice[] = {
+    {"set the space", "give the file's up axis: --up z, or --up y"},
+    {"left and right are swapped",
+     "left and right are swapped in the joints' names: name them in a file for --map; or give the file's up axis: "
+     "--up"},
+    {"the space says", "give the file's unit: --unit cm, or metres per unit"},
+    {"pass matrices", "export the character in its bind pose, with bones of a scale other than 0"},
+    {"pass the T or A pose", "export the character in the T or A pose that its skin was bound in"},
+};
+
+std::string AdviceOf(const std::string& engine) {
+  for (const Advice& advice : kAdvice) {
+    if (engine.starts_with(advice.engine)) return advice.command;
+  }
+  return engine;
+}
 
 Fitted FitGarment(const Options& options, const Hero& hero, const converter::OpenModel& model) {
   Fitted fitted;
@@ -64,7 +88,10 @@ Fitted FitGarment(const Options& options, const Hero& hero, const converter::Ope
       DCLOTH_OK) {
     const auto part = [&](uint16_t at, uint16_t size) { return std::string(error.text + at, size); };
     const bool joints = error.status == DCLOTH_ERROR_JOINTS;
-    std::string mend = part(error.mend_at, error.mend_size);
+    std::string mend = AdviceOf(part(error.mend_at, error.mend_size));
+    std::string allowed = part(error.allowed_at, error.allowed_size);
+    if (const std::string space = "the way up of dcloth_cloth_set_space, "; allowed.starts_with(space))
+      allowed.erase(0, space.size());
     if (joints) {
       mend =
           "name them in a file, {\"left upper leg\": \"node of the file\", ...}, and give it with --map; the file's "
@@ -74,7 +101,7 @@ Fitted FitGarment(const Options& options, const Hero& hero, const converter::Ope
     throw converter::Error({.path = options.hero,
                             .tensor = {},
                             .found = part(error.found_at, error.found_size),
-                            .expected = part(error.allowed_at, error.allowed_size),
+                            .expected = allowed,
                             .mend = mend});
   }
   return fitted;
@@ -83,47 +110,27 @@ Fitted FitGarment(const Options& options, const Hero& hero, const converter::Ope
 std::vector<HeroClip> ReadClips(const Options& options, const CharacterFile& file, const Hero& hero, double fps) {
   std::vector<HeroClip> clips;
   for (const std::string& animation : options.animations) clips.push_back(ReadAnimation(animation, file, hero, fps));
-  if (clips.empty() && !file.clips.empty()) clips.push_back(SampleHero(file, hero, file, file.clips.front(), fps));
+  if (clips.empty() && !file.clips.empty()) clips.push_back(FirstClip(file, hero, fps));
   if (clips.empty()) clips.push_back(StandStill(hero, fps, static_cast<size_t>(fps * kStandingSeconds)));
   return clips;
 }
 
-Played Play(const converter::OpenModel& model, HeroClip clip, const std::filesystem::path& source) {
+// `frame` gets each frame's pose and the garment in it.
+template <typename Frame>
+void Play(const converter::OpenModel& model, const HeroClip& clip, const std::filesystem::path& source,
+          const Frame& frame) {
   Player player(model, model.info().stages, converter::PathText(source), DCLOTH_OUTPUT_OUTSIDE_BODY);
-  Played played;
-  const size_t pose_size = clip.matrices.size() / clip.frames;
-  const auto pose = [&](size_t f) { return std::span<const float>(clip.matrices).subspan(f * pose_size, pose_size); };
   Progress progress("playing " + clip.name);
   player.Reset();
-  for (size_t k = 0; k < kSettleTicks; ++k) player.Tick(pose(0));
+  std::vector<float> pose = clip.pose(0);
+  for (size_t k = 0; k < kSettleTicks; ++k) player.Tick(pose);
   for (size_t f = 0; f < clip.frames; ++f) {
-    player.Tick(pose(f));
-    player.Skin(pose(f), 1);
-    played.garment.insert(played.garment.end(), player.positions().begin(), player.positions().end());
+    if (f > 0) pose = clip.pose(f);
+    player.Tick(pose);
+    player.Skin(pose, 1);
+    frame(std::span<const float>(pose), player.positions());
     progress.Step(f + 1, clip.frames);
   }
-  played.clip = std::move(clip);
-  return played;
-}
-
-// G P^-1 of every joint and frame: what skins the body of the page.
-std::vector<float> SkinMatrices(const Hero& hero, const HeroClip& clip) {
-  using RowMajor = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
-  const size_t joints = hero.joints.size();
-  std::vector<Eigen::Matrix4d> inverse;
-  for (size_t j = 0; j < joints; ++j)
-    inverse.push_back(Eigen::Map<const RowMajor>(hero.bind.data() + 16 * j).cast<double>().inverse());
-  std::vector<float> out;
-  out.reserve(clip.frames * joints * 12);
-  for (size_t f = 0; f < clip.frames; ++f) {
-    for (size_t j = 0; j < joints; ++j) {
-      const Eigen::Matrix4d pose =
-          Eigen::Map<const RowMajor>(clip.matrices.data() + 16 * (f * joints + j)).cast<double>();
-      const RowMajor skin = (pose * inverse[j]).cast<float>();
-      out.insert(out.end(), skin.data(), skin.data() + 12);
-    }
-  }
-  return out;
 }
 
 // The hero's skin with its pictures and colours. Triangles go by their material; a corner is a vertex of its own where
@@ -166,66 +173,73 @@ ReportBody PicturedBody(const CharacterFile& file, const Hero& hero) {
   return body;
 }
 
-Report PageOf(const Options& options, const converter::OpenModel& model, const CharacterFile& file, const Hero& hero,
-              const dcloth_fit& fit, std::span<const Played> clips) {
-  const size_t n = model.info().vertex_count, frame_size = 3 * n;
+Report EmptyPage(const Options& options, const converter::OpenModel& model, const CharacterFile& file, const Hero& hero,
+                 const dcloth_fit& fit) {
   Report report;
   report.title = std::string(model.info().name) + " on " + converter::PathText(options.hero.stem());
   char line[200];
   std::snprintf(line, sizeof line, "%.2f times the size it was trained at; %.1f mm from the skin where it lies closest",
                 static_cast<double>(fit.scale), static_cast<double>(fit.gap_mm));
   report.subtitle = line;
-  report.facts = {std::string("dcloth ") + dcloth_version(), std::to_string(n) + " vertices",
+  report.vertex_count = model.info().vertex_count;
+  report.facts = {std::string("dcloth ") + dcloth_version(), std::to_string(report.vertex_count) + " vertices",
                   std::to_string(hero.joints.size()) + " joints"};
   report.joint_count = hero.joints.size();
   report.triangles.assign(model.triangles().begin(), model.triangles().end());
-  report.vertex_count = n;
   if (!hero.positions.empty()) report.body = PicturedBody(file, hero);
-  for (const Played& played : clips) {
-    ReportSequence sequence;
-    sequence.name = played.clip.name;
-    sequence.fps = played.clip.fps;
-    Track track{.name = "cloth", .values = {}};
-    for (size_t f = 0; f < played.clip.frames; ++f) {
-      const auto positions = std::span(played.garment).subspan(f * frame_size, frame_size);
-      double center[3] = {0, 0, 0};
-      for (size_t i = 0; i < frame_size; ++i) center[i % 3] += positions[i] / static_cast<double>(n);
-      const std::array<float, 3> point = {static_cast<float>(center[0]), static_cast<float>(center[1]),
-                                          static_cast<float>(center[2])};
-      AppendOrigin(point, &sequence);
-      AppendFrame(positions, LastOrigin(sequence), &track);
-    }
-    sequence.joints = SkinMatrices(hero, played.clip);
-    sequence.tracks.push_back(std::move(track));
-    report.sequences.push_back(std::move(sequence));
-  }
-  if (!report.body) {
-    // Sticks are drawn between joints to world.
-    report.sticks.clear();
-    for (size_t s = 0; s < clips.size(); ++s) {
-      std::vector<float>& joints = report.sequences[s].joints;
-      joints.clear();
-      for (size_t m = 0; m < clips[s].clip.matrices.size(); m += 16)
-        joints.insert(joints.end(), clips[s].clip.matrices.begin() + static_cast<ptrdiff_t>(m),
-                      clips[s].clip.matrices.begin() + static_cast<ptrdiff_t>(m + 12));
-    }
-  }
   return report;
 }
 
-GlbScene SceneOf(const Hero& hero, const converter::OpenModel& model, const Played& played) {
+// Appends frames of a clip to the page's last sequence.
+class PageClip {
+ public:
+  PageClip(const Hero& hero, const HeroClip& clip, Report* report) : skinned_(report->body.has_value()) {
+    for (size_t at = 0; at < hero.bind.size(); at += 16) {
+      inverse_.push_back(Eigen::Map<const RowMajor>(hero.bind.data() + at).cast<double>().inverse());
+    }
+    sequence_ = &report->sequences.emplace_back();
+    sequence_->name = clip.name;
+    sequence_->fps = clip.fps;
+    sequence_->tracks.push_back({.name = "cloth", .values = {}});
+    sequence_->tracks.back().values.reserve(clip.frames * 3 * report->vertex_count);
+  }
+
+  void Append(std::span<const float> pose, std::span<const float> garment) {
+    const double n = static_cast<double>(garment.size()) / 3;
+    Eigen::Vector3d center = Eigen::Vector3d::Zero();
+    for (size_t i = 0; i < garment.size(); ++i) center[static_cast<Eigen::Index>(i % 3)] += double{garment[i]} / n;
+    const Eigen::Vector3f point = center.cast<float>();
+    AppendOrigin(std::span(point.data(), 3), sequence_);
+    AppendFrame(garment, LastOrigin(*sequence_), &sequence_->tracks.back());
+    for (size_t j = 0; j < inverse_.size(); ++j) {
+      RowMajor joint = Eigen::Map<const RowMajor>(pose.data() + 16 * j);
+      // G P^-1 skins the body; without one, sticks are drawn between joints in the world.
+      if (skinned_) joint = (joint.cast<double>() * inverse_[j]).cast<float>();
+      sequence_->joints.insert(sequence_->joints.end(), joint.data(), joint.data() + 12);
+    }
+  }
+
+ private:
+  using RowMajor = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
+  bool skinned_;
+  std::vector<Eigen::Matrix4d> inverse_;
+  ReportSequence* sequence_;
+};
+
+GlbScene SceneOf(const Hero& hero, const converter::OpenModel& model, const HeroClip& clip,
+                 const Recording& recording) {
   const dcloth_model_info& info = model.info();
   const size_t drawn = info.textured_vertex_count, corners = size_t{3} * info.triangle_count;
-  return {.name = played.clip.name,
-          .fps = played.clip.fps,
-          .frame_count = played.clip.frames,
-          .garment = played.garment,
+  return {.name = clip.name,
+          .fps = clip.fps,
+          .frame_count = clip.frames,
+          .garment = recording.garment,
           .garment_triangles = drawn == 0 ? model.triangles() : std::span(info.textured_triangles, corners),
           .seam_vertices = {info.seam_vertices, info.seam_vertex_count},
           .texture_coordinates = {info.texture_coordinates, 2 * drawn},
           .joints = hero.joints,
           .bind = hero.bind,
-          .poses = played.clip.matrices,
+          .poses = recording.poses,
           .body = hero.positions,
           .influences = hero.influences,
           .weights = hero.weights,
@@ -250,7 +264,7 @@ constexpr Warning kWarnings[] = {
 };
 
 Json FitJson(const Options& options, const converter::OpenModel& model, const Hero& hero, const dcloth_fit& fit,
-             std::span<const Played> clips) {
+             std::span<const HeroClip> clips) {
   Json roles = Json::object(), ratios = Json::object(), warnings = Json::array(), played = Json::array();
   for (uint32_t role = 1; dcloth_role_name(role) != nullptr; ++role) {
     if (fit.joints[role] >= 0) roles[dcloth_role_name(role)] = hero.joints[static_cast<size_t>(fit.joints[role])];
@@ -259,7 +273,7 @@ Json FitJson(const Options& options, const converter::OpenModel& model, const He
   for (const Warning& warning : kWarnings) {
     if ((fit.warnings & warning.bit) != 0) warnings.push_back(warning.name);
   }
-  for (const Played& clip : clips) played.push_back({{"name", clip.clip.name}, {"frames", clip.clip.frames}});
+  for (const HeroClip& clip : clips) played.push_back({{"name", clip.name}, {"frames", clip.frames}});
   return {{"hero", converter::PathText(options.hero)},
           {"garment", model.info().name},
           {"joints", roles},
@@ -301,6 +315,29 @@ void PrintFit(const converter::OpenModel& model, const Hero& hero, const dcloth_
   }
 }
 
+// The first of the outputs with this ending, if there is one.
+const std::filesystem::path* OutputWith(const Options& options, const char* extension) {
+  const auto found = std::ranges::find_if(
+      options.outputs, [&](const std::filesystem::path& output) { return output.extension() == extension; });
+  return found == options.outputs.end() ? nullptr : &*found;
+}
+
+// Before anything is played: what a page or a glTF file cannot hold.
+void CheckLengths(const Options& options, std::span<const HeroClip> clips) {
+  const auto at_most = [](const std::filesystem::path* output, size_t frames, size_t most, const std::string& each) {
+    if (output == nullptr || frames <= most) return;
+    throw converter::Error({.path = *output,
+                            .tensor = {},
+                            .found = std::to_string(frames) + " frames",
+                            .expected = "at most " + std::to_string(most) + each,
+                            .mend = "choose a shorter clip with --animation"});
+  };
+  at_most(OutputWith(options, ".glb"), clips.front().frames, kMostGlbFrames, ", one morph target each");
+  size_t frames = 0;
+  for (const HeroClip& clip : clips) frames += clip.frames;
+  at_most(OutputWith(options, ".html"), frames, kMostPageFrames, " of all clips on a page");
+}
+
 int Dress(const Options& options) {
   CommandFiles files;
   files.Reads("the character", options.hero);
@@ -327,26 +364,32 @@ int Dress(const Options& options) {
   reading->Step(2, 4);
   const Fitted fitted = FitGarment(options, hero, model);
   reading->Step(3, 4);
-  std::vector<HeroClip> sampled = ReadClips(options, file, hero, TickRate(model));
+  const std::vector<HeroClip> clips = ReadClips(options, file, hero, TickRate(model));
   reading.reset();
   if (!options.json) PrintFit(model, hero, fitted.fit);
-  std::vector<Played> clips;
-  clips.reserve(sampled.size());
-  for (HeroClip& clip : sampled) clips.push_back(Play(model, std::move(clip), options.hero));
+  CheckLengths(options, clips);
+  const bool wants_page = OutputWith(options, ".html") != nullptr, wants_glb = OutputWith(options, ".glb") != nullptr;
+  Report page = wants_page ? EmptyPage(options, model, file, hero, fitted.fit) : Report();
+  Recording recording;
+  for (const HeroClip& clip : clips) {
+    const bool records = wants_glb && &clip == &clips.front();
+    if (!wants_page && !records) break;
+    std::optional<PageClip> on_page;
+    if (wants_page) on_page.emplace(hero, clip, &page);
+    Play(model, clip, options.hero, [&](std::span<const float> pose, std::span<const float> garment) {
+      if (on_page) on_page->Append(pose, garment);
+      if (!records) return;
+      recording.poses.insert(recording.poses.end(), pose.begin(), pose.end());
+      recording.garment.insert(recording.garment.end(), garment.begin(), garment.end());
+    });
+  }
   const Json json = FitJson(options, model, hero, fitted.fit, clips);
   for (const std::filesystem::path& output : options.outputs) {
     const std::string extension = output.extension().string();
     if (extension == ".html") {
-      WriteHtmlReport(output, PageOf(options, model, file, hero, fitted.fit, clips));
+      WriteHtmlReport(output, page);
     } else if (extension == ".glb") {
-      if (clips.front().clip.frames > kMostGlbFrames) {
-        throw converter::Error({.path = output,
-                                .tensor = {},
-                                .found = std::to_string(clips.front().clip.frames) + " frames",
-                                .expected = "at most " + std::to_string(kMostGlbFrames) + ", one morph target each",
-                                .mend = "choose a shorter clip with --animation"});
-      }
-      const std::string bytes = GlbBytes(SceneOf(hero, model, clips.front()));
+      const std::string bytes = GlbBytes(SceneOf(hero, model, clips.front(), recording));
       converter::WriteFileAtomically(output, std::as_bytes(std::span(bytes)));
     } else {
       const std::string text = DumpJson(json) + "\n";

@@ -14,6 +14,7 @@ import safetensors_file
 import small_garment
 import test_report
 from checks import leftovers, refused
+from gltf_figure import NAMES, Figure
 
 DATA = Path(__file__).parent / "data"
 WALKER = DATA / "walker.glb"
@@ -22,7 +23,7 @@ WALKER = DATA / "walker.glb"
 @pytest.fixture(scope="module")
 def importing(dcloth, tmp_path_factory):
     """Skips where the command was built without assimp, and says so."""
-    result = dcloth("body", WALKER, "-o", tmp_path_factory.mktemp("probe") / "b.safetensors")
+    result = dcloth("body", DATA / "walker.fbx", "-o", tmp_path_factory.mktemp("probe") / "b.safetensors")
     if "built without assimp" in result.stderr:
         pytest.skip("dcloth was built without assimp: dressing characters is not tested")
 
@@ -136,6 +137,27 @@ def test_the_page_shows_the_characters_pictures(webp, importing, dcloth, files, 
     image = test_report.picture(out, "frame=10&theme=light", tmp_path / "picture.png")
     blue = (image[:, :, 2] > 1.5 * image[:, :, 0]) & (image[:, :, 2] > 0.2)
     assert blue.sum() > 2000, "the skin does not show the lower left of its picture"
+
+
+def test_the_page_frames_the_whole_figure(importing, dcloth, files, tmp_path):
+    """The top of the head is green, the feet are blue: both are seen."""
+    figure = Figure()
+    colours = np.full((len(figure.vertices), 4), 255, "u1")
+    head, feet = (np.isin(figure.joint_of, [NAMES.index(name) for name in names])
+                  for names in (["Head"], ["LeftFoot", "RightFoot"]))
+    crown = head & (figure.vertices[:, 1] > figure.vertices[head, 1].max() - 0.06)
+    colours[crown] = [0, 255, 0, 255]
+    colours[feet] = [0, 0, 255, 255]
+    figure.primitive["attributes"]["COLOR_0"] = figure.add(colours, "VEC4", normalized=True)
+    (tmp_path / "hero.glb").write_bytes(figure.glb())
+    result = dcloth("dress", tmp_path / "hero.glb", "--garment", files.model, "-o", tmp_path / "o.html")
+    assert result.returncode == 0, result.stderr
+    if test_report.CHROMIUM is None:
+        pytest.skip("no chromium on this machine: what the page shows is not tested")
+    image = test_report.picture(tmp_path / "o.html", "frame=10&theme=light", tmp_path / "picture.png")
+    red, green, blue = (image[:, :, c] for c in range(3))
+    assert ((green > 1.3 * red) & (green > 1.3 * blue)).sum() > 100, "the head is cut off"
+    assert ((blue > 1.3 * red) & (blue > 1.3 * green)).sum() > 200, "the feet are cut off"
 
 
 def test_the_page_shows_the_colours_of_vertices(importing, dcloth, files, tmp_path):
@@ -262,8 +284,91 @@ def test_map_names_parts(importing, dcloth, files, tmp_path):
     result = dress({"left upper leg": "LeftUpLeg", "Hips": "Hips"})
     assert result.returncode == 0, result.stderr
     refused(dress({"left upper leg": "LeftUpLag"}), "no node 'LeftUpLag'", "the closest names are 'LeftUpLeg'")
-    refused(dress({"left wing": "LeftUpLeg"}), "'left wing'", "roles")
+    refused(dress({"left wing": "LeftUpLeg"}), "'left wing'", "one of 'hips'", "'left upper leg'")
     refused(dress({"left upper leg": "RightUpLeg", "right upper leg": "LeftUpLeg"}), "to the right of", "swapped")
+
+
+Z_UP = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])     # ours to Blender's
+
+
+def test_the_fit_alone_plays_nothing(importing, dcloth, files, tmp_path):
+    """A clip of half a day takes as long as one of a second."""
+    (tmp_path / "hero.glb").write_bytes(Figure().raise_leg(seconds=43_200.0).glb())
+    result = dcloth("dress", tmp_path / "hero.glb", "--garment", files.model, "-o", tmp_path / "o.dcloth-fit", "--json",
+                    timeout=20)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["clips"] == [{"name": "Raise", "frames": 43_200 * 30 + 1}]
+
+
+@pytest.mark.parametrize("name, seconds, most", [("o.html", 200.0, 3600), ("o.glb", 30.0, 600)])
+def test_clips_that_are_too_long_are_refused_before_they_are_played(name, seconds, most, importing, dcloth, files,
+                                                                    tmp_path):
+    (tmp_path / "hero.glb").write_bytes(Figure().raise_leg(seconds=seconds).glb())
+    result = dcloth("dress", tmp_path / "hero.glb", "--garment", files.model, "-o", tmp_path / name, timeout=20)
+    assert result.returncode == 2 and not (tmp_path / name).exists()
+    for word in (f"{round(seconds * 30) + 1} frames", f"at most {most}", "--animation"):
+        assert word in result.stderr
+
+
+@pytest.mark.parametrize("up", ["z", "Z"])
+def test_up_axis(up, importing, dcloth, files, tmp_path):
+    fits = []
+    for figure, more in ((Figure(), []), (Figure(turn=Z_UP), ["--up", up])):
+        (tmp_path / "hero.glb").write_bytes(figure.glb())
+        result = dcloth("dress", tmp_path / "hero.glb", "--garment", files.model, "-o", tmp_path / "o.dcloth-fit",
+                        "--json", *more)
+        assert result.returncode == 0, result.stderr
+        fits.append(json.loads(result.stdout)["fit"])
+    assert fits[0]["warnings"] == fits[1]["warnings"]
+    for key in ("scale", "gap_mm", "penetration_mm", "stance_degrees"):
+        assert fits[1][key] == pytest.approx(fits[0][key], abs=0.01), key
+
+
+def lying():
+    return Figure(turn=Z_UP), [], ["stands along +Z", "expected +Y", "--up z"]
+
+
+def in_centimetres():
+    return Figure(), ["--unit", "cm"], ["times the size", "--unit"]
+
+
+def swapped():
+    sides = {"Left": "Right", "Right": "Left"}
+    return Figure(lambda name: next((sides[s] + name[len(s):] for s in sides if name.startswith(s)), name)), [], \
+        ["toes that point backwards", "--map", "--up"]
+
+
+def nameless():
+    return Figure(lambda name: "x" + str(len(name))), [], ["no joint for 'hips'", "--map"]
+
+
+@pytest.mark.parametrize("make", [lying, in_centimetres, swapped, nameless])
+def test_advice_is_the_commands_own(make, importing, dcloth, files, tmp_path):
+    figure, more, words = make()
+    (tmp_path / "hero.glb").write_bytes(figure.glb())
+    result = dcloth("dress", tmp_path / "hero.glb", "--garment", files.model, "-o", tmp_path / "o.dcloth-fit", *more)
+    refused(result, *words)
+    for word in ("dcloth_cloth", "joint_roles", "dcloth_fit.h", "the space"):
+        assert word not in result.stderr
+
+
+def without_skin(figure):
+    del figure.document["nodes"][-1]["skin"], figure.document["skins"]
+    return ["without a skin", "none of 1 meshes is bound to joints"]
+
+
+def mirrored(figure):
+    figure.document["nodes"].append({"name": "Mirror", "scale": [-1, 1, 1], "children": [0]})
+    figure.document["scenes"][0]["nodes"] = [len(figure.document["nodes"]) - 1, len(figure.document["nodes"]) - 2]
+    return ["mirrored", "'Mirror'", "apply the scale"]
+
+
+@pytest.mark.parametrize("spoil", [without_skin, mirrored])
+def test_characters_that_no_garment_fits_are_told_why(spoil, importing, dcloth, files, tmp_path):
+    figure = Figure()
+    words = spoil(figure)
+    (tmp_path / "hero.glb").write_bytes(figure.glb())
+    refused(dcloth("dress", tmp_path / "hero.glb", "--garment", files.model, "-o", tmp_path / "o.dcloth-fit"), *words)
 
 
 def test_refuses_what_it_cannot_do(importing, dcloth, files, tmp_path):

@@ -22,9 +22,9 @@ BVH = ["--up", "z"]    # Blender writes its own axes there; glTF and FBX say the
 @pytest.fixture(scope="module")
 def importing(dcloth, tmp_path_factory):
     """Skips where the command was built without assimp, and says so."""
-    result = dcloth("body", DATA / "walker.glb", "-o", tmp_path_factory.mktemp("probe") / "b.safetensors")
+    result = dcloth("body", DATA / "walker.fbx", "-o", tmp_path_factory.mktemp("probe") / "b.safetensors")
     if "built without assimp" in result.stderr:
-        pytest.skip("dcloth was built without assimp: reading glTF, FBX and BVH is not tested")
+        pytest.skip("dcloth was built without assimp: reading artists' files is not tested")
 
 
 @pytest.fixture(scope="module")
@@ -231,7 +231,8 @@ def test_hostile_gltf(dcloth, importing, tmp_path):
     refused(run(animated([1, 0], path)), "increasing times")
     refused(run(animated([0, float("nan")], path)), "increasing times")
     refused(run(animated([0, 1e9], path)), "a.glb")
-    refused(run(animated([0, 1], path, [{"name": "Hips", "children": [1]}, {"name": "Hips"}])), "2 nodes called 'Hips'")
+    assert run(animated([0, 1], path, [{"name": "Hips", "children": [1]}, {"name": "Hips"}])).returncode == 0
+    os.unlink(out)
     deep = [{"name": f"n{i}", "children": [i + 1]} for i in range(3000)] + [{"name": "end"}]
     refused(run(animated([0, 1], path, deep)), "a.glb")
     circle = [{"name": "a", "children": [1]}, {"name": "b", "children": [0]}]

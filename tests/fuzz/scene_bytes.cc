@@ -211,7 +211,7 @@ void DecodeWishes(ByteStream* bytes, SceneRequest* request) {
 
 SceneRequest DecodeScene(const uint8_t* bytes, size_t size) {
   ByteStream stream(bytes, size);
-  const char* const formats[] = {"glTF", "FBX", "BVH"};
+  const char* const formats[] = {"FBX", "FBX", "BVH"};  // the first was glTF, which assimp reads no more
   SceneRequest request;
   request.format = formats[stream.Below(3)];
   DecodeWishes(&stream, &request);

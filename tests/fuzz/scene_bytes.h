@@ -16,7 +16,7 @@
 namespace dcloth::testing {
 
 struct SceneRequest {
-  std::string format;  // "glTF", "FBX" or "BVH"
+  std::string format;  // "FBX" or "BVH"
   std::unique_ptr<aiScene> scene;
   tools::SpaceOptions space;
   tools::JointMap map;

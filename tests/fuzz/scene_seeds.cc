@@ -6,7 +6,7 @@
 namespace dcloth::testing {
 namespace {
 
-enum Format : uint8_t { kGltf, kFbx, kBvh };
+enum Format : uint8_t { kPlain, kFbx, kBvh };  // the first is FBX, too
 
 class SceneWriter {
  public:
@@ -73,7 +73,7 @@ std::vector<Seed> SceneSeeds() {
   constexpr unsigned kNone = 0, kHundred = 246;
   std::vector<Seed> seeds;
   const std::initializer_list<unsigned> nothing_asked = {0, 0, 0, 0, 0};
-  seeds.push_back(Of(kGltf).Bytes(nothing_asked).Chain().Bytes({kNone}).Skin().Clip().Done("gltf"));
+  seeds.push_back(Of(kPlain).Bytes(nothing_asked).Chain().Bytes({kNone}).Skin().Clip().Done("plain"));
   seeds.push_back(Of(kFbx)
                       .Bytes(nothing_asked)
                       .Chain()
@@ -84,7 +84,7 @@ std::vector<Seed> SceneSeeds() {
   seeds.push_back(
       Of(kFbx).Bytes(nothing_asked).ChainWithHelper().Bytes({1, kHundred}).Skin().Clip().Done("fbx_helper"));
   seeds.push_back(Of(kBvh).Bytes(nothing_asked).Chain().Bytes({kNone, kNone}).Clip().Done("bvh"));
-  seeds.push_back(Of(kGltf).Bytes({0, 0, 2, 20, 1, 21, 2, 0, 0}).Chain().Bytes({kNone}).Skin().Clip().Done("map"));
+  seeds.push_back(Of(kPlain).Bytes({0, 0, 2, 20, 1, 21, 2, 0, 0}).Chain().Bytes({kNone}).Skin().Clip().Done("map"));
   seeds.push_back(Of(kBvh)
                       .Bytes({3, 2, 1, 20, 2, 2, 1, 20, 1})
                       .Move(0, 1, 0)

@@ -31,14 +31,14 @@ std::string BrokenFile(const tools::CharacterFile& file) {
     if (!file.nodes[i].local.allFinite()) return "a transform that is not finite";
   }
   const auto ascends = [](const auto& keys) {
-    return std::ranges::is_sorted(keys, {}, [](const auto& key) { return key.first; });
+    return std::ranges::is_sorted(keys.keys, {}, [](const auto& key) { return key.first; });
   };
   for (const tools::CharacterClip& clip : file.clips) {
     for (const tools::NodeChannel& channel : clip.channels) {
       if (channel.node >= node_count) return "a channel of no node";
       if (!ascends(channel.positions) || !ascends(channel.scales) || !ascends(channel.rotations))
         return "keys that do not ascend";
-      for (const auto& key : channel.rotations)
+      for (const auto& key : channel.rotations.keys)
         if (!(std::abs(key.second.norm() - 1) < 1e-6)) return "a rotation of another length than 1";
     }
   }

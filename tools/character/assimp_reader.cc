@@ -7,40 +7,22 @@
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <cstddef>
-#include <span>
 #include <vector>
 
 #include "converter/error.h"
-#include "converter/file.h"
-#include "tools/character/file_system.h"
-#include "tools/character/glb.h"
+#include "tools/character/assimp_files.h"
+#include "tools/character/bound_mesh.h"
+#include "tools/character/character_pose.h"
+#include "tools/character/matrix_values.h"
 #include "tools/character/memory_limit.h"
+#include "tools/character/read_by_assimp.h"
 
 namespace dcloth::tools {
 namespace {
 
 constexpr size_t kMaxNodes = 1 << 16, kMaxDepth = 1024, kMaxClips = 4096;
 constexpr uint32_t kMaxKeys = 1 << 22;  // of one kind of one node
-constexpr double kMaxNumber = 1e9, kMaxSeconds = 86400;
-
-std::string Lower(std::string text) {
-  for (char& c : text) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return text;
-}
-
-std::string FormatOf(const std::filesystem::path& path) {
-  const std::string extension = Lower(path.extension().string());
-  if (extension == ".glb" || extension == ".gltf" || extension == ".vrm") return "glTF";
-  if (extension == ".fbx") return "FBX";
-  if (extension == ".bvh") return "BVH";
-  throw converter::Error({.path = path,
-                          .tensor = {},
-                          .found = "a file name that ends in '" + extension + "'",
-                          .expected = ".glb, .gltf, .vrm, .fbx or .bvh",
-                          .mend = "export the character as glTF, FBX or BVH"});
-}
+constexpr double kMaxSeconds = 86400;
 
 }  // namespace
 
@@ -52,21 +34,12 @@ AssimpReader::AssimpReader(const aiScene& scene, const Assimp::IOSystem& files, 
   file_.upright.setIdentity();
 }
 
-void AssimpReader::Refuse(const std::string& found, const std::string& expected, const std::string& mend) const {
-  throw converter::Error({.path = file_.path, .tensor = {}, .found = found, .expected = expected, .mend = mend});
-}
-
-void AssimpReader::Number(double value, const std::string& where) const {
-  if (std::isfinite(value) && std::abs(value) <= kMaxNumber) return;
-  Refuse("the number " + std::to_string(value) + " in " + where, "numbers within 1e9", "the file is damaged");
-}
-
 Eigen::Matrix4d AssimpReader::Matrix(const aiMatrix4x4& matrix, const std::string& where) const {
   Eigen::Matrix4d out;
   for (int r = 0; r < 4; ++r) {
     for (int c = 0; c < 4; ++c) {
       out(r, c) = static_cast<double>(matrix[static_cast<unsigned>(r)][static_cast<unsigned>(c)]);
-      Number(out(r, c), where);
+      CheckNumber(file_, out(r, c), where);
     }
   }
   out.row(3) << 0, 0, 0, 1;
@@ -76,11 +49,12 @@ Eigen::Matrix4d AssimpReader::Matrix(const aiMatrix4x4& matrix, const std::strin
 size_t AssimpReader::NodeOf(const aiString& name, const std::string& where) const {
   const auto found = index_.find(name.C_Str());
   if (found == index_.end()) {
-    Refuse(where + " for a node '" + name.C_Str() + "'", "the name of a node in the file",
+    Refuse(file_, where + " for a node '" + name.C_Str() + "'", "the name of a node in the file",
            "the file is damaged; export it again");
   }
   if (count_.at(found->first) > 1) {
-    Refuse(std::to_string(count_.at(found->first)) + " nodes called '" + found->first + "', of which " + where +
+    Refuse(file_,
+           std::to_string(count_.at(found->first)) + " nodes called '" + found->first + "', of which " + where +
                " needs one",
            "unique names for bones", "rename the nodes and export again");
   }
@@ -93,15 +67,15 @@ void AssimpReader::ReadNodes() {
     int32_t parent;
     size_t depth;
   };
-  if (scene_.mRootNode == nullptr) Refuse("no nodes", "a skeleton");
+  if (scene_.mRootNode == nullptr) Refuse(file_, "no nodes", "a skeleton");
   std::vector<Waiting> waiting = {{scene_.mRootNode, -1, 1}};
   while (!waiting.empty()) {  // not recursive: a hostile depth must not exhaust the stack
     const Waiting next = waiting.back();
     waiting.pop_back();
     const std::string name = next.node->mName.C_Str();
-    if (file_.nodes.size() >= kMaxNodes) Refuse("too many nodes", "at most " + std::to_string(kMaxNodes));
+    if (file_.nodes.size() >= kMaxNodes) Refuse(file_, "too many nodes", "at most " + std::to_string(kMaxNodes));
     if (next.depth > kMaxDepth)
-      Refuse("nodes that are nested too deep", "at most " + std::to_string(kMaxDepth) + " levels");
+      Refuse(file_, "nodes that are nested too deep", "at most " + std::to_string(kMaxDepth) + " levels");
     const size_t index = file_.nodes.size();
     CharacterNode node;
     node.name = name;
@@ -125,9 +99,8 @@ void AssimpReader::ReadNodes() {
   }
 }
 
-// FBX says its axes and its unit; glTF has +Y up, +Z front and metres by definition; BVH says nothing.
+// FBX says its axes and its unit; BVH says nothing.
 void AssimpReader::ReadSpace() {
-  if (file_.format == "glTF") file_.metres_per_unit = 1;
   if (file_.format != "FBX" || scene_.mMetaData == nullptr) return;
   double unit = 0;
   float unit_f32 = 0;
@@ -136,7 +109,7 @@ void AssimpReader::ReadSpace() {
   }
   if (unit != 0) {
     if (!(unit > 1e-6 && unit < 1e6))
-      Refuse("UnitScaleFactor " + std::to_string(unit), "the number of centimetres in a unit");
+      Refuse(file_, "UnitScaleFactor " + std::to_string(unit), "the number of centimetres in a unit");
     file_.metres_per_unit = unit / 100;
   }
   const char* const axes[3] = {"CoordAxis", "UpAxis", "FrontAxis"};
@@ -146,12 +119,12 @@ void AssimpReader::ReadSpace() {
     if (!scene_.mMetaData->Get(axes[row], axis)) return;
     scene_.mMetaData->Get(std::string(axes[row]) + "Sign", sign);
     if (axis < 0 || axis > 2 || (sign != 1 && sign != -1)) {
-      Refuse(std::string(axes[row]) + " " + std::to_string(axis) + ", sign " + std::to_string(sign),
+      Refuse(file_, std::string(axes[row]) + " " + std::to_string(axis) + ", sign " + std::to_string(sign),
              "an axis of 0, 1 or 2 and a sign of 1 or -1");
     }
     upright(row, axis) = sign;
   }
-  if (std::abs(upright.determinant() - 1) > 1e-9) Refuse("axes that mirror or coincide", "right-handed axes");
+  if (std::abs(upright.determinant() - 1) > 1e-9) Refuse(file_, "axes that mirror or coincide", "right-handed axes");
   file_.upright = upright;
 }
 
@@ -161,22 +134,22 @@ NodeChannel AssimpReader::ReadChannel(const aiNodeAnim& channel, double ticks_pe
   NodeChannel out;
   out.node = NodeOf(channel.mNodeName, "clip '" + clip + "' has a channel");
   if (std::max({channel.mNumPositionKeys, channel.mNumRotationKeys, channel.mNumScalingKeys}) > kMaxKeys) {
-    Refuse("too many keys in " + where, "at most " + std::to_string(kMaxKeys));
+    Refuse(file_, "too many keys in " + where, "at most " + std::to_string(kMaxKeys));
   }
   double last = -kMaxSeconds;
   const auto seconds = [&](double ticks) {
     const double at = ticks / ticks_per_second;
     if (!(at >= last && at <= kMaxSeconds)) {
-      Refuse("a key at " + std::to_string(at) + " s in " + where, "increasing times within a day");
+      Refuse(file_, "a key at " + std::to_string(at) + " s in " + where, "increasing times within a day");
     }
     return last = at;
   };
-  const auto vectors = [&](const aiVectorKey* keys, unsigned count, Keys<Eigen::Vector3d>* to) {
+  const auto vectors = [&](const aiVectorKey* keys, unsigned count, Curve<Eigen::Vector3d>* to) {
     last = -kMaxSeconds;
     for (unsigned i = 0; i < count; ++i) {
       const aiVector3D& v = keys[i].mValue;
-      to->emplace_back(seconds(keys[i].mTime), Eigen::Vector3d(v.x, v.y, v.z));
-      for (int a = 0; a < 3; ++a) Number(to->back().second[a], where);
+      to->keys.emplace_back(seconds(keys[i].mTime), Eigen::Vector3d(v.x, v.y, v.z));
+      for (int a = 0; a < 3; ++a) CheckNumber(file_, to->keys.back().second[a], where);
     }
   };
   vectors(channel.mPositionKeys, channel.mNumPositionKeys, &out.positions);
@@ -187,9 +160,9 @@ NodeChannel AssimpReader::ReadChannel(const aiNodeAnim& channel, double ticks_pe
     Eigen::Quaterniond value(q.w, q.x, q.y, q.z);
     const double length = value.norm();
     if (!std::isfinite(length) || length < 1e-3 || length > 1e3)
-      Refuse("a rotation without a direction in " + where, "unit quaternions");
+      Refuse(file_, "a rotation without a direction in " + where, "unit quaternions");
     value.coeffs() /= length;
-    out.rotations.emplace_back(seconds(channel.mRotationKeys[i].mTime), value);
+    out.rotations.keys.emplace_back(seconds(channel.mRotationKeys[i].mTime), value);
   }
   return out;
 }
@@ -201,69 +174,43 @@ CharacterClip AssimpReader::ReadClip(const aiAnimation& animation, size_t index)
   // BVH has a frame time of six decimals: 0.033333 s means 30 Hz.
   if (file_.format == "BVH" && std::abs(rate - std::round(rate)) < 1e-4 * rate) rate = std::round(rate);
   if (!(rate > 0 && rate <= 1e12))
-    Refuse("clip '" + clip.name + "' at " + std::to_string(rate) + " ticks a second", "a positive rate");
-  clip.first_seconds = kMaxSeconds;
-  clip.last_seconds = -kMaxSeconds;
+    Refuse(file_, "clip '" + clip.name + "' at " + std::to_string(rate) + " ticks a second", "a positive rate");
   std::vector<bool> seen(file_.nodes.size());
   for (unsigned i = 0; i < animation.mNumChannels; ++i) {
     NodeChannel channel = ReadChannel(*animation.mChannels[i], rate, clip.name);
     if (seen[channel.node])
-      Refuse("two channels of '" + file_.nodes[channel.node].name + "' in clip '" + clip.name + "'",
+      Refuse(file_, "two channels of '" + file_.nodes[channel.node].name + "' in clip '" + clip.name + "'",
              "one channel for each node");
     seen[channel.node] = true;
-    const auto span = [&](const auto& keys) {
-      if (keys.empty()) return;
-      clip.first_seconds = std::min(clip.first_seconds, keys.front().first);
-      clip.last_seconds = std::max(clip.last_seconds, keys.back().first);
-    };
-    span(channel.positions);
-    span(channel.rotations);
-    span(channel.scales);
     clip.channels.push_back(std::move(channel));
   }
-  if (clip.last_seconds < clip.first_seconds) clip.first_seconds = clip.last_seconds = 0;
+  SetSpan(&clip);
   return clip;
 }
 
 CharacterFile AssimpReader::Read(bool meshes) {
   ReadNodes();
   ReadSpace();
-  if (scene_.mNumAnimations > kMaxClips) Refuse(std::to_string(scene_.mNumAnimations) + " clips", "at most 4096");
+  if (scene_.mNumAnimations > kMaxClips)
+    Refuse(file_, std::to_string(scene_.mNumAnimations) + " clips", "at most 4096");
   for (unsigned i = 0; i < scene_.mNumAnimations; ++i) file_.clips.push_back(ReadClip(*scene_.mAnimations[i], i));
-  std::vector<const aiMesh*> skinned;
-  for (unsigned i = 0; i < scene_.mNumMeshes; ++i) {
-    if (scene_.mMeshes[i]->mNumBones != 0) skinned.push_back(scene_.mMeshes[i]);
-  }
-  // Meshes with few bones follow those with many: what an eye is bound in says little of the body.
-  std::vector<const aiMesh*> by_bones = skinned;
-  std::stable_sort(by_bones.begin(), by_bones.end(),
-                   [](const aiMesh* a, const aiMesh* b) { return a->mNumBones > b->mNumBones; });
-  for (const aiMesh* mesh : by_bones) ReadBind(*mesh);
   if (meshes) ReadMaterials();
-  for (const aiMesh* mesh : skinned) {
-    if (meshes) ReadMesh(*mesh);
+  std::vector<BoundMesh> skinned;
+  for (unsigned i = 0; i < scene_.mNumMeshes; ++i) {
+    if (scene_.mMeshes[i]->mNumBones != 0)
+      skinned.push_back(ReadMesh(*scene_.mMeshes[i], meshes));
+    else
+      ++file_.loose_meshes;
   }
+  AddSkins(skinned, meshes, &file_);
   return std::move(file_);
 }
 
-CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
-  const std::string format = FormatOf(path);
-  const converter::AlignedBytes bytes = converter::ReadFile(path, uint64_t{1} << 30);
-  CheckGlbLengths(path, bytes);  // their errors say more than assimp's
-  const GltfFacts facts = format == "glTF" ? ReadGltfFacts(bytes) : GltfFacts{};
-  for (const std::string& name : facts.required) {
-    if (name != "KHR_draco_mesh_compression" && name != "EXT_meshopt_compression") continue;
-    throw converter::Error(
-        {.path = path,
-         .tensor = {},
-         .found = "a mesh compressed with " + name,
-         .expected = "a glTF file without compression",
-         .mend = "export it without compression, or remove it: npx @gltf-transform/cli copy IN.glb OUT.glb"});
-  }
-  const bool vrm = Lower(path.extension().string()) == ".vrm";
+CharacterFile ReadByAssimp(const std::filesystem::path& path, const std::string& format, bool meshes) {
   MemoryLimit limit;
+  Folder folder(path.parent_path(), &limit);
   Assimp::Importer importer;
-  auto* const files = new FolderFileSystem(path.parent_path(), &limit);
+  auto* const files = new AssimpFiles(&folder);
   importer.SetIOHandler(files);  // which the importer owns now
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_TEXTURES, meshes);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_READ_CAMERAS, false);
@@ -274,14 +221,7 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_PRESERVE_PIVOTS, false);
   // Animation curves that never change still place their joint.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_OPTIMIZE_EMPTY_ANIMATION_CURVES, false);
-  const unsigned steps = meshes ? unsigned{aiProcess_Triangulate} : 0;
-  const std::vector<std::byte> filled = format == "glTF" ? ForAssimp(bytes) : std::vector<std::byte>();
-  const std::span<const std::byte> whole = filled.empty() ? std::span<const std::byte>(bytes) : filled;
-  // assimp goes by a file's ending; VRM is binary glTF, whole in one file.
-  const bool in_memory = vrm || !filled.empty();
-  if (in_memory) limit.Allow(whole.size());
-  const aiScene* const scene = in_memory ? importer.ReadFileFromMemory(whole.data(), whole.size(), steps, "glb")
-                                         : importer.ReadFile(path.string(), steps);
+  const aiScene* const scene = importer.ReadFile(path.string(), meshes ? unsigned{aiProcess_Triangulate} : 0);
   limit.Lift();
   if (scene == nullptr) {
     const std::string reason = importer.GetErrorString();
@@ -294,9 +234,7 @@ CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes) {
                             .expected = "a sound " + format + " file",
                             .mend = "export it again"});
   }
-  CharacterFile file = AssimpReader(*scene, *files, format, path).Read(meshes);
-  file.roles = facts.roles;
-  return file;
+  return AssimpReader(*scene, *files, format, path).Read(meshes);
 }
 
 }  // namespace dcloth::tools

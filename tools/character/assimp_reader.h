@@ -1,4 +1,4 @@
-// What the parts of the assimp reader share: checked numbers, nodes by name.
+// FBX and BVH as assimp hands them over: nodes by name.
 #ifndef DCLOTH_TOOLS_CHARACTER_ASSIMP_READER_H_
 #define DCLOTH_TOOLS_CHARACTER_ASSIMP_READER_H_
 
@@ -10,32 +10,27 @@
 #include <string>
 #include <unordered_map>
 
-#include "tools/character/character.h"
+#include "tools/character/bound_mesh.h"
 
 namespace dcloth::tools {
 
 class AssimpReader {
  public:
-  // `files` says which of the files beside the first one may be read.
+  // `format`: "FBX" or "BVH". `files` says which of the files beside the first one may be read.
   AssimpReader(const aiScene& scene, const Assimp::IOSystem& files, std::string format,
                const std::filesystem::path& path);
 
   CharacterFile Read(bool meshes);
 
  private:
-  [[noreturn]] void Refuse(const std::string& found, const std::string& expected, const std::string& mend = {}) const;
   Eigen::Matrix4d Matrix(const aiMatrix4x4& matrix, const std::string& where) const;
-  void Number(double value, const std::string& where) const;  // finite and sane, or refused
   size_t NodeOf(const aiString& name, const std::string& where) const;
 
   void ReadNodes();
   void ReadSpace();
   CharacterClip ReadClip(const aiAnimation& animation, size_t index) const;
   NodeChannel ReadChannel(const aiNodeAnim& channel, double ticks_per_second, const std::string& clip) const;
-  Eigen::Matrix4d OwnToWorld(const aiMesh& mesh) const;
-  Eigen::Matrix4d MeshToWorld(const aiMesh& mesh) const;
-  void ReadBind(const aiMesh& mesh);
-  void ReadMesh(const aiMesh& mesh);
+  BoundMesh ReadMesh(const aiMesh& mesh, bool surface) const;
   void ReadMaterials();
   int32_t ReadPicture(const aiMaterial& material);
 

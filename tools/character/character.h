@@ -23,13 +23,18 @@ struct CharacterNode {
   bool helper = false;                  // a step of another node's transform, not a joint of its own
 };
 
+// A value over time: straight between keys (rotations on the arc), unless one of the two below says otherwise.
 template <typename Value>
-using Keys = std::vector<std::pair<double, Value>>;  // seconds, ascending
+struct Curve {
+  std::vector<std::pair<double, Value>> keys = {};  // seconds, ascending
+  std::vector<std::array<Value, 2>> tangents = {};  // [keys], in and out, a second: cubic Hermite splines
+  bool holds = false;                               // each key until the next one
+};
 
 struct NodeChannel {
   size_t node = 0;
-  Keys<Eigen::Vector3d> positions, scales;
-  Keys<Eigen::Quaterniond> rotations;  // of length 1
+  Curve<Eigen::Vector3d> positions = {}, scales = {};
+  Curve<Eigen::Quaterniond> rotations = {};  // keys of length 1
 };
 
 struct CharacterClip {
@@ -67,6 +72,7 @@ struct CharacterFile {
   std::vector<CharacterNode> nodes;
   std::vector<CharacterClip> clips;
   std::vector<SkinnedMesh> meshes;
+  size_t loose_meshes = 0;  // without a skin, not among `meshes`
   std::vector<Material> materials;
   std::vector<std::vector<std::byte>> pictures;         // PNG, JPEG or WebP, unread
   std::vector<std::pair<std::string, uint32_t>> roles;  // node, DCLOTH_ROLE_*: where the file says so (VRM)
@@ -74,9 +80,9 @@ struct CharacterFile {
   Eigen::Matrix3d upright;                              // the file's axes to +Y up, +Z front
 };
 
-// Reads .gltf, .glb, .vrm, .fbx or .bvh; other files are opened only where the first one names them and only in its
-// folder. What comes back is checked: finite numbers, keys in order, counts, depth, names. `meshes` false leaves meshes
-// out. Throws converter::Error; also in a build without assimp.
+// Reads .gltf, .glb, .vrm, .vrma, .fbx or .bvh; other files are opened only where the first one names them and only in
+// its folder. What comes back is checked: finite numbers, keys in order, counts, depth, names. `meshes` false leaves
+// meshes out. Throws converter::Error; for FBX and BVH also in a build without assimp.
 CharacterFile ReadCharacter(const std::filesystem::path& path, bool meshes);
 
 }  // namespace dcloth::tools

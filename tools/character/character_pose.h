@@ -8,12 +8,15 @@
 
 namespace dcloth::tools {
 
-// Every node to the file's world, [nodes]; `clip` may be null: the pose without animation. Between keys rotations turn
-// on the arc, positions and scales go straight; beyond the first and last key they hold.
+// Every node to the file's world, [nodes]; `clip` may be null: the pose without animation. Beyond the first and last
+// key curves hold.
 std::vector<Eigen::Matrix4d> WorldMatrices(const CharacterFile& file, const CharacterClip* clip, double seconds);
 
 // The pose the skin was bound in where there is a skin, otherwise the pose without animation; [nodes], file's world.
 std::vector<Eigen::Matrix4d> RestMatrices(const CharacterFile& file);
+
+// first_seconds and last_seconds from the clip's keys; 0 where there are none.
+void SetSpan(CharacterClip* clip);
 
 }  // namespace dcloth::tools
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <memory>
 #include <span>
 #include <unordered_map>
 
@@ -23,7 +24,6 @@ constexpr size_t kLeastMatched = 5;
 constexpr double kSameWay = 25;  // degrees between a bone of two skeletons that rest in one stance
 constexpr double kArmsApart =
     80;  // the same for arms, of a T pose and of one whose arms hang: the latter are twisted too
-constexpr uint64_t kMostBytes = uint64_t{2} << 30;
 
 uint32_t RoleOfKey(const std::string& key) {
   for (uint32_t role = 1; dcloth_role_name(role) != nullptr; ++role) {
@@ -32,9 +32,11 @@ uint32_t RoleOfKey(const std::string& key) {
   return dcloth_role_of_name(key.c_str());
 }
 
-[[noreturn]] void Refuse(const CharacterFile& file, const std::string& found, const std::string& expected,
-                         const std::string& mend) {
-  throw converter::Error({.path = file.path, .tensor = {}, .found = found, .expected = expected, .mend = mend});
+std::string RoleNames() {
+  std::string names;
+  for (uint32_t role = 1; dcloth_role_name(role) != nullptr; ++role)
+    names.append(role == 1 ? "'" : ", '").append(dcloth_role_name(role)).append("'");
+  return names;
 }
 
 // Joints in the order of the file's nodes: bones of the skin and what is named.
@@ -43,8 +45,7 @@ void ChooseJoints(const CharacterFile& file, const JointMap& map, Hero* hero) {
   for (const auto& [key, node] : map) {
     const uint32_t role = RoleOfKey(key);
     if (role == DCLOTH_ROLE_NONE) {
-      Refuse(file, "the unknown name '" + key + "' in --map",
-             "a joint of the garment or a role, such as \"left upper leg\"", "dcloth_fit.h lists the roles");
+      Refuse(file, "the unknown name '" + key + "' in --map", "a joint of the garment, or one of " + RoleNames(), "");
     }
     if (std::ranges::none_of(file.nodes,
                              [&wanted = node](const CharacterNode& other) { return other.name == wanted; })) {
@@ -133,11 +134,12 @@ std::string Word(const std::string& name) {
 
 Names NamesOf(const CharacterFile& file) {
   Names names;
+  const std::vector<std::string> own = OwnNames(file);
+  const std::vector<uint32_t> roles = NodeRoles(file);
   for (size_t i = 0; i < file.nodes.size(); ++i) {
     if (file.nodes[i].helper) continue;
-    names.words.emplace(Word(file.nodes[i].name), i);
-    const uint32_t role = dcloth_role_of_name(file.nodes[i].name.c_str());
-    if (role != DCLOTH_ROLE_NONE) names.roles.emplace(role, i);
+    names.words.emplace(Word(own[i]), i);
+    if (roles[i] != DCLOTH_ROLE_NONE) names.roles.emplace(roles[i], i);
   }
   return names;
 }
@@ -155,11 +157,13 @@ Eigen::Matrix3d Rotation(const Eigen::Matrix4d& matrix) {
 // The source's node for each node of the hero's file that has one; -1 where there is none.
 std::vector<int64_t> MatchNodes(const CharacterFile& file, const CharacterFile& source) {
   const Names names = NamesOf(source);
+  const std::vector<std::string> own = OwnNames(file);
+  const std::vector<uint32_t> roles = NodeRoles(file);
   std::vector<int64_t> match(file.nodes.size(), -1);
   for (size_t i = 0; i < match.size(); ++i) {
     if (file.nodes[i].helper) continue;
-    const auto word = names.words.find(Word(file.nodes[i].name));
-    const auto role = names.roles.find(dcloth_role_of_name(file.nodes[i].name.c_str()));
+    const auto word = names.words.find(Word(own[i]));
+    const auto role = names.roles.find(roles[i]);
     if (word != names.words.end())
       match[i] = static_cast<int64_t>(word->second);
     else if (role != names.roles.end())
@@ -172,14 +176,20 @@ std::vector<int64_t> MatchNodes(const CharacterFile& file, const CharacterFile& 
 class OtherSkeleton {
  public:
   OtherSkeleton(const CharacterFile& file, const Hero& hero, const CharacterFile& source, const CharacterClip& clip)
-      : file_(file), hero_(hero), source_(source), clip_(clip), match_(MatchNodes(file, source)) {
+      : file_(file),
+        hero_(hero),
+        source_(source),
+        clip_(clip),
+        roles_(NodeRoles(file)),
+        match_(MatchNodes(file, source)) {
+    const std::vector<std::string> own_names = OwnNames(file);
     size_t matched = 0;
     for (const int64_t node : match_) matched += node >= 0 ? 1 : 0;
     hips_ = match_.size();
     for (size_t i = 0; i < match_.size(); ++i) {
-      const std::string word = Word(file.nodes[i].name);
+      const std::string word = Word(own_names[i]);
       if (match_[i] >= 0 && (hips_ == match_.size() || word == "hips" || word == "pelvis") &&
-          dcloth_role_of_name(file.nodes[i].name.c_str()) == DCLOTH_ROLE_HIPS)
+          roles_[i] == DCLOTH_ROLE_HIPS)
         hips_ = i;
     }
     if (matched < kLeastMatched || hips_ == match_.size()) {
@@ -223,7 +233,7 @@ class OtherSkeleton {
   }
 
  private:
-  uint32_t RoleOf(size_t node) const { return dcloth_role_of_name(file_.nodes[node].name.c_str()); }
+  uint32_t RoleOf(size_t node) const { return roles_[node]; }
 
   // The joint above that both skeletons have and that is a part of the body; below 0 for none.
   int64_t PartAbove(size_t node) const {
@@ -235,8 +245,9 @@ class OtherSkeleton {
   }
 
   // Where both rest in one stance, a joint's axes are told by the two rests. Arms may hang lower in one of them (a T
-  // pose and an A pose): they are turned from one to the other the shortest way. Where the other file's nodes rest in a
-  // pose of its animation, the axes of one maker's joints are taken to be the same on all of its characters.
+  // pose and an A pose), and collar bones rise: they are turned from one to the other the shortest way. Where the other
+  // file's nodes rest in a pose of its animation, the axes of one maker's joints are taken to be the same on all of its
+  // characters.
   void CompareRests() {
     const auto rest = RestMatrices(source_);
     their_rest_.assign(match_.size(), Eigen::Matrix4d::Identity());
@@ -257,8 +268,8 @@ class OtherSkeleton {
       if (own.norm() < 0.02 || theirs.norm() * size_ < 0.02) continue;
       ++compared;
       const uint32_t above = RoleOf(a);
-      const bool arm = above == DCLOTH_ROLE_LEFT_UPPER_ARM || above == DCLOTH_ROLE_LEFT_LOWER_ARM ||
-                       above == DCLOTH_ROLE_RIGHT_UPPER_ARM || above == DCLOTH_ROLE_RIGHT_LOWER_ARM;
+      const bool arm = (above >= DCLOTH_ROLE_LEFT_SHOULDER && above <= DCLOTH_ROLE_LEFT_LOWER_ARM) ||
+                       (above >= DCLOTH_ROLE_RIGHT_SHOULDER && above <= DCLOTH_ROLE_RIGHT_LOWER_ARM);
       same += Degrees(own, theirs) < kSameWay ? 1 : 0;
       same_but_arms += Degrees(own, theirs) < (arm ? kArmsApart : kSameWay) ? 1 : 0;
       if (arm) arm_turn[a] = Eigen::Quaterniond::FromTwoVectors(own, theirs).toRotationMatrix();
@@ -302,6 +313,7 @@ class OtherSkeleton {
   const Hero& hero_;
   const CharacterFile& source_;
   const CharacterClip& clip_;
+  std::vector<uint32_t> roles_;  // [nodes of the hero's file]
   std::vector<int64_t> match_;
   size_t hips_ = 0;
   CharacterSpace source_space_;
@@ -317,10 +329,11 @@ class OtherSkeleton {
 std::vector<Eigen::Matrix4d> StandingRest(const CharacterFile& file, Hero* hero) {
   const std::vector<Eigen::Matrix4d> nodes = WorldMatrices(file, nullptr, 0);
   std::vector<Eigen::Matrix4d> rest = RestMatrices(file);
+  const std::vector<uint32_t> roles = NodeRoles(file);
   std::optional<Eigen::Matrix4d> from_bind;
   for (const size_t node : hero->nodes) {
     if (!file.nodes[node].bind) continue;
-    const bool hips = dcloth_role_of_name(file.nodes[node].name.c_str()) == DCLOTH_ROLE_HIPS;
+    const bool hips = roles[node] == DCLOTH_ROLE_HIPS;
     if (from_bind && !hips) continue;
     from_bind = nodes[node] * file.nodes[node].bind->inverse();
     if (hips) break;
@@ -376,11 +389,75 @@ const CharacterClip& FindClip(const CharacterFile& file, const std::string& want
                           .mend = "pass --animation NAME, or another file: --animation walk.fbx"});
 }
 
+std::vector<float> JointsIn(const std::vector<Eigen::Matrix4d>& world, const Hero& hero, const CharacterFile& source,
+                            size_t frame) {
+  std::vector<float> out;
+  out.reserve(16 * hero.nodes.size());
+  for (size_t j = 0; j < hero.nodes.size(); ++j) {
+    if (!AppendMatrix(world[hero.nodes[j]], &out))
+      RefuseNumbers(source, "joint '" + hero.joints[j] + "', frame " + std::to_string(frame));
+  }
+  return out;
+}
+
+HeroClip Unposed(const CharacterClip& clip, double fps) {
+  HeroClip out;
+  out.name = clip.name;
+  out.fps = fps;
+  out.frames = static_cast<size_t>(std::floor((clip.last_seconds - clip.first_seconds) * fps + 1e-3)) + 1;
+  return out;
+}
+
+HeroClip OwnClip(const CharacterFile& file, const Hero& hero, const CharacterClip& clip, double fps) {
+  HeroClip out = Unposed(clip, fps);
+  out.pose = [&file, &hero, &clip, fps](size_t frame) {
+    std::vector<Eigen::Matrix4d> world =
+        WorldMatrices(file, &clip, clip.first_seconds + static_cast<double>(frame) / fps);
+    for (const size_t node : hero.nodes) world[node] = hero.space.World(world[node]);
+    return JointsIn(world, hero, file, frame);
+  };
+  return out;
+}
+
+// What no garment can be put on, in words that say why.
+void CheckBody(const CharacterFile& file, const Hero& hero) {
+  const bool skin = std::ranges::any_of(file.nodes, [](const CharacterNode& node) { return node.bind.has_value(); });
+  if (!skin && file.loose_meshes != 0) {
+    Refuse(file,
+           "a character without a skin: none of " + std::to_string(file.loose_meshes) + " meshes is bound to joints",
+           "a mesh with joints and weights", "bind the mesh to its skeleton and export both");
+  }
+  const std::vector<Eigen::Matrix4d> world = WorldMatrices(file, nullptr, 0);
+  const auto mirrors = [](const Eigen::Matrix4d& matrix) { return matrix.topLeftCorner<3, 3>().determinant() < 0; };
+  const auto mirrored =
+      static_cast<size_t>(std::ranges::count_if(hero.nodes, [&](size_t node) { return mirrors(world[node]); }));
+  if (2 * mirrored <= hero.nodes.size()) return;
+  size_t root = hero.nodes.front();
+  while (file.nodes[root].parent >= 0 && mirrors(world[static_cast<size_t>(file.nodes[root].parent)]))
+    root = static_cast<size_t>(file.nodes[root].parent);
+  Refuse(file, "a mirrored character: the scale of node '" + file.nodes[root].name + "' has a negative product",
+         "scales above 0", "apply the scale to the mesh and the skeleton and export again");
+}
+
 }  // namespace
+
+std::vector<uint32_t> NodeRoles(const CharacterFile& file) {
+  const std::unordered_map<std::string, uint32_t> told(file.roles.begin(), file.roles.end());
+  const std::vector<std::string> own = OwnNames(file);
+  std::vector<uint32_t> roles;
+  for (size_t i = 0; i < own.size(); ++i) {
+    const auto role = told.find(file.nodes[i].name);
+    uint32_t by_name = dcloth_role_of_name(own[i].c_str());
+    if (by_name == DCLOTH_ROLE_NONE) by_name = dcloth_role_of_name(file.nodes[i].name.c_str());
+    roles.push_back(role != told.end() ? role->second : by_name);
+  }
+  return roles;
+}
 
 Hero ReadHero(const CharacterFile& file, const JointMap& map, const SpaceOptions& options) {
   Hero hero;
   ChooseJoints(file, map, &hero);
+  CheckBody(file, hero);
   const std::vector<Eigen::Matrix4d> rest = StandingRest(file, &hero);
   std::vector<Eigen::Matrix4d> joints;
   for (const size_t node : hero.nodes) joints.push_back(rest[node]);
@@ -417,30 +494,8 @@ dcloth_character CharacterOf(const Hero& hero, std::vector<const char*>* names) 
   return character;
 }
 
-HeroClip SampleHero(const CharacterFile& file, const Hero& hero, const CharacterFile& source, const CharacterClip& clip,
-                    double fps) {
-  HeroClip out;
-  out.name = clip.name;
-  out.fps = fps;
-  const double frames = std::floor((clip.last_seconds - clip.first_seconds) * fps + 1e-3) + 1;
-  if (frames * static_cast<double>(hero.joints.size()) * 64 > static_cast<double>(kMostBytes)) {
-    Refuse(source, "clip '" + clip.name + "' of " + std::to_string(clip.last_seconds - clip.first_seconds) + " s",
-           "a clip whose poses take at most 2 GB", "shorten the clip");
-  }
-  out.frames = static_cast<size_t>(frames);
-  const bool own = &file == &source;
-  const std::optional<OtherSkeleton> other =
-      own ? std::nullopt : std::optional<OtherSkeleton>(std::in_place, file, hero, source, clip);
-  for (size_t f = 0; f < out.frames; ++f) {
-    const double seconds = clip.first_seconds + static_cast<double>(f) / fps;
-    std::vector<Eigen::Matrix4d> world = own ? WorldMatrices(file, &clip, seconds) : other->Pose(seconds);
-    for (size_t j = 0; j < hero.nodes.size(); ++j) {
-      const Eigen::Matrix4d joint = own ? hero.space.World(world[hero.nodes[j]]) : world[hero.nodes[j]];
-      if (!AppendMatrix(joint, &out.matrices))
-        RefuseNumbers(source, "joint '" + hero.joints[j] + "', frame " + std::to_string(f));
-    }
-  }
-  return out;
+HeroClip FirstClip(const CharacterFile& file, const Hero& hero, double fps) {
+  return OwnClip(file, hero, file.clips.front(), fps);
 }
 
 HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, const Hero& hero, double fps) {
@@ -453,10 +508,10 @@ HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, 
       path = animation.substr(0, mark);
       clip = animation.substr(mark + 1);
     }
-    if (!std::filesystem::is_regular_file(path, failed))
-      return SampleHero(file, hero, file, FindClip(file, animation), fps);
+    if (!std::filesystem::is_regular_file(path, failed)) return OwnClip(file, hero, FindClip(file, animation), fps);
   }
-  const CharacterFile source = ReadCharacter(path, false);
+  const auto held = std::make_shared<const CharacterFile>(ReadCharacter(path, false));
+  const CharacterFile& source = *held;
   if (clip.empty() && source.clips.empty()) {
     throw converter::Error({.path = path,
                             .tensor = {},
@@ -465,9 +520,13 @@ HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, 
                             .mend = "export it with its animation baked to keys"});
   }
   const CharacterClip& chosen = clip.empty() ? source.clips.front() : FindClip(source, clip);
-  HeroClip sampled = SampleHero(file, hero, source, chosen, fps);
-  sampled.name = converter::PathText(path.stem()) + (source.clips.size() > 1 ? ", " + chosen.name : "");
-  return sampled;
+  HeroClip out = Unposed(chosen, fps);
+  out.name = converter::PathText(path.stem()) + (source.clips.size() > 1 ? ", " + chosen.name : "");
+  const auto other = std::make_shared<const OtherSkeleton>(file, hero, source, chosen);
+  out.pose = [held, other, &hero, first = chosen.first_seconds, fps](size_t frame) {
+    return JointsIn(other->Pose(first + static_cast<double>(frame) / fps), hero, *held, frame);
+  };
+  return out;
 }
 
 HeroClip StandStill(const Hero& hero, double fps, size_t frames) {
@@ -475,7 +534,7 @@ HeroClip StandStill(const Hero& hero, double fps, size_t frames) {
   out.name = "bind pose";
   out.fps = fps;
   out.frames = frames;
-  for (size_t f = 0; f < frames; ++f) out.matrices.insert(out.matrices.end(), hero.bind.begin(), hero.bind.end());
+  out.pose = [&hero](size_t) { return hero.bind; };
   return out;
 }
 

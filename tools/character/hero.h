@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -32,27 +33,33 @@ struct Hero {
   std::vector<uint8_t> colours;            // [c, 3, 3] sRGB, white where a mesh has none; empty where all have none
 };
 
+// The role of each node, [nodes]: told by the file (VRM), or by its name without what nearly all joints' names have in
+// common (a prefix, numbers).
+std::vector<uint32_t> NodeRoles(const CharacterFile& file);
+
 // Keys of `map` are joints of the garment or names of roles ("Hips", "left upper leg"). Throws converter::Error.
 Hero ReadHero(const CharacterFile& file, const JointMap& map, const SpaceOptions& options);
 
 // The parts of dcloth_character, which lead into the hero and into `names`.
 dcloth_character CharacterOf(const Hero& hero, std::vector<const char*>* names);
 
+// Poses on demand, one frame at a time: a clip of an hour takes no more memory than its file.
 struct HeroClip {
   std::string name;
   double fps = 0;
   size_t frames = 0;
-  std::vector<float> matrices;  // [frames, joints, 16] joint to world, rows contiguous, metres
+  // [joints, 16] of a frame: joint to world, rows contiguous, metres. Throws converter::Error.
+  std::function<std::vector<float>(size_t frame)> pose;
 };
 
-// A clip of `source`, which may be the hero's own file or another with a skeleton of the same names or roles. Of
-// another file the turns of joints are taken from joint to joint and the way of the hips, times the ratio of their
-// heights; lengths stay the hero's. Throws converter::Error where the two have no joints in common.
-HeroClip SampleHero(const CharacterFile& file, const Hero& hero, const CharacterFile& source, const CharacterClip& clip,
-                    double fps);
+// The hero's file and the hero outlive the clips below. Clips of another file take the turns of joints from joint to
+// joint and the way of the hips, times the ratio of their heights; lengths stay the hero's.
 
-// `animation` is a clip of the hero's file by name or number, or a file: "walk.fbx", "clips.glb#Run". Throws
-// converter::Error.
+// The first clip of the hero's file, which has one.
+HeroClip FirstClip(const CharacterFile& file, const Hero& hero, double fps);
+
+// `animation` is a clip of the hero's file by name or number, or a file with a skeleton of the same names or roles:
+// "walk.fbx", "clips.glb#Run". Throws converter::Error, also where the two have no joints in common.
 HeroClip ReadAnimation(const std::string& animation, const CharacterFile& file, const Hero& hero, double fps);
 
 // One pose of `frames` frames: the bind pose.

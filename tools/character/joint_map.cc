@@ -158,6 +158,38 @@ std::vector<std::string> NearestNames(const std::string& name, std::span<const s
   return nearest;
 }
 
+std::vector<std::string> OwnNames(const CharacterFile& file) {
+  std::vector<std::string> names;
+  std::vector<size_t> joints;
+  const bool skin = std::ranges::any_of(file.nodes, [](const CharacterNode& node) { return node.bind.has_value(); });
+  for (size_t i = 0; i < file.nodes.size(); ++i) {
+    names.push_back(file.nodes[i].name);
+    if (!file.nodes[i].helper && (!skin || file.nodes[i].bind)) joints.push_back(i);
+  }
+  if (joints.size() < 5) return names;
+  const auto nearly_all = [&](const auto& has) {
+    return 10 * static_cast<size_t>(std::ranges::count_if(joints, has)) >= 9 * joints.size();
+  };
+  const auto number = [](const std::string& name) {  // where a number of the name's own begins
+    const size_t end = name.find_last_not_of("0123456789");
+    return end != name.npos && end > 0 && end + 1 < name.size() && name[end] == '_' ? end : name.size();
+  };
+  if (nearly_all([&](size_t i) { return number(names[i]) < names[i].size(); })) {
+    for (std::string& name : names) name.erase(number(name));
+  }
+  const std::string sample = names[joints[joints.size() / 2]];
+  for (size_t end = sample.find_last_of("_:|.- "); end != sample.npos && end > 0;
+       end = sample.find_last_of("_:|.- ", end - 1)) {
+    const std::string prefix = sample.substr(0, end + 1);
+    if (!nearly_all([&](size_t i) { return names[i].starts_with(prefix); })) continue;
+    for (std::string& name : names) {
+      if (name.size() > prefix.size() && name.starts_with(prefix)) name.erase(0, prefix.size());
+    }
+    break;
+  }
+  return names;
+}
+
 std::string JsonList(std::span<const std::string> names) {
   return nlohmann::json(std::vector<std::string>(names.begin(), names.end()))
       .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);

@@ -27,6 +27,9 @@ std::vector<size_t> FindJoints(const CharacterFile& file, const JointMap& map, s
 // Names of `held` closest to `name`, best first: equal but for case, namespace and punctuation, then by edit distance.
 std::vector<std::string> NearestNames(const std::string& name, std::span<const std::string> held, size_t count);
 
+// Names of all nodes without what nearly all of the joints' have in common: a prefix, as "Hero_", or numbers, as "_07".
+std::vector<std::string> OwnNames(const CharacterFile& file);
+
 std::string JsonList(std::span<const std::string> names);
 
 }  // namespace dcloth::tools

@@ -1,5 +1,7 @@
 #include "tools/character/matrix_values.h"
 
+#include <cmath>
+
 #include "converter/error.h"
 
 namespace dcloth::tools {
@@ -10,12 +12,18 @@ bool AppendMatrix(const Eigen::Matrix4d& matrix, std::vector<float>* values) {
   return rows.allFinite();
 }
 
+void Refuse(const CharacterFile& file, const std::string& found, const std::string& expected, const std::string& mend) {
+  throw converter::Error({.path = file.path, .tensor = {}, .found = found, .expected = expected, .mend = mend});
+}
+
 void RefuseNumbers(const CharacterFile& file, const std::string& where) {
-  throw converter::Error({.path = file.path,
-                          .tensor = {},
-                          .found = "a number that is out of range at " + where,
-                          .expected = "finite numbers",
-                          .mend = "the file is damaged; export it again"});
+  Refuse(file, "a number that is out of range at " + where, "finite numbers", "the file is damaged; export it again");
+}
+
+void CheckNumber(const CharacterFile& file, double value, const std::string& where) {
+  constexpr double kMost = 1e9;
+  if (std::isfinite(value) && std::abs(value) <= kMost) return;
+  Refuse(file, "the number " + std::to_string(value) + " in " + where, "numbers within 1e9", "the file is damaged");
 }
 
 }  // namespace dcloth::tools

@@ -1,4 +1,4 @@
-// Joint matrices as files of training hold them.
+// Joint matrices as files of training hold them, and refusals of what a character's file holds.
 #ifndef DCLOTH_TOOLS_CHARACTER_MATRIX_VALUES_H_
 #define DCLOTH_TOOLS_CHARACTER_MATRIX_VALUES_H_
 
@@ -12,8 +12,11 @@ namespace dcloth::tools {
 // Sixteen floats more, row by row; false where one leaves the range of float.
 [[nodiscard]] bool AppendMatrix(const Eigen::Matrix4d& matrix, std::vector<float>* values);
 
-// Throws converter::Error; `where` as in "joint 'Hips' at rest".
+// Each throws converter::Error. `where` as in "joint 'Hips' at rest".
 [[noreturn]] void RefuseNumbers(const CharacterFile& file, const std::string& where);
+[[noreturn]] void Refuse(const CharacterFile& file, const std::string& found, const std::string& expected,
+                         const std::string& mend = {});
+void CheckNumber(const CharacterFile& file, double value, const std::string& where);  // finite and within 1e9
 
 }  // namespace dcloth::tools
 

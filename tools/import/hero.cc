@@ -48,11 +48,12 @@ std::vector<int32_t> ParentsOf(const CharacterFile& file, const Hero& hero) {
   return parents;
 }
 
-std::vector<std::string> RolesOf(const Hero& hero) {
+std::vector<std::string> RolesOf(const CharacterFile& file, const Hero& hero) {
+  const std::vector<uint32_t> by_node = NodeRoles(file);
   std::vector<std::string> roles;
   for (size_t j = 0; j < hero.joints.size(); ++j) {
     const uint32_t told = hero.roles[j];
-    roles.emplace_back(dcloth_role_name(told != DCLOTH_ROLE_NONE ? told : dcloth_role_of_name(hero.joints[j].c_str())));
+    roles.emplace_back(dcloth_role_name(told != DCLOTH_ROLE_NONE ? told : by_node[hero.nodes[j]]));
   }
   return roles;
 }
@@ -85,7 +86,7 @@ void WriteHero(const Options& options, const CharacterFile& file, const Hero& he
   converter::WriteSafetensors(options.output, tensors,
                               {{"joint_names", JsonList(hero.joints)},
                                {"parents", Numbers(ParentsOf(file, hero))},
-                               {"roles", JsonList(RolesOf(hero))},
+                               {"roles", JsonList(RolesOf(file, hero))},
                                {"meshes", JsonList(meshes)},
                                {"clips", JsonList(clips)}});
   std::fprintf(stderr, "%s: %llu vertices, %zu triangles, %zu joints, %zu clips\n",
@@ -94,10 +95,23 @@ void WriteHero(const Options& options, const CharacterFile& file, const Hero& he
 }
 
 void WriteClip(const Options& options, const Hero& hero, const HeroClip& clip) {
+  constexpr uint64_t kMostBytes = uint64_t{2} << 30;
+  if (clip.frames > kMostBytes / (64 * hero.joints.size())) {
+    throw converter::Error({.path = options.hero,
+                            .tensor = {},
+                            .found = "clip '" + clip.name + "' of " + std::to_string(clip.frames) + " frames",
+                            .expected = "a clip whose poses take at most 2 GB",
+                            .mend = "shorten the clip or lower --fps"});
+  }
+  std::vector<float> matrices;
+  for (size_t f = 0; f < clip.frames; ++f) {
+    const std::vector<float> pose = clip.pose(f);
+    matrices.insert(matrices.end(), pose.begin(), pose.end());
+  }
   const std::array<converter::SafeTensor, 1> tensors = {{{"joint_matrices",
                                                           converter::SafeType::kF32,
                                                           {clip.frames, hero.joints.size(), 4, 4},
-                                                          std::as_bytes(std::span(clip.matrices))}}};
+                                                          std::as_bytes(std::span(matrices))}}};
   char rate[32];
   std::snprintf(rate, sizeof rate, "%.9g", options.fps);
   converter::WriteSafetensors(

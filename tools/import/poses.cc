@@ -96,7 +96,7 @@ int Poses(const Options& options) {
 void AddPoses(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("poses", "Turn an animation (glTF, FBX, BVH) into a sequence");
-  command->add_option("ANIMATION", options->animation, "a .glb, .gltf, .fbx or .bvh file")->required();
+  command->add_option("ANIMATION", options->animation, "a .glb, .gltf, .vrma, .fbx or .bvh file")->required();
   command->add_option("-o,--output", options->output, "the sequence to write (.safetensors)")->required();
   command->add_option("--map", options->map, "JSON: {\"joint of the garment\": \"node of the file\", ...}");
   command->add_option(

@@ -12,7 +12,7 @@ void AddSpaceOptions(CLI::App* command, SpaceOptions* options) {
           "--up", options->up,
           "the file's up axis. Default: what the file says; y if it says nothing (BVH). z means Blender's axes: the\n"
           "character faces -Y")
-      ->check(CLI::IsMember({"y", "z"}));
+      ->transform(CLI::IsMember({"y", "z"}, CLI::ignore_case));
 }
 
 }  // namespace dcloth::tools

@@ -1,12 +1,14 @@
 // Orbit camera about a point that follows the hips. One finger or left drag orbits, two fingers or right drag pan,
 // wheel or pinch zooms, double click returns to the start.
 
+const HALF_VIEW = Math.tan(0.31);  // of the height at a distance of 1
 const START_VIEW = {yaw: 0.55, pitch: 0.09, distance: 3.15, pan: [0, 0]};
 
 class Camera {
   constructor(canvas, changed) {
     Object.assign(this, structuredClone(START_VIEW));
     this.focus = [0, 0.9, 0];
+    this.home = START_VIEW.distance;
     this.changed = changed;
     this.pointers = new Map();
     canvas.addEventListener('pointerdown', (e) => this.down(canvas, e));
@@ -20,9 +22,16 @@ class Camera {
     }, {passive: false});
     canvas.addEventListener('contextmenu', (e) => e.preventDefault());
     canvas.addEventListener('dblclick', () => {
-      Object.assign(this, structuredClone(START_VIEW));
+      Object.assign(this, structuredClone(START_VIEW), {distance: this.home});
       this.changed();
     });
+  }
+
+  // The start view: so far away that `height` metres about the focus are seen, with a margin, and what stands nearer.
+  frame(height) {
+    const moved = this.distance !== this.home;
+    this.home = clamp(1.08 * height / 2 / HALF_VIEW + 0.3, 0.5, 9);
+    if (!moved) this.distance = this.home;
   }
 
   down(canvas, event) {
@@ -69,7 +78,7 @@ class Camera {
     let target = add(this.focus, right, this.pan[0]);
     target = add(target, [0, 1, 0], this.pan[1]);
     // A narrow pane keeps the width of a square one, so that side by side does not crop the character.
-    const fov = 2 * Math.atan(Math.tan(0.31) * Math.max(1, 0.72 / aspect));
+    const fov = 2 * Math.atan(HALF_VIEW * Math.max(1, 0.72 / aspect));
     const eye = add(target, out, this.distance);
     eye[1] = Math.max(eye[1], 0.03);
     return {eye, matrix: multiply(perspective(fov, aspect, 0.05, 40), lookAt(eye, target, [0, 1, 0]))};

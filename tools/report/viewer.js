@@ -36,19 +36,28 @@ class Viewer {
   setSequence(sequence) {
     this.sequence = sequence;
     this.path = smoothPath(sequence.hips, sequence.frames, sequence.fps, 0.45);
-    this.groundY = this.findGround();
+    this.findExtent();
     this.invalidate();
   }
 
-  // Lowest body vertex (or joint) over the clip; the floor is level.
-  findGround() {
-    let lowest = Infinity;
+  // Of the figure over the clip: its lowest point, where the level floor is, and how far it reaches below and above the
+  // path that the camera follows.
+  findExtent() {
+    let lowest = Infinity, below = 0, above = 0;
     const stride = Math.max(1, Math.floor(this.sequence.frames / 20));
     for (let f = 0; f < this.sequence.frames; f += stride) {
       this.poseBody(f);
-      for (let i = 1; i < this.bodyMesh.positions.length; i += 3) lowest = Math.min(lowest, this.bodyMesh.positions[i]);
+      const path = this.path[f * 3 + 1];
+      for (let i = 1; i < this.bodyMesh.positions.length; i += 3) {
+        const y = this.bodyMesh.positions[i];
+        lowest = Math.min(lowest, y);
+        below = Math.min(below, y - path);
+        above = Math.max(above, y - path);
+      }
     }
-    return Number.isFinite(lowest) ? lowest : 0;
+    this.groundY = Number.isFinite(lowest) ? lowest : 0;
+    this.lift = (below + above) / 2;
+    this.camera.frame(above - below);
   }
 
   poseBody(time) {
@@ -122,7 +131,7 @@ class Viewer {
     const f0 = Math.min(Math.floor(time), sequence.frames - 1);
     const f1 = Math.min(f0 + 1, sequence.frames - 1);
     const hips = [0, 1, 2].map((c) => this.path[f0 * 3 + c] * (1 - time + f0) + this.path[f1 * 3 + c] * (time - f0));
-    this.camera.focus = [hips[0], this.groundY + (hips[1] - this.groundY) * 0.9, hips[2]];
+    this.camera.focus = [hips[0], hips[1] + this.lift, hips[2]];
     this.renderer.draw(panes, this.camera, this.camera.focus, this.groundY, THEMES[state.theme], state.errorScale);
   }
 }

@@ -116,7 +116,7 @@ constexpr Word kSecondWords[] = {
 constexpr const char* kTrunk[] = {"spine", "chest", "upperchest", "lowerback", "waist", "abdomen", "torso"};
 // Pieces of a name that say nothing: whose skeleton it is, what kind of bone.
 constexpr const char* kIdle[] = {"mixamorig", "bip",   "bip01", "bip001", "valvebiped", "def",  "org",    "bone",
-                                 "jnt",       "joint", "j",     "c",      "cc",         "base", "mixamo", "character1"};
+                                 "jnt",       "joint", "j",     "c",      "cc",         "base", "mixamo", "character"};
 
 constexpr size_t kMaxName = 64;
 
@@ -240,6 +240,13 @@ uint32_t RoleOf(const char* name, bool numbered, uint32_t choice, uint32_t* rank
   const Plain plain = PlainName(name, numbered);
   return choice == 0 ? Find(plain, kWords, sizeof(kWords) / sizeof(kWords[0]), rank)
                      : Find(plain, kSecondWords, sizeof(kSecondWords) / sizeof(kSecondWords[0]), rank);
+}
+
+size_t SizeOfPrefix(const char* name, size_t most) {
+  size_t size = 0;
+  while (size < most && name[size] != '\0') ++size;
+  while (size > 0 && (IsLetter(name[size - 1]) || IsDigit(name[size - 1]) || name[size] == '\0')) --size;
+  return size;
 }
 
 bool EndsInNumber(const char* name) { return name != nullptr && SizeBeforeNumber(name) != 0; }

@@ -2,6 +2,7 @@
 #ifndef DCLOTH_ENGINE_SRC_POSE_JOINT_ROLES_H_
 #define DCLOTH_ENGINE_SRC_POSE_JOINT_ROLES_H_
 
+#include <cstddef>
 #include <cstdint>
 
 #include "dcloth/dcloth_fit.h"
@@ -21,9 +22,13 @@ uint32_t RoleOf(const char* name, bool numbered, uint32_t choice, uint32_t* rank
 // Whether the name is one of the trunk between hips and neck, whichever: those are told apart by their height.
 bool IsTrunkName(const char* name, bool numbered);
 
-// Whether the name ends in a number of its own: "Hips_01". Sketchfab numbers every node so; where all of a character's
-// joints are numbered, which is what `numbered` says, the number is no part of the name. Unreal's "spine_01" is one.
+// Whether the name ends in a number of its own: "Hips_01". Sketchfab numbers its nodes so; where nearly all of a
+// character's joints are numbered, which is what `numbered` says, the number is no part of the name. Unreal's
+// "spine_01" is one.
 bool EndsInNumber(const char* name);
+
+// Bytes of the name, at most `most`, up to its last separator that has something behind it; 0 for none.
+size_t SizeOfPrefix(const char* name, size_t most);
 
 // The role on the other side of the body; the role itself in the middle.
 uint32_t OtherSide(uint32_t role);

@@ -77,11 +77,17 @@ struct NamedJoints {
   const dcloth_character* character;  // in `space`
   Space space;
   bool numbered = false;  // joint_roles.h
+  const char* prefix = nullptr;
+  size_t prefix_size = 0;  // of `prefix`, which nearly all names begin with and which says nothing
 
   uint32_t count() const { return model != nullptr ? model->joint_count : character->joint_count; }
   const char* Name(uint32_t j) const {
     if (model != nullptr) return format::JointName(*model, j);
-    return character->joint_names != nullptr ? character->joint_names[j] : nullptr;
+    const char* const name = character->joint_names != nullptr ? character->joint_names[j] : nullptr;
+    return HasPrefix(name) ? name + prefix_size : name;
+  }
+  bool HasPrefix(const char* name) const {
+    return prefix_size != 0 && name != nullptr && std::strncmp(name, prefix, prefix_size) == 0;
   }
   uint32_t Role(uint32_t j, uint32_t choice, uint32_t* rank) const {
     if (Told(j) != DCLOTH_ROLE_NONE) {
@@ -109,12 +115,37 @@ struct NamedJoints {
   }
 };
 
-bool AreNumbered(const dcloth_character& character) {
-  if (character.joint_names == nullptr) return false;
-  for (uint32_t j = 0; j < character.joint_count; ++j) {
-    if (!EndsInNumber(character.joint_names[j])) return false;
+// What nearly all names have in common is no part of them: numbers, and a prefix if more names are known without it.
+void ReadNaming(NamedJoints* joints) {
+  constexpr size_t kLongestPrefix = 64;
+  const dcloth_character& character = *joints->character;
+  const uint32_t count = character.joint_count;
+  if (character.joint_names == nullptr) return;
+  const auto nearly_all = [&](uint32_t some) { return uint64_t{10} * some >= uint64_t{9} * count; };
+  uint32_t numbered = 0;
+  for (uint32_t j = 0; j < count; ++j) numbered += EndsInNumber(character.joint_names[j]) ? 1 : 0;
+  joints->numbered = nearly_all(numbered);
+  const auto known = [&] {
+    uint32_t roles = 0;
+    for (uint32_t j = 0; j < count; ++j)
+      roles += RoleOf(joints->Name(j), joints->numbered, 0, nullptr) != DCLOTH_ROLE_NONE ? 1 : 0;
+    return roles;
+  };
+  const uint32_t known_whole = known();
+  for (const uint32_t sample : {count / 2, count - 1, uint32_t{0}}) {
+    joints->prefix = character.joint_names[sample];
+    if (joints->prefix == nullptr) continue;
+    for (size_t size = SizeOfPrefix(joints->prefix, kLongestPrefix); size != 0;
+         size = SizeOfPrefix(joints->prefix, size - 1)) {
+      joints->prefix_size = size;
+      uint32_t begin_so = 0;
+      for (uint32_t j = 0; j < count; ++j) begin_so += joints->HasPrefix(character.joint_names[j]) ? 1 : 0;
+      if (!nearly_all(begin_so)) continue;
+      if (known() > known_whole) return;
+      break;
+    }
+    joints->prefix_size = 0;
   }
-  return true;
 }
 
 bool IsTaken(const RoleJoints& found, uint32_t joint) {
@@ -540,7 +571,9 @@ bool MeasureRig(const ModelView& model, const dcloth_character& character, const
                 dcloth_fit* report, Diagnostic* diagnostic) {
   fit->space = space;
   fit->figure = FindRoles({&model, nullptr, space});
-  fit->character = FindRoles({nullptr, &character, space, AreNumbered(character)});
+  NamedJoints joints = {nullptr, &character, space};
+  ReadNaming(&joints);
+  fit->character = FindRoles(joints);
   if (!CheckRoles(model, character, *fit, diagnostic) || !CheckMatrices(character, *fit, diagnostic)) return false;
   for (uint32_t j = 0; j < model.joint_count; ++j) {
     const uint32_t role = FigureRole(*fit, j);

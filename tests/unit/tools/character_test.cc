@@ -37,7 +37,7 @@ CharacterFile Character() {
   CharacterClip clip;
   clip.name = "go";
   clip.last_seconds = 1;
-  clip.channels.push_back({2, {{0, {0, 1, 0}}, {1, {0, 2, 0}}}, {}, {}});
+  clip.channels.push_back({.node = 2, .positions = {.keys = {{0, {0, 1, 0}}, {1, {0, 2, 0}}}}});
   file.clips.push_back(std::move(clip));
   return file;
 }
@@ -124,7 +124,7 @@ TEST(CharacterTest, BodiesBeyondFloatAreRefused) {
 
 TEST(CharacterTest, ClipsBeyondFloatAreRefused) {
   CharacterFile file = Character();
-  file.clips[0].channels[0].positions[1].second.y() = 4e38;
+  file.clips[0].channels[0].positions.keys[1].second.y() = 4e38;
   ExpectWords(Refusal([&] { ClipOf(file); }), {"out of range at joint 'Chest', frame 2"});
 }
 

@@ -198,8 +198,14 @@ TEST_F(FitTest, AnyNamingWearsTheSameGarment) {
   std::vector<std::string> mixamo, sketchfab;  // which numbers what it is given, as "Spine_02": not its second one
   for (const std::string& name : names_) mixamo.push_back("mixamorig:" + name);
   for (const std::string& name : mixamo) sketchfab.push_back(name + "_0" + std::to_string(sketchfab.size() + 1));
+  std::vector<std::string> humanik, prefixed, prefixed_unreal;
+  for (const std::string& name : names_) humanik.push_back("Character1_" + name);
+  for (const std::string& name : sketchfab) prefixed.push_back("SK_Hero2-" + name);
+  for (const std::string& name : unreal) prefixed_unreal.push_back("Knight:Body_" + name);
+  prefixed[5] = "Head";  // one joint in ten may be called otherwise
   uint32_t seed = 1;
-  for (const auto& names : {names_, mixamo, sketchfab, unity, unreal, rigify, std::vector<std::string>()}) {
+  for (const auto& names : {names_, mixamo, sketchfab, unity, unreal, rigify, humanik, prefixed, prefixed_unreal,
+                            std::vector<std::string>()}) {
     SCOPED_TRACE(names.empty() ? "roles" : names[0]);
     std::mt19937 random(seed++);
     std::vector<size_t> order(joints());

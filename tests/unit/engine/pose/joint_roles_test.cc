@@ -34,6 +34,13 @@ const std::vector<Naming>& Namings() {
        {"mixamorig7RightShoulder", "mixamorig7:RightArm", "mixamorigRightForeArm", "RightHand", "RightUpLeg",
         "mixamorig_RightLeg", "mixamorig1:RightFoot", "mixamorig12RightToeBase"},
        {"mixamorig7Spine", "mixamorig7:Spine1", "mixamorigSpine2"}},
+      {"HumanIK",
+       {"Character1_Hips", "Character1_Neck", "Character1_Head"},
+       {"Character1_LeftShoulder", "Character1_LeftArm", "Character1_LeftForeArm", "Character1_LeftHand",
+        "Character1_LeftUpLeg", "Character12_LeftLeg", "Character1_LeftFoot", "Character1_LeftToeBase"},
+       {"Character1_RightShoulder", "Character1_RightArm", "Character1_RightForeArm", "Character1_RightHand",
+        "Character1_RightUpLeg", "Character12_RightLeg", "Character1_RightFoot", "Character1_RightToeBase"},
+       {"Character1_Spine", "Character1_Spine1", "Character1_Spine2"}},
       {"Unity Humanoid",
        {"Hips", "Neck", "Head"},
        {"LeftShoulder", "LeftUpperArm", "LeftLowerArm", "LeftHand", "LeftUpperLeg", "LeftLowerLeg", "LeftFoot",
@@ -157,6 +164,18 @@ TEST(JointRolesTest, LeavesOtherJointsAlone) {
   EXPECT_EQ(engine::RoleOf(nullptr, false, 0, nullptr), uint32_t{DCLOTH_ROLE_NONE});
   for (const char* name : {"spine_ik_l", "Spine_L", "neck", "hips", "chestplate", "spinetwist"})
     EXPECT_FALSE(engine::IsTrunkName(name, false)) << name;
+}
+
+TEST(JointRolesTest, PrefixesEndInASeparator) {
+  const auto prefix = [](const std::string& name, size_t most = 64) {
+    return name.substr(0, engine::SizeOfPrefix(name.c_str(), most));
+  };
+  EXPECT_EQ(prefix("Hero_Rig:LeftArm"), "Hero_Rig:");
+  EXPECT_EQ(prefix("Hero_Rig:LeftArm", 8), "Hero_");
+  EXPECT_EQ(prefix("Hero_Rig:LeftArm", 4), "");
+  EXPECT_EQ(prefix("Hero_"), "");
+  EXPECT_EQ(prefix("LeftArm"), "");
+  EXPECT_EQ(prefix(""), "");
 }
 
 // Names come out of files: any bytes and any length are names like others.
