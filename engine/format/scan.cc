@@ -80,6 +80,22 @@ size_t FindNotBelow(const uint16_t* values, size_t count, uint32_t limit) {
   return FindIndexNotBelow(values, count, limit);
 }
 
+// By pieces of the range: a bit for each of 65536 is more than a call may take of the host's stack.
+size_t FindRepeated(const uint16_t* values, size_t count, uint32_t limit) {
+  constexpr uint32_t kPiece = 2048, kBits = 64;
+  for (uint32_t low = 0; low < limit; low += kPiece) {
+    uint64_t seen[kPiece / kBits] = {};
+    for (size_t i = 0; i < count; ++i) {
+      if (values[i] < low || values[i] >= low + kPiece || (i != 0 && values[i] == values[i - 1])) continue;
+      uint64_t* const word = seen + (values[i] - low) / kBits;
+      const uint64_t bit = uint64_t{1} << values[i] % kBits;
+      if ((*word & bit) != 0) return i;
+      *word |= bit;
+    }
+  }
+  return count;
+}
+
 size_t FindBadWeightRow(const float* weights, size_t rows, size_t width) {
   switch (width) {
     case 1:

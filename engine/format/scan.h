@@ -17,6 +17,9 @@ size_t FindBelow(const int8_t* values, size_t count, int8_t limit);
 size_t FindNotBelow(const uint8_t* values, size_t count, uint32_t limit);
 size_t FindNotBelow(const uint16_t* values, size_t count, uint32_t limit);
 
+// Of values below `limit` one that was there before, other than right before it.
+size_t FindRepeated(const uint16_t* values, size_t count, uint32_t limit);
+
 // Rows of `width` weights, 1 to 8, none negative, that sum to 1 within kWeightSumTolerance. Returns a row.
 constexpr float kWeightSumTolerance = 1e-4f;  // 8 rounded weights err by less than 1e-6; the rest is for other writers
 size_t FindBadWeightRow(const float* weights, size_t rows, size_t width);

@@ -16,7 +16,22 @@ bool Within(const Path& path, const Body& body, float value, float low, float hi
   return check->Fail(path, &body, found, allowed);
 }
 
-// The faces around each vertex. Whether they are those of `faces` is not looked at: others make a poor search only.
+// The lists hold as many entries as faces have corners, so that where each entry is a corner of its own, none is
+// missing.
+bool VerifyRing(const Path& path, uint32_t vertex, Checker* check, const BodyView& view) {
+  for (uint32_t i = view.row_starts[vertex]; i < view.row_starts[vertex + 1]; ++i) {
+    const uint16_t face = view.columns[i], *corners = view.faces + size_t{3} * face;
+    int left = 0;
+    for (size_t k = 0; k < 3; ++k) left += corners[k] == vertex ? 1 : 0;
+    for (uint32_t before = view.row_starts[vertex]; before < i; ++before) left -= view.columns[before] == face ? 1 : 0;
+    if (left > 0) continue;
+    return check->FailElement(path, view.columns, i, sizeof(uint16_t), "a face that is not around its vertex, or twice",
+                              "the faces that have the vertex as a corner, each once");
+  }
+  return true;
+}
+
+// The faces around each vertex.
 bool VerifyRings(const Body& body, const Path& parent, Checker* check, BodyView* view) {
   const Path path = {&parent, "row_starts"};
   const uint32_t b = view->vertex_count, corners = 3 * view->face_count;
@@ -36,8 +51,15 @@ bool VerifyRings(const Body& body, const Path& parent, Checker* check, BodyView*
                               "1 to 32 faces", "split the triangle fans of the body's mesh");
   }
   const Path last = {&path, nullptr, b};
-  return check->Count(last, starts + b, starts[b], corners, corners) &&
-         check->Indices({&parent, "columns"}, body.columns(), {corners}, view->face_count, &view->columns);
+  const Path columns = {&parent, "columns"};
+  if (!check->Count(last, starts + b, starts[b], corners, corners) ||
+      !check->Indices(columns, body.columns(), {corners}, view->face_count, &view->columns)) {
+    return false;
+  }
+  for (uint32_t i = 0; i < b; ++i) {
+    if (!VerifyRing(columns, i, check, *view)) return false;
+  }
+  return true;
 }
 
 // A bit without a face would draw the search to a vertex that has nothing to offer.
@@ -71,18 +93,56 @@ bool VerifyTouch(const Body& body, const Path& parent, uint32_t garment_vertices
          VerifyTouched(touched, check, view);
 }
 
-// The orders that the search wants. Whether every vertex is there is not looked at: others make a poor search only.
+// All vertices of the garment, those of a class together.
+bool VerifyGarmentOrder(const Body& body, const Path& path, uint32_t garment_vertices, Checker* check, BodyView* view) {
+  if (!check->Indices(path, body.garment_order(), {garment_vertices}, garment_vertices, &view->garment_order))
+    return false;
+  const uint16_t* order = view->garment_order;
+  size_t repeated = FindRepeated(order, garment_vertices, garment_vertices);
+  for (uint32_t i = 1; i < garment_vertices; ++i) {
+    if (order[i] == order[i - 1]) repeated = i;
+    if (view->touch_classes == nullptr || view->touch_classes[order[i]] >= view->touch_classes[order[i - 1]]) continue;
+    return check->FailElement(path, order, i, sizeof(uint16_t), "a vertex of a lower class than the one before it",
+                              "vertices by rising class");
+  }
+  if (repeated != garment_vertices) {
+    return check->FailElement(path, order, repeated, sizeof(uint16_t), "a vertex that is there twice",
+                              "every garment vertex once");
+  }
+  return true;
+}
+
+// For each value of touched_by the vertices that have it, each once, then the last one again until its group is full.
+bool VerifySites(const Body& body, const Path& path, Checker* check, BodyView* view) {
+  constexpr uint32_t kGroup = kernels::kNearestGroup;
+  const auto groups = static_cast<uint32_t>(kernels::CountSiteGroups(view->touched_by, view->vertex_count));
+  if (!check->Indices(path, body.sites(), {groups, kGroup}, view->vertex_count, &view->sites)) return false;
+  uint16_t left[256] = {};  // of the vertices with each value
+  for (uint32_t v = 0; v < view->vertex_count; ++v) ++left[view->touched_by[v]];
+  left[0] = 0;
+  size_t bad = FindRepeated(view->sites, size_t{groups} * kGroup, view->vertex_count);
+  for (uint32_t i = 0, value = 0; i < groups * kGroup; ++i) {
+    while (i % kGroup == 0 && left[value] == 0) ++value;
+    const bool fills = left[value] == 0, same = i != 0 && view->sites[i] == view->sites[i - 1];
+    if (fills != same || view->touched_by[view->sites[i]] != value) bad = i < bad ? i : bad;
+    left[value] -= fills ? 0 : 1;
+  }
+  if (bad == size_t{groups} * kGroup) return true;
+  return check->FailElement(path, view->sites, bad, sizeof(uint16_t), "a vertex out of its place, or twice",
+                            "the vertices of each touched_by, by rising value, the last one again to fill a group");
+}
+
+// The orders that the search wants. Whether neighbours are together is not looked at: others make a slow search.
 bool VerifyOrders(const Body& body, const Path& parent, uint32_t garment_vertices, Checker* check, BodyView* view) {
   const Path sites = {&parent, "sites"};
-  if (body.garment_order() != nullptr && !check->Indices({&parent, "garment_order"}, body.garment_order(),
-                                                         {garment_vertices}, garment_vertices, &view->garment_order)) {
+  if (body.garment_order() != nullptr &&
+      !VerifyGarmentOrder(body, {&parent, "garment_order"}, garment_vertices, check, view)) {
     return false;
   }
   if (body.sites() == nullptr) return true;
   if (view->touched_by == nullptr)
     return check->Fail(sites, &body, "sites, but no body.touched_by", "sites only with touch classes");
-  const auto groups = static_cast<uint32_t>(kernels::CountSiteGroups(view->touched_by, view->vertex_count));
-  return check->Indices(sites, body.sites(), {groups, kernels::kNearestGroup}, view->vertex_count, &view->sites);
+  return VerifySites(body, sites, check, view);
 }
 
 }  // namespace

@@ -35,6 +35,7 @@ uint32_t SlotBefore(const Cloth& cloth, uint32_t back) {
 }
 
 size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
+  if (storage != nullptr) std::memset(storage, 0, PlaceCloth(model, nullptr, nullptr));
   Arena arena(storage);
   auto* cloth = arena.Take<Cloth>(1);
   Cloth placed = {};
@@ -61,7 +62,6 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
     displacement = floats != 0 ? arena.Take<float>(floats) : nullptr;
   }
   if (storage != nullptr) {
-    std::memset(storage, 0, arena.size());
     *out = new (cloth) Cloth(placed);
     for (uint32_t j = 0; j < model.joint_count; ++j) placed.rig.joint_map[j] = j;
     OrderGarment(model, placed.body);

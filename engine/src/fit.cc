@@ -7,6 +7,21 @@
 
 namespace dcloth::engine {
 
+namespace {
+
+bool RefuseWork(const dcloth_character& character, format::Diagnostic* diagnostic) {
+  const bool triangles = character.body_triangles != nullptr;
+  const format::Path parent = {nullptr, "character"};
+  const format::Path path = {&parent, triangles ? "body_triangle_count" : "body_vertex_count"};
+  return diagnostic->FailCount(
+      DCLOTH_ERROR_ARGUMENT, format::kNoOffset, &path,
+      triangles ? character.body_triangle_count : character.body_vertex_count, ", which take more work than a fit may",
+      "what 100,000 triangles of a person's skin take",
+      "reduce the mesh, leave out hair, props and hidden layers; check the unit of dcloth_space");
+}
+
+}  // namespace
+
 size_t FitStorageSize(const format::ModelView& model, const dcloth_character& character) {
   if (character.body_vertex_count == 0) return 0;
   Arena arena(nullptr);
@@ -14,8 +29,8 @@ size_t FitStorageSize(const format::ModelView& model, const dcloth_character& ch
   return arena.size();
 }
 
-bool FitCloth(const dcloth_character& character, void* storage, size_t storage_size, Cloth* cloth, dcloth_fit* report,
-              format::Diagnostic* diagnostic) {
+bool FitCloth(const dcloth_character& character, void* storage, size_t storage_size, uint64_t* work_left, Cloth* cloth,
+              dcloth_fit* report, format::Diagnostic* diagnostic) {
   const format::ModelView& model = *cloth->trained;
   const size_t needed = FitStorageSize(model, character);
   RigFit fit;
@@ -28,8 +43,10 @@ bool FitCloth(const dcloth_character& character, void* storage, size_t storage_s
   const format::ModelView* view = &model;
   if (needed != 0) {
     Arena arena(storage);
-    const BodyFitMemory memory = PlaceBodyFit(model, character.joint_count, &arena);
-    FitBody(ActiveKernels(), model, character, fit, memory, &scale, report);
+    BodyFitMemory memory = PlaceBodyFit(model, character.joint_count, &arena);
+    memory.work_left = work_left;
+    if (!FitBody(ActiveKernels(), model, character, fit, memory, &scale, report))
+      return RefuseWork(character, diagnostic);
     view = memory.view;
   }
   cloth->told_space = fit.space;

@@ -309,6 +309,8 @@ std::vector<Corruption> Texture() {
 std::vector<Corruption> BodyParts() {
   using B = format::BodyT;
   using Spoil = std::function<void(M*, B*)>;
+  static constexpr char kSite[] =
+      "found a vertex out of its place, or twice; allowed: the vertices of each touched_by, by rising value";
   const auto spoil = [](const char* name, const char* field, const char* reason, const Spoil& how) {
     Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->body.get()); }};
     corruption.touch = true;
@@ -319,6 +321,21 @@ std::vector<Corruption> BodyParts() {
             [](M* m, B* b) { *Data<uint16_t>(m, *b->garment_order, 59) = 60; }),
       spoil("garment_order_short", "body.garment_order.shape: ", "found [59]; allowed: [60]",
             [](M*, B* b) { b->garment_order->shape[0] = 59; }),
+      spoil("garment_order_repeats",
+            "body.garment_order[5]: ", "found a vertex that is there twice; allowed: every garment vertex once",
+            [](M* m, B* b) { Data<uint16_t>(m, *b->garment_order)[5] = Data<uint16_t>(m, *b->garment_order)[4]; }),
+      spoil("garment_order_mixes_classes", "body.garment_order[1]: ",
+            "found a vertex of a lower class than the one before it; allowed: vertices by rising class",
+            [](M* m, B* b) {
+              uint16_t* order = Data<uint16_t>(m, *b->garment_order);
+              std::swap(order[0], order[59]);
+            }),
+      spoil("sites_repeat", "body.sites[1]: ", kSite,
+            [](M* m, B* b) { Data<uint16_t>(m, *b->sites)[1] = Data<uint16_t>(m, *b->sites)[0]; }),
+      spoil("sites_of_another_value", "body.sites[0]: ", kSite,
+            [](M* m, B* b) { Data<uint16_t>(m, *b->sites)[0] = Data<uint16_t>(m, *b->sites)[16]; }),
+      spoil("sites_filled_with_another", "body.sites[15]: ", kSite,
+            [](M* m, B* b) { Data<uint16_t>(m, *b->sites)[15] = Data<uint16_t>(m, *b->sites)[0]; }),
       spoil("sites_beyond", "body.sites[31]: ", "found 17; allowed: indices below 17",
             [](M* m, B* b) { *Data<uint16_t>(m, *b->sites, 31) = 17; }),
       spoil("sites_one_group_short", "body.sites.shape: ", "found [1, 16]; allowed: [2, 16]",

@@ -59,27 +59,30 @@ void MakeLayersSubnormal(M* m, std::mt19937*) {
 }
 
 // Faces at random all through the garment, so that every vertex is under some and each push leads under others. A few
-// vertices have all of the faces, as many each as a file may give them; the others lie far away. Which faces are said
-// to be around a vertex has nothing to do with its own.
+// vertices have nearly all of the faces, as many each as a file may give them; the others lie far away, three a face.
 void AddTangledBody(M* m, std::mt19937* random) {
   constexpr uint32_t kVertices = 8192, kFaces = 16384, kRing = 32, kBusy = (3 * kFaces - kVertices) / (kRing - 1);
   TensorWriter writer(format::DType_F32, 1, &m->weights);
   const auto between = [&](float low, float high) { return std::uniform_real_distribution<float>(low, high)(*random); };
   std::vector<float> positions;
-  std::vector<uint32_t> starts = {0};
+  std::vector<uint16_t> faces, columns;
+  std::vector<std::vector<uint16_t>> around(kVertices);
   for (uint32_t i = 0; i < kVertices; ++i) {
     const bool busy = i < kBusy;
     for (const float half : {0.6f, 0.0f, 0.6f}) {
       const float place = half != 0 ? between(-half, half) : between(-0.1f, 1.1f);
       positions.push_back(busy ? place : 50);
     }
-    const uint32_t others = kVertices - i - 1;  // a face each, at least
-    starts.push_back(busy ? starts.back() + kRing : 3 * kFaces - others);
+    faces.insert(faces.end(), busy ? kRing : 1, static_cast<uint16_t>(i));
   }
-  std::vector<uint16_t> faces, columns;
-  for (uint32_t i = 0; i < 3 * kFaces; ++i) {
-    faces.push_back(static_cast<uint16_t>((*random)() % kBusy));
-    columns.push_back(static_cast<uint16_t>((*random)() % kFaces));
+  while (faces.size() < 3 * kFaces) faces.push_back(static_cast<uint16_t>(kVertices - 1));
+  std::shuffle(faces.begin(), faces.begin() + kBusy * kRing, *random);
+  for (size_t corner = 0; corner < faces.size(); ++corner)
+    around[faces[corner]].push_back(static_cast<uint16_t>(corner / 3));
+  std::vector<uint32_t> starts = {0};
+  for (const std::vector<uint16_t>& ring : around) {
+    columns.insert(columns.end(), ring.begin(), ring.end());
+    starts.push_back(static_cast<uint32_t>(columns.size()));
   }
   m->body = std::make_unique<format::BodyT>();
   m->body->influences = 1;

@@ -199,6 +199,8 @@ std::vector<OddFile> OddFiles() {
        [](M* m) {
          Fill<uint8_t>(m, *m->body->touched_by, 17, 0xFF);
          for (uint8_t i = 0; i < 60; ++i) *Data<uint8_t>(m, *m->body->touch_classes, i) = i % 8;
+         m->body->garment_order.reset();  // of other classes
+         m->body->sites.reset();
        }},
       {"static_with_empty_displacement", [](ModelSpec* s) { s->skeleton = s->mesh = false; },
        [](M* m) { m->displacement = std::make_unique<format::DisplacementT>(); }},

@@ -1,8 +1,11 @@
 #include "tests/attack/open_and_run.h"
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
+#include <random>
 #include <vector>
 
 #include "tests/unit/engine/aligned_bytes.h"
@@ -48,6 +51,67 @@ std::vector<float> UprightPose(uint32_t joint_count) {
   return matrices;
 }
 
+// All that can be asked of a frame at once, in buffers of exactly its size.
+class Picture {
+ public:
+  Picture(const dcloth_model_info& info, uint32_t flags, uint32_t format)
+      : count_((flags & DCLOTH_OUTPUT_COARSE) != 0     ? info.coarse_vertex_count
+               : (flags & DCLOTH_OUTPUT_TEXTURED) != 0 ? info.textured_vertex_count
+                                                       : info.vertex_count),
+        words_(size_t{10} * count_),
+        coordinates_((flags & DCLOTH_OUTPUT_TEXTURED) != 0 ? 0 : size_t{2} * count_) {
+    for (size_t i = 0; i < coordinates_.size(); ++i) coordinates_[i] = static_cast<float>(i % 7) / 7;
+    output_.struct_size = sizeof(output_);
+    output_.vertex_count = count_;
+    output_.flags = flags;
+    output_.position_format = output_.normal_format = output_.tangent_format = format;
+    const uint32_t number = format == DCLOTH_FORMAT_FLOAT32 ? 4 : 2;
+    output_.position_stride_bytes = output_.normal_stride_bytes = 3 * number;
+    output_.tangent_stride_bytes = 4 * number;
+    uint8_t* const bytes = reinterpret_cast<uint8_t*>(words_.data());
+    output_.positions = bytes;
+    output_.normals = bytes + size_t{3} * number * count_;
+    output_.tangents = bytes + size_t{6} * number * count_;
+    if (!coordinates_.empty()) output_.texture_coordinates = coordinates_.data();
+    output_.texture_stride_bytes = 8;
+    output_.bounds = bounds_;
+    scratch_ = AlignedBytes(dcloth_output_scratch_size(&output_));
+    if (scratch_.size() != 0) output_.scratch = scratch_.data();
+    output_.scratch_size = scratch_.size();
+  }
+  Picture(const Picture&) = delete;
+  Picture& operator=(const Picture&) = delete;
+
+  const dcloth_output* output() const { return &output_; }
+  // Positions and normals, of floats.
+  bool IsFinite() const {
+    return AllFinite({words_.begin(), words_.begin() + static_cast<std::ptrdiff_t>(6) * count_});
+  }
+
+ private:
+  uint32_t count_;
+  std::vector<float> words_, coordinates_;
+  float bounds_[6] = {};
+  AlignedBytes scratch_;
+  dcloth_output output_ = {};
+};
+
+// Every set of output flags that the model has the vertices for, in floats and in halves.
+std::vector<std::unique_ptr<Picture>> Pictures(const dcloth_model_info& info) {
+  std::vector<uint32_t> sets = {DCLOTH_OUTPUT_OUTSIDE_BODY, 0};
+  if (info.coarse_vertex_count != 0) sets.push_back(DCLOTH_OUTPUT_COARSE);
+  if (info.textured_vertex_count != 0) {
+    sets.push_back(DCLOTH_OUTPUT_TEXTURED);
+    sets.push_back(DCLOTH_OUTPUT_TEXTURED | DCLOTH_OUTPUT_OUTSIDE_BODY);
+  }
+  std::vector<std::unique_ptr<Picture>> pictures;
+  for (const uint32_t flags : sets) {
+    for (const uint32_t format : {DCLOTH_FORMAT_FLOAT32, DCLOTH_FORMAT_FLOAT16})
+      pictures.push_back(std::make_unique<Picture>(info, flags, format));
+  }
+  return pictures;
+}
+
 std::string BrokenByRun(const dcloth_model* model, size_t storage_limit, bool* finite) {
   dcloth_model_info info = {};
   info.struct_size = sizeof(info);
@@ -69,26 +133,46 @@ std::string BrokenByRun(const dcloth_model* model, size_t storage_limit, bool* f
   for (int tick = 0; tick < 2; ++tick) {
     if (dcloth_cloth_tick(cloth, &pose, info.stages, nullptr) != DCLOTH_OK) return "a sound pose was refused";
   }
-  std::vector<float> positions(3 * size_t{info.vertex_count}), normals(positions.size());
-  dcloth_output output = {};
-  output.struct_size = sizeof(output);
-  output.vertex_count = info.vertex_count;
-  output.positions = positions.data();
-  output.normals = normals.data();
-  output.position_stride_bytes = output.normal_stride_bytes = 12;
-  output.flags = DCLOTH_OUTPUT_OUTSIDE_BODY;
-  if (dcloth_cloth_skin(cloth, &pose, 0.5f, &output, nullptr) != DCLOTH_OK) return "a sound frame was refused";
-  *finite = AllFinite(positions) && AllFinite(normals);
+  const std::vector<std::unique_ptr<Picture>> pictures = Pictures(info);
+  const dcloth_output* const output = pictures[0]->output();
+  if (dcloth_cloth_skin(cloth, &pose, 0.5f, output, nullptr) != DCLOTH_OK) return "a sound frame was refused";
+  *finite = pictures[0]->IsFinite();
+  // A body of a metre that comes apart, then frame after frame a smaller one.
+  float metres = 0.5f;
+  for (const std::unique_ptr<Picture>& picture : pictures) {
+    const std::vector<float> twisted = TwistedPose(info.joint_count, static_cast<uint32_t>(1e3f * metres), metres);
+    const dcloth_pose to = {sizeof(to), info.joint_count, twisted.data(), 0, 0};
+    const dcloth_frame frame = {sizeof(frame), info.stages, 0.02f, 0, nullptr};
+    if (dcloth_cloth_update(cloth, &to, &frame, picture->output(), nullptr) != DCLOTH_OK)
+      return "a sound update was refused";
+    metres *= 0.7f;
+  }
   // Refused where the model's own joints have no inverse.
   const dcloth_status taken = dcloth_cloth_set_bind_pose(cloth, &pose, nullptr);
   if (taken != DCLOTH_OK && taken != DCLOTH_ERROR_POSE) return "a bind pose's status: " + std::to_string(taken);
   if (dcloth_cloth_tick(cloth, &pose, info.stages, nullptr) != DCLOTH_OK ||
-      dcloth_cloth_skin(cloth, &pose, 0.5f, &output, nullptr) != DCLOTH_OK)
+      dcloth_cloth_skin(cloth, &pose, 0.5f, output, nullptr) != DCLOTH_OK)
     return "a sound frame was refused in a rig of its own";
   return dcloth_cloth_reset(cloth) == DCLOTH_OK ? "" : "a cloth that cannot be reset";
 }
 
 }  // namespace
+
+std::vector<float> TwistedPose(uint32_t joint_count, uint32_t seed, float metres) {
+  std::vector<float> matrices = UprightPose(joint_count);
+  std::mt19937 random(seed);
+  const auto between = [&](float most) { return std::uniform_real_distribution<float>(-most, most)(random); };
+  for (uint32_t j = 0; j < joint_count; ++j) {
+    float* const matrix = matrices.data() + size_t{16} * j;
+    const float turn = between(2), c = std::cos(turn), s = std::sin(turn);
+    const size_t a = j % 3, b = (j + 1) % 3;
+    matrix[5 * a] = matrix[5 * b] = c;
+    matrix[4 * a + b] = -s;
+    matrix[4 * b + a] = s;
+    for (const uint32_t row : {3, 7, 11}) matrix[row] = between(metres);
+  }
+  return matrices;
+}
 
 Outcome OpenAndRun(const void* bytes, size_t size, size_t storage_limit) {
   Outcome outcome;

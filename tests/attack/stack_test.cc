@@ -66,6 +66,7 @@ TEST(Stack, EveryCallStaysShallow) {
   spec.joints = 256;
   spec.bones = 256;
   spec.influences = spec.body_influences = 8;
+  spec.parents = spec.body = spec.touch = spec.coarse = spec.texture = true;
   size_t deepest = 0;
   const auto check = [&](const std::string& name, const std::function<void()>& call) {
     const size_t depth = SettledDepth(call);

@@ -67,9 +67,9 @@ inline std::vector<Variant> Variants() {
   small.body = true;
   variants.push_back({"I8_body", small});
   small.touch = true;
-  small.coarse = small.texture = true;
+  small.coarse = small.texture = small.parents = true;
   variants.push_back({"I8_touch", small});
-  small.body = small.touch = false;
+  small.body = small.touch = small.parents = false;
   small.root_motion = format::RootMotion_Air;
   variants.push_back({"I8_air", small});
   return variants;

@@ -101,8 +101,10 @@ dcloth_status dcloth_cloth_fit(dcloth_cloth* cloth, const dcloth_character* char
   }
   const dcloth_character read = ReadStruct(*character);
   dcloth_fit report = {};
+  uint64_t work_left = dcloth::engine::kFitWork;
   if (CheckCounts(read, &diagnostic) &&
-      dcloth::engine::FitCloth(read, storage, storage_size, reinterpret_cast<Cloth*>(cloth), &report, &diagnostic) &&
+      dcloth::engine::FitCloth(read, storage, storage_size, &work_left, reinterpret_cast<Cloth*>(cloth), &report,
+                               &diagnostic) &&
       fit != nullptr) {
     dcloth::engine::WriteStruct(report, fit);
   }

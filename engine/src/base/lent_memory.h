@@ -8,7 +8,23 @@
 #include "dcloth/dcloth.h"
 #include "engine/format/diagnostic.h"
 
+#if defined(DCLOTH_ARENA_RED_ZONES)
+#include <sanitizer/asan_interface.h>
+#endif
+
 namespace dcloth::engine {
+
+// With DCLOTH_ARENA_RED_ZONES (scripts/build_sanitized.sh) each piece of lent memory ends in bytes that
+// AddressSanitizer stops at: else it sees one block, in which pieces may run into each other.
+#if defined(DCLOTH_ARENA_RED_ZONES)
+constexpr size_t kRedZoneBytes = 64;
+inline void Forbid(const void* bytes, size_t size) { __asan_poison_memory_region(bytes, size); }
+inline void Allow(const void* bytes, size_t size) { __asan_unpoison_memory_region(bytes, size); }
+#else
+constexpr size_t kRedZoneBytes = 0;
+inline void Forbid(const void*, size_t) {}
+inline void Allow(const void*, size_t) {}
+#endif
 
 inline bool CheckStorage(const void* storage, size_t size, size_t needed, format::Diagnostic* diagnostic) {
   if (storage == nullptr) {
@@ -20,7 +36,10 @@ inline bool CheckStorage(const void* storage, size_t size, size_t needed, format
                             "storage that is not aligned to 64 bytes", "an address divisible by 64",
                             "allocate with an alignment of DCLOTH_ALIGNMENT");
   }
-  if (size >= needed) return true;
+  if (size >= needed) {
+    Allow(storage, size);
+    return true;
+  }
   char allowed[48];
   format::Text(allowed, sizeof(allowed)).Add("at least ").Add(uint64_t{needed});
   return diagnostic->FailCount(DCLOTH_ERROR_MEMORY, format::kNoOffset, nullptr, size, " bytes of storage", allowed,
@@ -38,7 +57,9 @@ class Arena {
   T* Take(size_t count) {
     static_assert(alignof(T) <= kAlignment);
     uint8_t* piece = block_ == nullptr ? nullptr : block_ + size_;
-    size_ += (count * sizeof(T) + kAlignment - 1) / kAlignment * kAlignment;
+    const size_t bytes = count * sizeof(T), taken = (bytes + kAlignment - 1) / kAlignment * kAlignment + kRedZoneBytes;
+    size_ += taken;
+    if (piece != nullptr) Forbid(piece + bytes, taken - bytes);
     return reinterpret_cast<T*>(piece);
   }
 

@@ -32,7 +32,10 @@ constexpr double kFollows = 0.08;      // distance at which cloth follows the sk
 constexpr double kClothBlur = 0.035;   // over which moves of the cloth are averaged, as a standard deviation
 constexpr double kClothSearch = 0.25;  // further from the skin cloth stays
 constexpr uint32_t kCells = 4096;
+// In looks into a cell: of a visit to a vertex, and of a sample or a corner of a triangle beside its influences.
+constexpr uint64_t kVisitWork = 2, kSampleWork = 8;
 constexpr double kCell = 0.06;
+constexpr double kFarthest = 1e12;
 constexpr double kTurned = 0.3;  // cosine between a face and its vertices, under which it is smoothed
 constexpr int kUntangleSteps = 30, kFillSteps = 40, kSmoothSteps = 3, kMostClothSteps = 64;
 // Heights of slices over the hip joints on the figure; and how far around them girth needs the skin.
@@ -54,42 +57,75 @@ bool Meet(uint8_t a, uint8_t b) {
   return a == b || (a == kTrunkRegion && b >= kLeftLeg) || (b == kTrunkRegion && a >= kLeftLeg);
 }
 
+// Takes work off the budget; false once it is used up.
+bool Spend(uint64_t work, uint64_t* work_left) {
+  *work_left -= work < *work_left ? work : *work_left;
+  return *work_left != 0;
+}
+
 uint32_t CellOf(int64_t x, int64_t y, int64_t z) {
   const uint64_t mixed = static_cast<uint64_t>(x) * 73856093u ^ static_cast<uint64_t>(y) * 19349663u ^
                          static_cast<uint64_t>(z) * 83492791u;
   return static_cast<uint32_t>(mixed % kCells);
 }
 int64_t CellAt(double x) {
+  if (!(std::fabs(x) < kFarthest)) return 0;          // nothing is beside it, and no integer holds it
   const auto cell = static_cast<int64_t>(x / kCell);  // towards zero
   return x < 0 ? cell - 1 : cell;
 }
 
-template <typename Wanted>
-void FillCells(const float* positions, uint32_t count, uint32_t* cells, uint32_t* next, Wanted wanted) {
-  for (uint32_t i = 0; i < kCells; ++i) cells[i] = UINT32_MAX;
-  for (uint32_t v = 0; v < count; ++v) {
-    if (!wanted(v)) continue;
-    const float* at = positions + size_t{3} * v;
-    uint32_t* head = cells + CellOf(CellAt(static_cast<double>(at[0])), CellAt(static_cast<double>(at[1])),
-                                    CellAt(static_cast<double>(at[2])));
-    next[v] = *head;
-    *head = v;
-  }
-}
-
-// Calls visit(v) for all that lie within `reach`, for some further and for some twice.
-template <typename Visit>
-void VisitNear(const uint32_t* cells, const uint32_t* next, const double (&at)[3], double reach, Visit visit) {
-  int64_t low[3], high[3];
-  for (int a = 0; a < 3; ++a) low[a] = CellAt(at[a] - reach), high[a] = CellAt(at[a] + reach);
-  for (int64_t x = low[0]; x <= high[0]; ++x) {
-    for (int64_t y = low[1]; y <= high[1]; ++y) {
-      for (int64_t z = low[2]; z <= high[2]; ++z) {
-        for (uint32_t v = cells[CellOf(x, y, z)]; v != UINT32_MAX; v = next[v]) visit(v);
+// Points by the cell that they lie in, and the box around all of them.
+class Grid {
+ public:
+  // `heads` [kCells], `next` [count]. Points that are not `wanted` are left out. Each look into a cell takes of
+  // `work_left`; at 0 nothing is found any more.
+  template <typename Wanted>
+  Grid(const float* positions, uint32_t count, uint32_t* heads, uint32_t* next, uint64_t* work_left, Wanted wanted)
+      : heads_(heads), next_(next), work_left_(work_left) {
+    for (uint32_t i = 0; i < kCells; ++i) heads[i] = UINT32_MAX;
+    for (uint32_t v = 0; v < count; ++v) {
+      if (!wanted(v)) continue;
+      int64_t cell[3];
+      for (size_t a = 0; a < 3; ++a) {
+        const auto at = static_cast<double>(positions[size_t{3} * v + a]);
+        cell[a] = CellAt(at);
+        low_[a] = at < low_[a] ? at : low_[a];
+        high_[a] = at > high_[a] ? at : high_[a];
       }
+      uint32_t* head = heads + CellOf(cell[0], cell[1], cell[2]);
+      next[v] = *head;
+      *head = v;
     }
   }
-}
+
+  // Calls visit(v) for all that lie within `reach`, for some further and for some twice.
+  template <typename Visit>
+  void VisitNear(const double (&at)[3], double reach, Visit visit) const {
+    int64_t low[3], high[3];
+    uint64_t work = 1;
+    for (size_t a = 0; a < 3; ++a) {
+      if (!(at[a] >= low_[a] - reach - kCell && at[a] <= high_[a] + reach + kCell)) return;
+      low[a] = CellAt(at[a] - reach), high[a] = CellAt(at[a] + reach);
+      if (high[a] < low[a]) return;  // around kFarthest
+      work *= static_cast<uint64_t>(high[a] - low[a] + 1);
+    }
+    if (!Spend(work, work_left_)) return;
+    work = 0;
+    for (int64_t x = low[0]; x <= high[0]; ++x) {
+      for (int64_t y = low[1]; y <= high[1]; ++y) {
+        for (int64_t z = low[2]; z <= high[2]; ++z) {
+          for (uint32_t v = heads_[CellOf(x, y, z)]; v != UINT32_MAX; v = next_[v], ++work) visit(v);
+        }
+      }
+    }
+    Spend(kVisitWork * work, work_left_);
+  }
+
+ private:
+  const uint32_t *heads_, *next_;
+  uint64_t* work_left_;
+  double low_[3] = {1e300, 1e300, 1e300}, high_[3] = {-1e300, -1e300, -1e300};
+};
 
 // A point of the character's skin.
 struct Sample {
@@ -106,10 +142,10 @@ double Dot3(const double (&a)[3], const double (&b)[3]) { return a[0] * b[0] + a
 // take(v, height, alike, plane) for the vertices that have the sample within `reach` along their normal and `beside`
 // from it. `alike` is the cosine between their normals, `plane` the height of the sample's plane over the vertex.
 template <typename Take>
-void VisitBeside(const PlacedSurface& surface, const uint32_t* cells, const Sample& sample, double reach, double beside,
+void VisitBeside(const PlacedSurface& surface, const Grid& grid, const Sample& sample, double reach, double beside,
                  Take take) {
   const double aside = sample.spread * beside;
-  VisitNear(cells, surface.next, sample.at, reach, [&](uint32_t v) {
+  grid.VisitNear(sample.at, reach, [&](uint32_t v) {
     if (!Meet(sample.region, surface.regions[v])) return;
     const float *at = surface.positions + size_t{3} * v, *n = surface.normals + size_t{3} * v;
     const double normal[3] = {static_cast<double>(n[0]), static_cast<double>(n[1]), static_cast<double>(n[2])};
@@ -173,6 +209,10 @@ SkinTriangle TriangleAt(const dcloth_character& character, const Space& space, c
   return triangle;
 }
 
+size_t TriangleCount(const dcloth_character& character) {
+  return character.body_triangles != nullptr ? character.body_triangle_count : 0;
+}
+
 // 1 where triangles are counter-clockwise seen from outside in the model's axes, else -1: files and spaces turn them.
 double WindingOf(const dcloth_character& character, const Space& space, const uint8_t* regions) {
   double middle[3] = {}, volume = 0;
@@ -189,10 +229,13 @@ double WindingOf(const dcloth_character& character, const Space& space, const ui
   return volume < 0 ? -1 : 1;
 }
 
-// All of the skin, as samples about kSampleStep apart where it has triangles.
+// All of the skin, as samples about kSampleStep apart where it has triangles; some of it where the work runs out.
 template <typename Visit>
-void SampleSkin(const dcloth_character& character, const Space& space, const uint8_t* regions, Visit visit) {
+void SampleSkin(const dcloth_character& character, const Space& space, const uint8_t* regions, uint64_t* work_left,
+                Visit visit) {
   Sample sample = {};
+  const uint64_t corner_work = kSampleWork + character.body_influences;
+  if (!Spend(corner_work * (character.body_vertex_count + uint64_t{6} * TriangleCount(character)), work_left)) return;
   if (character.body_triangles == nullptr) {
     sample.spread = 2;
     for (uint32_t v = 0; v < character.body_vertex_count; ++v) {
@@ -200,6 +243,7 @@ void SampleSkin(const dcloth_character& character, const Space& space, const uin
       std::memcpy(sample.at, corner.at, sizeof(sample.at));
       sample.region = corner.region;
       sample.corners[0] = v, sample.shares[0] = 1;
+      if (*work_left == 0) return;
       visit(sample);
     }
     return;
@@ -222,27 +266,30 @@ void SampleSkin(const dcloth_character& character, const Space& space, const uin
     const double area = std::sqrt(Dot3(triangle.area, triangle.area));
     for (size_t a = 0; a < 3; ++a) sample.normal[a] = area > 0 ? winding * triangle.area[a] / area : 0;
     const double wanted = std::sqrt(longest) / kSampleStep;
-    const int steps = wanted < kMostSteps ? static_cast<int>(wanted) + 1 : kMostSteps;
-    for (int i = 0; i <= steps; ++i) {
-      for (int j = 0; i + j <= steps; ++j) {
-        const double u = static_cast<double>(i) / steps, w = static_cast<double>(j) / steps;
-        for (int a = 0; a < 3; ++a)
-          sample.at[a] = c[0].at[a] + u * (c[1].at[a] - c[0].at[a]) + w * (c[2].at[a] - c[0].at[a]);
-        sample.region = c[u > 0.5 ? 1 : w > 0.5 ? 2 : 0].region;
-        sample.shares[0] = 1 - u - w, sample.shares[1] = u, sample.shares[2] = w;
-        visit(sample);
-      }
+    const auto take = [&](double u, double w) {
+      for (int a = 0; a < 3; ++a)
+        sample.at[a] = c[0].at[a] + u * (c[1].at[a] - c[0].at[a]) + w * (c[2].at[a] - c[0].at[a]);
+      sample.region = c[u > 0.5 ? 1 : w > 0.5 ? 2 : 0].region;
+      sample.shares[0] = 1 - u - w, sample.shares[1] = u, sample.shares[2] = w;
+      visit(sample);
+    };
+    // One of a triangle within a step: those of its corners would be the next triangles' too.
+    const int steps = wanted < 1 ? 0 : wanted < kMostSteps ? static_cast<int>(wanted) + 1 : kMostSteps;
+    if (!Spend(kSampleWork * static_cast<uint64_t>((steps + 1) * (steps + 2) / 2), work_left)) return;
+    if (steps == 0) take(1.0 / 3, 1.0 / 3);
+    for (int i = 0; i <= steps && steps != 0; ++i) {
+      for (int j = 0; i + j <= steps; ++j) take(static_cast<double>(i) / steps, static_cast<double>(j) / steps);
     }
   }
 }
 
 // The outermost skin beside each vertex of a garment, whichever way it faces: pleats do not face as skin does.
 void FindOutermost(const dcloth_character& character, const Space& space, const uint8_t* regions,
-                   const PlacedSurface& surface, uint32_t* cells) {
-  FillCells(surface.positions, surface.count, cells, surface.next, [](uint32_t) { return true; });
+                   const PlacedSurface& surface, uint32_t* cells, uint64_t* work_left) {
+  const Grid grid(surface.positions, surface.count, cells, surface.next, work_left, [](uint32_t) { return true; });
   for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = kNoHeight;
-  SampleSkin(character, space, regions, [&](const Sample& sample) {
-    VisitBeside(surface, cells, sample, kClothReach, kClothBeside, [&](uint32_t v, float height, double, float) {
+  SampleSkin(character, space, regions, work_left, [&](const Sample& sample) {
+    VisitBeside(surface, grid, sample, kClothReach, kClothBeside, [&](uint32_t v, float height, double, float) {
       if (height > surface.heights[v]) surface.heights[v] = height;
     });
   });
@@ -306,16 +353,17 @@ float OutsideOf(const Layers& layers, const Layers& near_sides) {
 // part's, or the wall of a fold; where that wall is beside the vertex it counts as high as its plane is over it.
 template <typename Wanted>
 void FindSkinOver(const dcloth_character& character, const Space& space, const uint8_t* regions,
-                  const PlacedSurface& surface, uint32_t* cells, Layers* layers, Layers* near_sides, Wanted wanted) {
-  FillCells(surface.positions, surface.count, cells, surface.next, wanted);
+                  const PlacedSurface& surface, uint32_t* cells, Layers* layers, Layers* near_sides,
+                  uint64_t* work_left, Wanted wanted) {
+  const Grid grid(surface.positions, surface.count, cells, surface.next, work_left, wanted);
   for (uint32_t v = 0; v < surface.count; ++v) {
     for (Layers* of : {layers + v, near_sides + v}) {
       for (size_t k = 0; k < kMostLayers; ++k) of->low[k] = kFar, of->high[k] = kNoHeight;
     }
   }
-  SampleSkin(character, space, regions, [&](const Sample& sample) {
+  SampleSkin(character, space, regions, work_left, [&](const Sample& sample) {
     const double facing = Dot3(sample.normal, sample.normal) > 0 ? kFacing : 0;
-    VisitBeside(surface, cells, sample, kReach, kBeside, [&](uint32_t v, float height, double alike, float plane) {
+    VisitBeside(surface, grid, sample, kReach, kBeside, [&](uint32_t v, float height, double alike, float plane) {
       if (alike >= facing) {
         AddToLayers(plane < height ? plane : height, layers + v);
       } else if (alike < 0) {
@@ -510,7 +558,7 @@ void WrapBody(const kernels::KernelTable& kernels, const ModelView& model, const
                             at[1] <= kWaist[1] + kAroundSlices);
   };
   FindSkinOver(character, space, memory.joint_regions, memory.body, memory.cells, memory.layers, memory.near_sides,
-               wanted);
+               memory.work_left, wanted);
   FindPushes(model.body, memory);
 }
 
@@ -619,14 +667,15 @@ void FindSkin(const ModelView& model, const dcloth_character& character, const S
               const BodyFitMemory& memory, float* rises) {
   const format::BodyView& body = model.body;
   constexpr double kReachSquared = kSkinReach * kSkinReach;
-  FillCells(memory.body.positions, body.vertex_count, memory.cells, memory.body.next, [](uint32_t) { return true; });
+  const Grid grid(memory.body.positions, body.vertex_count, memory.cells, memory.body.next, memory.work_left,
+                  [](uint32_t) { return true; });
   for (size_t v = 0; v < body.vertex_count; ++v) memory.skin[v].squared = static_cast<float>(kReachSquared);
   std::memset(rises, 0, body.vertex_count * sizeof(float));
-  SampleSkin(character, space, memory.joint_regions, [&](const Sample& sample) {
+  SampleSkin(character, space, memory.joint_regions, memory.work_left, [&](const Sample& sample) {
     const double facing = Dot3(sample.normal, sample.normal) > 0 ? kFacing : -2;
     uint32_t best = UINT32_MAX;
     double least = kReachSquared;
-    VisitNear(memory.cells, memory.body.next, sample.at, kSkinReach, [&](uint32_t v) {
+    grid.VisitNear(sample.at, kSkinReach, [&](uint32_t v) {
       if (!Meet(sample.region, memory.body.regions[v])) return;
       const Beside beside = BesideOf(memory.body, v, sample);
       if (beside.turned < facing) return;
@@ -673,8 +722,8 @@ void HoldAsSkin(const ModelView& model, const dcloth_character& character, const
   for (size_t v = 0; v < body.vertex_count; ++v) memory.pushes[v] += rises[v];
   Untangle(TangleOf(body, memory));
   const uint32_t influences = body.influences;
-  std::memcpy(memory.body_joints, body.joints, size_t{influences} * body.vertex_count);
-  std::memcpy(memory.body_weights, body.weights, size_t{influences} * body.vertex_count * sizeof(float));
+  std::memcpy(memory.made.body_joints, body.joints, size_t{influences} * body.vertex_count);
+  std::memcpy(memory.made.body_weights, body.weights, size_t{influences} * body.vertex_count * sizeof(float));
   for (size_t v = 0; v < body.vertex_count; ++v) {
     uint8_t joints[kernels::kMaxInfluences];
     float weights[kernels::kMaxInfluences];
@@ -690,9 +739,9 @@ void HoldAsSkin(const ModelView& model, const dcloth_character& character, const
     }
     for (size_t a = 0; a < 3; ++a) at[a] = static_cast<double>(memory.body.positions[3 * v + a]);
     if (!Solve(blended, at, bound)) continue;
-    for (size_t a = 0; a < 3; ++a) memory.body_positions[3 * v + a] = static_cast<float>(bound[a]);
-    std::memcpy(memory.body_joints + v * influences, joints, influences);
-    std::memcpy(memory.body_weights + v * influences, weights, influences * sizeof(float));
+    for (size_t a = 0; a < 3; ++a) memory.made.body_positions[3 * v + a] = static_cast<float>(bound[a]);
+    std::memcpy(memory.made.body_joints + v * influences, joints, influences);
+    std::memcpy(memory.made.body_weights + v * influences, weights, influences * sizeof(float));
     memory.skin[v].squared = kHeld;
   }
 }
@@ -717,7 +766,8 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
   const format::BodyView& body = model.body;
   const size_t n = model.vertex_count;
   // Where skin and cloth were at bind; normals of the body at bind are in body.normals, moves go into garment.normals.
-  FillCells(body.positions, body.vertex_count, memory.cells, memory.body.next, [](uint32_t) { return true; });
+  const Grid grid(body.positions, body.vertex_count, memory.cells, memory.body.next, memory.work_left,
+                  [](uint32_t) { return true; });
   float* moves = memory.garment.normals;
   for (size_t g = 0; g < n; ++g) {
     const float* x = model.template_positions + 3 * g;
@@ -732,7 +782,7 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
       if (squared < nearest) nearest = squared, best = v;
     };
     for (double reach = kCell; reach <= kClothSearch; reach *= 2) {
-      VisitNear(memory.cells, memory.body.next, at, reach, consider);
+      grid.VisitNear(at, reach, consider);
       if (nearest <= reach * reach) break;
     }
     float move[3] = {};
@@ -750,6 +800,7 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
   }
   // Moves of neighbours over different parts of the skin flow into each other.
   const int steps = ClothSteps(model);
+  if (!Spend(uint64_t{18} * static_cast<uint64_t>(steps) * model.triangle_count, memory.work_left)) return;
   for (int step = 0; step < steps; ++step) {
     for (size_t a = 0; a < 3; ++a) {
       float* axis = memory.garment.positions;  // one component of all, then their sums
@@ -762,7 +813,7 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
       }
     }
   }
-  for (size_t i = 0; i < 3 * n; ++i) memory.template_positions[i] = model.template_positions[i] + moves[i];
+  for (size_t i = 0; i < 3 * n; ++i) memory.made.template_positions[i] = model.template_positions[i] + moves[i];
 }
 
 // Distance of the garment as it was cut to the skin. `on_skin` [n] holds distances to the figure's skin in training.
@@ -771,12 +822,12 @@ void MeasureGarment(const kernels::KernelTable& kernels, const ModelView& model,
   for (size_t g = 0; g < model.vertex_count; ++g) memory.sums[g] = memory.garment.heights[g];
   uint8_t regions[format::kMaxJoints];
   PlaceAll(model, fit, scale, memory, regions);
-  PlaceVertices(memory.template_positions, GarmentHolds(model), memory.places, regions, memory.garment);
+  PlaceVertices(memory.made.template_positions, GarmentHolds(model), memory.places, regions, memory.garment);
   ComputeNormals(kernels, memory.garment.positions, model.faces, model.triangle_count, model.vertex_count,
                  memory.garment.normals);
   Space space = fit.space;
   space.metres_per_unit /= scale;
-  FindOutermost(character, space, memory.joint_regions, memory.garment, memory.cells);
+  FindOutermost(character, space, memory.joint_regions, memory.garment, memory.cells, memory.work_left);
   double gap = 0, figure_gap = 0, on_skin = 0, near = 0, under = 0, deepest = 0;
   float nearest = 1;
   for (size_t g = 0; g < model.vertex_count; ++g) {
@@ -846,10 +897,12 @@ BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Ar
   const uint32_t n = model.vertex_count, b = model.body.vertex_count, larger = n > b ? n : b;
   BodyFitMemory memory = {};
   memory.view = arena->Take<ModelView>(1);
-  memory.template_positions = arena->Take<float>(size_t{3} * n);
-  memory.body_positions = arena->Take<float>(size_t{3} * b);
-  memory.body_joints = arena->Take<uint8_t>(size_t{model.body.influences} * b);
-  memory.body_weights = arena->Take<float>(size_t{model.body.influences} * b);
+  for (FittedArrays* arrays : {&memory.kept, &memory.made}) {
+    arrays->template_positions = arena->Take<float>(size_t{3} * n);
+    arrays->body_positions = arena->Take<float>(size_t{3} * b);
+    arrays->body_joints = arena->Take<uint8_t>(size_t{model.body.influences} * b);
+    arrays->body_weights = arena->Take<float>(size_t{model.body.influences} * b);
+  }
   memory.joint_regions = arena->Take<uint8_t>(host_joint_count);
   memory.joint_movers = arena->Take<uint16_t>(host_joint_count);
   memory.turned = arena->Take<uint8_t>(b);
@@ -891,7 +944,7 @@ bool CheckBody(const dcloth_character& character, Diagnostic* diagnostic) {
   return true;
 }
 
-void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
+bool FitBody(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
              const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report) {
   FindRegions(character, fit, memory.joint_regions);
   if (model.body.vertex_count != 0) {
@@ -921,22 +974,30 @@ void FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
     MoveGarment(model, memory);
     for (size_t i = 0; i < size_t{3} * model.body.vertex_count; ++i) {
       if (memory.skin[i / 3].squared == kHeld) continue;
-      memory.body_positions[i] = model.body.positions[i] + memory.pushes[i / 3] * memory.body.normals[i];
+      memory.made.body_positions[i] = model.body.positions[i] + memory.pushes[i / 3] * memory.body.normals[i];
     }
   } else {
-    std::memcpy(memory.template_positions, model.template_positions, size_t{3} * model.vertex_count * sizeof(float));
+    std::memcpy(memory.made.template_positions, model.template_positions,
+                size_t{3} * model.vertex_count * sizeof(float));
     for (size_t g = 0; g < model.vertex_count; ++g) memory.garment.heights[g] = 1;
   }
   MeasureGarment(kernels, model, character, fit, *scale, memory, report);
+  if (*memory.work_left == 0) return false;
+  const size_t n = model.vertex_count, b = model.body.vertex_count, influences = model.body.influences;
+  std::memcpy(memory.kept.template_positions, memory.made.template_positions, 3 * n * sizeof(float));
   *memory.view = model;
-  memory.view->template_positions = memory.template_positions;
-  if (model.body.vertex_count == 0) return;
+  memory.view->template_positions = memory.kept.template_positions;
+  if (b == 0) return true;
+  std::memcpy(memory.kept.body_positions, memory.made.body_positions, 3 * b * sizeof(float));
+  std::memcpy(memory.kept.body_joints, memory.made.body_joints, influences * b);
+  std::memcpy(memory.kept.body_weights, memory.made.body_weights, influences * b * sizeof(float));
   format::BodyView& body = memory.view->body;
-  body.positions = memory.body_positions;
-  body.joints = memory.body_joints;
-  body.weights = memory.body_weights;
+  body.positions = memory.kept.body_positions;
+  body.joints = memory.kept.body_joints;
+  body.weights = memory.kept.body_weights;
   body.clearance = body.clearance < kFittedClearance ? kFittedClearance : body.clearance;
   body.reach = body.reach < body.clearance ? body.clearance : body.reach;
+  return true;
 }
 
 }  // namespace dcloth::engine

@@ -41,13 +41,22 @@ struct SkinPoint {
   float squared;  // distance
 };
 
-struct BodyFitMemory {
-  format::ModelView* view;    // the model with the next four in place of its own
+// What a fit puts in place of the model's own.
+struct FittedArrays {
   float* template_positions;  // [n, 3]
   float* body_positions;      // [b, 3]
   uint8_t* body_joints;       // [b, influences]
   float* body_weights;        // [b, influences]
+};
+
+struct BodyFitMemory {
+  // The model with `kept` in place of its own. Written last: the fit before may lie there, and stays where this one is
+  // refused.
+  format::ModelView* view;
+  FittedArrays kept;
+  uint64_t* work_left;  // of the caller's kFitWork
   // Scratch of the fit.
+  FittedArrays made;
   uint8_t* joint_regions;  // [host joints]
   uint16_t* joint_movers;  // [host joints], the model's joint that goes with each; kNoMover
   uint8_t* turned;         // [b] 1: of a face that turned over
@@ -82,9 +91,9 @@ void Untangle(const Tangle& tangle);
 // Numbers, indices and weights of the character's body.
 bool CheckBody(const dcloth_character& character, format::Diagnostic* diagnostic);
 
-// Fills memory's view, which leads into `memory`, `scale` and the report's fields that a body decides. Cost: 0.2 to 1
-// s.
-void FitBody(const kernels::KernelTable& kernels, const format::ModelView& model, const dcloth_character& character,
+// Fills memory's view, which leads into `memory`, `scale` and the report's fields that a body decides. False, and the
+// view as it was, where *memory.work_left, which it counts down, reaches 0. Cost: some nanoseconds for each.
+bool FitBody(const kernels::KernelTable& kernels, const format::ModelView& model, const dcloth_character& character,
              const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report);
 
 }  // namespace dcloth::engine

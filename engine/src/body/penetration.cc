@@ -187,10 +187,10 @@ BodyMemory PlaceBodyMemory(const format::ModelView& model, Arena* arena) {
   memory.matrices = arena->Take<float>(size_t{12} * model.joint_count);
   memory.positions = arena->Take<float>(3 * b);
   memory.normals = arena->Take<float>(3 * b);
-  // What hitching needs is done with when sites are filled.
+  // What hitching needs is done with when sites are filled. Red zones stand for one use of the memory alone.
   Arena scratch = *arena;
   memory.sites = PlaceBodySites(model.body, arena);
-  memory.hitched = PlaceHitchedCloth(model, &scratch);
+  memory.hitched = PlaceHitchedCloth(model, kRedZoneBytes == 0 ? &scratch : arena);
   if (scratch.size() > arena->size()) arena->Take<uint8_t>(scratch.size() - arena->size());
   memory.hitched.at_edge = arena->Take<uint8_t>(model.vertex_count);
   memory.touch = PlaceTouchLists(model, arena);

@@ -223,6 +223,7 @@ void FollowFrame(double seconds, Scene* scene) {
 }  // namespace
 
 size_t PlaceScene(uint32_t count, void* storage, Scene** out) {
+  if (storage != nullptr) std::memset(storage, 0, PlaceScene(count, nullptr, nullptr));
   Arena arena(storage);
   auto* scene = arena.Take<Scene>(1);
   Scene placed = {};
@@ -230,10 +231,7 @@ size_t PlaceScene(uint32_t count, void* storage, Scene** out) {
   placed.characters = arena.Take<SceneCharacter>(count);
   placed.order = arena.Take<uint32_t>(count);
   placed.load = 1;
-  if (storage != nullptr) {
-    std::memset(storage, 0, arena.size());
-    *out = new (scene) Scene(placed);
-  }
+  if (storage != nullptr) *out = new (scene) Scene(placed);
   return arena.size();
 }
 

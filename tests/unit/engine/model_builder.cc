@@ -91,6 +91,10 @@ void AddSkeleton(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers, 
   }
   numbers->hips = spec.skeleton_joints.empty() ? spec.joints / 2 : 0;
   character->hips = static_cast<uint16_t>(numbers->hips);
+  for (uint32_t j = 0; j < (spec.parents ? spec.joints : 0); ++j) {
+    const auto above = static_cast<uint16_t>(j == 0 ? character->hips : j - 1);
+    character->parents.push_back(j == character->hips ? 65535 : above);
+  }
   character->inverse_bind = writer->Floats({spec.joints, 12}, inverse, &numbers->inverse_bind);
 }
 

@@ -40,6 +40,7 @@ struct ModelSpec {
   format::RootMotion root_motion = format::RootMotion_Hips;
   bool skeleton = true;
   bool mesh = true;
+  bool parents = false;  // of joints: a chain from the hips
   bool body = false;     // the egg of test_body.h, small
   bool touch = false;    // with a body: three classes that touch all, its upper half and nothing of it
   bool coarse = false;   // a coarse mesh: every second vertex

@@ -19,6 +19,9 @@
 #include <sys/mman.h>
 #include <unistd.h>
 #endif
+#if defined(DCLOTH_ARENA_RED_ZONES)
+#include <sanitizer/asan_interface.h>
+#endif
 
 namespace dcloth::kernels {
 
@@ -47,6 +50,9 @@ inline size_t PageBytes() { return static_cast<size_t>(sysconf(_SC_PAGESIZE)); }
 inline void* AllocatePages(size_t size) {
   void* const pages = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (pages == MAP_FAILED) throw std::runtime_error("mmap failed");
+#if defined(DCLOTH_ARENA_RED_ZONES)
+  __asan_unpoison_memory_region(pages, size);  // the red zones of what lay there before
+#endif
   return pages;
 }
 inline void ProtectPages(void* pages, size_t size, Access access) {

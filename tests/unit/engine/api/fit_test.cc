@@ -14,6 +14,7 @@
 #include "engine/src/pose/affine.h"
 #include "tests/unit/engine/allocation_trap.h"
 #include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/engine/figure.h"
 #include "tests/unit/engine/joint_matrices.h"
 #include "tests/unit/engine/test_body.h"
 
@@ -26,27 +27,6 @@ constexpr uint32_t kAll = DCLOTH_STAGES_MESH;
 constexpr float kFrame = 1 / 45.0f;
 // Matrices are floats: 2^-24 of some metres, in a pose and in the bind pose, and centimetres on the way.
 constexpr float kRounding = 4e-5f;
-
-using NamedJoint = std::pair<std::string, std::array<double, 3>>;
-
-// A figure in T-pose, metres, facing +Z, left along +X.
-std::vector<NamedJoint> Figure() {
-  std::vector<NamedJoint> joints = {{"Hips", {0, 0.93, 0}},       {"Spine", {0, 1.05, 0}},
-                                    {"Spine1", {0, 1.16, -0.01}}, {"Spine2", {0, 1.28, -0.01}},
-                                    {"Neck", {0, 1.43, -0.02}},   {"Head", {0, 1.5, 0}}};
-  for (const double side : {1.0, -1.0}) {
-    const std::string name = side > 0 ? "Left" : "Right";
-    joints.insert(joints.end(), {{name + "Shoulder", {side * 0.06, 1.4, -0.01}},
-                                 {name + "Arm", {side * 0.17, 1.36, 0}},
-                                 {name + "ForeArm", {side * 0.42, 1.36, 0}},
-                                 {name + "Hand", {side * 0.64, 1.36, 0}},
-                                 {name + "UpLeg", {side * 0.096, 0.88, 0}},
-                                 {name + "Leg", {side * 0.096, 0.48, 0}},
-                                 {name + "Foot", {side * 0.096, 0.07, 0}},
-                                 {name + "ToeBase", {side * 0.095, 0.025, 0.12}}});
-  }
-  return joints;
-}
 
 // About an axis of the world, 0 to 2, through a place.
 Affine TurnAbout(int axis, double degrees, const std::array<double, 3>& place) {

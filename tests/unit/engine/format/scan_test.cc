@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -122,6 +123,24 @@ TEST(ScanTest, FindsTheFirstStartThatDoesNotRise) {
       starts[place + 1] = starts[place];
       EXPECT_EQ(FindNotRising(starts.data(), count), place);
       starts[place + 1] = next;
+    }
+  }
+}
+
+TEST(ScanTest, FindsWhatIsThereTwiceInAnyPieceOfTheRange) {
+  for (const uint32_t count : {1u, 2u, 64u, 65u, 2047u, 2048u, 2049u, 6000u, 65535u, 65536u}) {
+    std::vector<uint16_t> values(count);
+    std::iota(values.begin(), values.end(), uint16_t{0});
+    std::reverse(values.begin(), values.end());
+    EXPECT_EQ(FindRepeated(values.data(), count, count), count);
+    for (const size_t place : {size_t{2}, size_t{count} / 2, size_t{count} - 1}) {
+      if (place < 2 || place >= count) continue;
+      const uint16_t kept = values[place];
+      values[place] = values[0];
+      EXPECT_EQ(FindRepeated(values.data(), count, count), place) << count;
+      values[place] = values[place - 1];  // right before it
+      EXPECT_EQ(FindRepeated(values.data(), count, count), count);
+      values[place] = kept;
     }
   }
 }
