@@ -27,11 +27,12 @@ ENGINE_ROOMS = {
     "network": {"base", "pose", "time", ""},
     "time": {"base", "pose", "network", ""},
     "draw": {"base", "pose"},
-    "body": {"base", "pose", "draw"},
-    "": {"base", "pose", "network", "time", "draw", "body"},
+    "body": {"base", "pose"},
+    "contact": {"base", "pose", "draw"},
+    "": {"base", "pose", "network", "time", "draw", "body", "contact"},
     "state": {"base", "pose", "network", "time", ""},
     "scene": {"base", "network", "time", ""},
-    "api": {"base", "pose", "network", "time", "draw", "body", "state", "scene", ""},
+    "api": {"base", "pose", "network", "time", "draw", "body", "contact", "state", "scene", ""},
 }
 ENGINE_FILE = re.compile(r"engine/src/(?:(\w+)/)?\w+\.(?:h|cc)")
 

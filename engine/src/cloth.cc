@@ -54,7 +54,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.quantized = arena.Take<int16_t>(WidestQuantized(model));
   placed.skeleton = PlaceSkeletonScratch(model.skeleton_stage, &arena);
   placed.mesh = PlaceMeshMemory(model, &arena);
-  placed.body = PlaceBodyMemory(model, &arena);
+  placed.contact = PlaceContactMemory(model, &arena);
   placed.coefficients = arena.Take<float>(CoefficientFloats(model));
   for (float*& increments : placed.increments) increments = arena.Take<float>(IncrementFloats(model.static_stage));
   for (float*& displacement : placed.displacement) {
@@ -64,7 +64,6 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   if (storage != nullptr) {
     *out = new (cloth) Cloth(placed);
     for (uint32_t j = 0; j < model.joint_count; ++j) placed.rig.joint_map[j] = j;
-    OrderGarment(model, placed.body);
     ResetCloth(*out);
   }
   return arena.size();
@@ -91,6 +90,7 @@ void ResetCloth(Cloth* cloth) {
   cloth->idle_ticks = 0;
   cloth->work_done = 0;
   cloth->older_step = 0;
+  cloth->contact_clock = {};
 }
 
 bool TakeWind(const float* wind, Cloth* cloth, format::Diagnostic* diagnostic) {

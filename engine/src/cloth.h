@@ -8,7 +8,7 @@
 
 #include "engine/format/diagnostic.h"
 #include "engine/src/base/stopwatch.h"
-#include "engine/src/body/penetration.h"
+#include "engine/src/contact/contact.h"
 #include "engine/src/network/mesh_stage.h"
 #include "engine/src/network/pose_stages.h"
 #include "engine/src/network/tick_work.h"
@@ -45,7 +45,8 @@ struct Cloth {
   int16_t* quantized;   // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
-  BodyMemory body;                  // scratch of a frame
+  ContactMemory contact;
+  ContactClock contact_clock;
   float* coefficients;              // see network/displacement.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
   float* displacement[kTickSlots];  // delta of a tick; null without a basis
@@ -64,7 +65,7 @@ uint32_t SlotBefore(const Cloth& cloth, uint32_t back);
 inline uint32_t NextTick(const Cloth& cloth) { return (cloth.newest + 1) % kTickSlots; }
 
 // The one place that knows an instance's layout: with `storage` null it only returns the size.
-size_t PlaceCloth(const format::ModelView& model, void* storage, Cloth** cloth);
+size_t PlaceCloth(const format::ModelView& model, void* storage, Cloth** cloth);  // then PrepareContact
 
 void ResetCloth(Cloth* cloth);
 

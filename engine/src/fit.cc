@@ -51,7 +51,7 @@ bool FitCloth(const dcloth_character& character, void* storage, size_t storage_s
   }
   cloth->told_space = fit.space;
   cloth->model = view;
-  if (view->body.vertex_count != 0) MeasureLimbCores(*view, cloth->body.limbs);
+  PrepareContact(ActiveKernels(), *view, cloth->contact);
   cloth->fitted = true;
   TakeFit(model, character, fit, scale, &cloth->rig);
   return true;

@@ -22,8 +22,9 @@ void DrawFrame(Cloth* cloth, const SkinPose& skin, double behind, const dcloth_o
   SkinRelative(kernels, model, space, skin, ticks, cloth->matrices, mesh, surface);
   watch->Lap(DCLOTH_STEP_SKINNING, "skinning");
   if ((output.flags & DCLOTH_OUTPUT_OUTSIDE_BODY) != 0) {
-    KeepOutside(kernels, model, space, skin, cloth->body, surface);
-    watch->Lap(DCLOTH_STEP_PENETRATION, "penetration");
+    KeepOutside(kernels, model, space, skin, cloth->contact, &cloth->contact_clock, surface, watch);
+    watch->Lap(DCLOTH_STEP_PENETRATION, "contact");
+    if (cloth->tick_count == 0) cloth->contact_clock = {};  // what was drawn before the first tick is no motion
   }
   RunNormals(kernels, mesh, surface);
   RepeatSeams(model, output, surface);

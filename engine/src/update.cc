@@ -113,6 +113,7 @@ bool TickCloth(Cloth* cloth, const dcloth_pose& pose, uint32_t stages, dcloth_ti
   cloth->clock.Restart();
   cloth->older_step = 0;
   cloth->idle_ticks = 0;
+  cloth->contact_clock.Pass(1 / cloth->model->tick_rate);
   return true;
 }
 
@@ -152,6 +153,7 @@ bool UpdateCloth(Cloth* cloth, const dcloth_pose& pose, const dcloth_frame& fram
     cloth->work_done =
         static_cast<float>(static_cast<double>(spent) / static_cast<double>(TickCost(model, cloth->stages)));
   }
+  cloth->contact_clock.Pass(frame.seconds);
   const double behind = frozen ? 0 : cloth->clock.Behind(TickInWork(*cloth));
   if (output != nullptr) Draw(cloth, cloth->pose_now, behind, *output, &watch);
   RememberPose(cloth, (frame.flags & DCLOTH_FRAME_JUMPED) != 0);

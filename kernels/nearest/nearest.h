@@ -1,5 +1,5 @@
 // For each point of a patch a site near it whose plane the point is not above, and the nearest of all sites: where a
-// garment may lie under a body (NETWORK.md, "Penetration"). Exact but for rounding and for runs of points that are
+// garment may lie under a body (NETWORK.md, "Contact"). Exact but for rounding and for runs of points that are
 // clear of the surface as a whole; boxes around groups of sites and around the points only save work, as a distance to
 // a box, rounded like one to a site within, is never above it.
 #ifndef DCLOTH_KERNELS_NEAREST_NEAREST_H_

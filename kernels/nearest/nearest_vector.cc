@@ -10,7 +10,7 @@
 // groups near it alone; for a point of a ball the ball's nearest site as a first bound; to rule sites out one by one
 // as groups are; minima of bits as integers; to ask first whether any group may hold a suspect, by a cone or a box
 // around its normals or by heights over its planes (six groups in seven may); bounds copied together for each list.
-// And a descent along the body's edges from a stored start, which stays on its limb (NETWORK.md, "Penetration").
+// And a descent along the body's edges from a stored start, which stays on its limb (NETWORK.md, "Contact").
 #include "kernels/nearest/nearest.h"
 #include "kernels/simd.h"
 

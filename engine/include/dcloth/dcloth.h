@@ -238,13 +238,14 @@ enum {
 
 /* What is done to the vertices of a frame before they are written. */
 enum {
-  /* Pushes vertices out of the body. First, cloth deep in a limb is laid over the limb, and the cloth around it gives
-   * way; models without joint parents skip this. Then a vertex under the character's skin, or less than the model's
-   * clearance (4 mm) above it, moves along the normal of the closest skin point until it is outside by the clearance,
-   * by up to twice that where cloth was laid. Where skin shows through between vertices near it, these move further
-   * out. Other vertices stay. All steps have a budget per frame, so in impossible poses some vertices may stay inside.
-   * Each frame stands alone; the network's state does not change. Only skin that the vertex could touch in training
-   * counts. Does nothing where dcloth_model_body_vertex_count is 0. */
+  /* Keeps the garment outside of the body. Cloth stays on its side of a limb that the network lets through; its
+   * neighbours give way; then each vertex under the character's skin, or less than the model's clearance (4 mm) above
+   * it, moves along the normal of the closest skin point until it is outside by the clearance. The cloth remembers
+   * where it was drawn in the last frame with this flag; a frame with `seconds` 0 is drawn the same way and remembers
+   * nothing. After a reset or half a second without such a frame it starts from the bind pose, which costs as much as
+   * four frames' steps. The network's state does not change. Every step has a fixed bound, so in impossible poses some
+   * vertices may stay inside. Only skin that the vertex could touch in training counts. Does nothing where
+   * dcloth_model_body_vertex_count is 0. */
   DCLOTH_OUTPUT_OUTSIDE_BODY = 1,
   /* Writes the coarse mesh instead: vertex_count is dcloth_model_info.coarse_vertex_count, vertex i is vertex
    * coarse_vertices[i] of the garment, and normals and tangents are those of coarse_triangles. It costs half of the
@@ -519,7 +520,7 @@ DCLOTH_API dcloth_status dcloth_cloth_reset(dcloth_cloth* cloth);
  * A saved state holds all that later frames depend on, a tick in work included. A cloth that restores it continues bit
  * for bit as the saved cloth would have, on the same instruction set or with both on "reproducible". Joint binding,
  * space, bind pose and wind belong to the host and are not saved. The bytes are little-endian and the same on every
- * platform. Their version is 4; a release that cannot read a version refuses it with VERSION.
+ * platform. Their version is 5; a release that cannot read a version refuses it with VERSION.
  *
  * Pause: do not update. Or save, give the memory back, and later create and restore. The first update's `seconds` is
  *   then the frame time, as if nothing had happened in between. Add DCLOTH_FRAME_JUMPED if the character was moved.

@@ -243,6 +243,7 @@ dcloth_status dcloth_cloth_create(const dcloth_model* model, void* storage, size
   if (!CheckStorage(storage, storage_size, dcloth_cloth_storage_size(model), &diagnostic)) return diagnostic.status();
   Cloth* placed = nullptr;
   dcloth::engine::PlaceCloth(ViewOf(model), storage, &placed);
+  dcloth::engine::PrepareContact(dcloth::engine::ActiveKernels(), ViewOf(model), placed->contact);
   *cloth = reinterpret_cast<dcloth_cloth*>(placed);
   return DCLOTH_OK;
 }

@@ -22,7 +22,7 @@ struct StateSpan {
 };
 
 struct StateSpans {
-  static constexpr uint32_t kMost = 22;  // features, h, 8 layers, Q, idle start, 2 a slot, up to 3 of a tick in work
+  static constexpr uint32_t kMost = 24;
 
   StateSpan spans[kMost];
   uint32_t count = 0;

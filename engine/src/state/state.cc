@@ -20,7 +20,7 @@ using format::Diagnostic;
 using format::ModelView;
 using format::Text;
 
-static_assert(sizeof(StateHead) == 240 && offsetof(StateHead, joint_count) == 32 &&
+static_assert(sizeof(StateHead) == 248 && offsetof(StateHead, joint_count) == 32 &&
                   offsetof(StateHead, tick_count) == 64 && offsetof(StateHead, since) == 96,
               "the same on every platform");
 
@@ -43,6 +43,8 @@ StateHead HeadOf(const Cloth& cloth) {
   head.part = format::FactsOf(cloth.work.part).number;
   head.items_done = TickInWork(cloth) ? cloth.work.items_done : 0;
   head.jumped = cloth.root.jumped ? 1 : 0;
+  head.contact = ContactOf(cloth);
+  head.contact_seconds = head.contact != 0 ? cloth.contact_clock.seconds : 0.0f;
   head.idle_ticks = cloth.idle_ticks;
   head.tick_share = cloth.work_done;
   head.since = cloth.clock.since();
@@ -58,6 +60,15 @@ StateHead HeadOf(const Cloth& cloth) {
   std::memcpy(head.wind, cloth.root.wind, sizeof(head.wind));
   head.idle_floats = cloth.idle_ticks != 0 && !IsFrozen(cloth) ? IdleStartFloats(model) : 0;
   return head;
+}
+
+size_t ContactBytes(const StateHead& head) {
+  return head.contact == 0 ? 0 : size_t{6} * head.vertex_count * sizeof(int16_t);
+}
+
+// What ContactOf is while this cloth is kept outside of the body; 0 where the model has none.
+uint32_t OwnContact(const Cloth& cloth) {
+  return cloth.contact.kept.places == nullptr ? 0 : *cloth.contact.limbs.count + 1;
 }
 
 // Between ticks. A stage that rests has no state: it starts from zero.
@@ -79,6 +90,19 @@ void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
     const bool own = at.idle_floats == IdleStartFloats(model);
     spans->AddRow("idle_start", own ? cloth.idle_start : nullptr, static_cast<size_t>(at.idle_floats));
   }
+  if (at.contact != 0) {
+    const bool own = at.contact == OwnContact(cloth);
+    const LimbCores& limbs = cloth.contact.limbs;
+    spans->Add("contact_hips", own ? cloth.contact.hips : nullptr, 1, 9, 9, kLargestBone);
+    if (at.contact > 1) {
+      spans->spans[spans->count++] = {"contact_bones",
+                                      own ? &limbs.cores[0].before.axes[0].x : nullptr,
+                                      at.contact - 1,
+                                      kBoneFloats,
+                                      sizeof(LimbCore) / sizeof(float),
+                                      kLargestBone};
+    }
+  }
   // A tick in work fills the oldest slot, whose rest a frame may still draw.
   const uint32_t slots = at.work.part == TickPart::kDone ? at.tick_count : kTickSlots;
   for (uint32_t back = 0; back < slots; ++back) {
@@ -89,7 +113,7 @@ void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
 }
 
 size_t SizeOf(const StateHead& head, const StateSpans& spans) {
-  return sizeof(StateHead) + StatePoseBytes(head) + spans.Floats() * sizeof(float);
+  return sizeof(StateHead) + StatePoseBytes(head) + spans.Floats() * sizeof(float) + ContactBytes(head);
 }
 
 bool CheckAll(const uint8_t* bytes, size_t size, bool other_model, const Cloth& cloth, StateHead* head,
@@ -159,6 +183,9 @@ void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
     for (size_t row = 0; row < span.rows; ++row, from += row_bytes)
       std::memcpy(span.data + row * span.stride, from, row_bytes);
   }
+  if (head.contact == 0 || head.contact != OwnContact(*cloth)) return;
+  std::memcpy(cloth->contact.kept.places, from, ContactBytes(head));
+  cloth->contact_clock = {true, head.contact_seconds};
 }
 
 }  // namespace
@@ -166,13 +193,17 @@ void TakeNumbers(const uint8_t* bytes, const StateHead& head, Cloth* cloth) {
 StatePosition PositionOf(const StateHead& head) {
   TickPart part = TickPart::kDone;
   format::FindTickPart(head.part, &part);
-  return {head.tick_count, head.stages, {part, head.items_done, {}}, head.idle_floats};
+  return {head.tick_count, head.stages, {part, head.items_done, {}}, head.idle_floats, head.contact};
 }
 
 void ListStateSpans(const Cloth& cloth, const StatePosition& position, StateSpans* spans) {
   if (position.tick_count == 0) return;
   ListKept(cloth, position, spans);
   if (position.work.part != TickPart::kDone) ListTickSpans(cloth, position.stages, position.work, spans);
+}
+
+uint32_t ContactOf(const Cloth& cloth) {
+  return cloth.tick_count != 0 && cloth.contact_clock.started ? OwnContact(cloth) : 0;
 }
 
 uint64_t ModelIdentity(const ModelView& model) {
@@ -214,6 +245,7 @@ void SaveState(const Cloth& cloth, void* bytes, Diagnostic* diagnostic) {
     for (size_t row = 0; row < span.rows; ++row, to += row_bytes)
       std::memcpy(to, span.data + row * span.stride, row_bytes);
   }
+  if (head.contact != 0) std::memcpy(to, cloth.contact.kept.places, ContactBytes(head));
   head.size = SizeOf(head, spans);
   std::memcpy(begin, &head, sizeof(head));
   head.checksum = format::Checksum(begin + kStateSummedFrom, static_cast<size_t>(head.size) - kStateSummedFrom);

@@ -1,7 +1,8 @@
 // A cloth's recurrent state as bytes that outlive the process: little-endian, the same on every platform and
 // instruction set. Saved states come from save games, so each number is checked before the first one is used.
 //
-//   StateHead, then poses f64 [0 to 3][joint_count, 12], then the floats of ListStateSpans; nothing between them.
+//   StateHead, then poses f64 [0 to 3][joint_count, 12], then the floats of ListStateSpans, then
+//   KeptPlaces; nothing between them.
 #ifndef DCLOTH_ENGINE_SRC_STATE_STATE_H_
 #define DCLOTH_ENGINE_SRC_STATE_STATE_H_
 
@@ -15,7 +16,7 @@
 namespace dcloth::engine {
 
 constexpr uint8_t kStateMagic[4] = {'D', 'C', 'L', 'S'};
-constexpr uint32_t kStateVersion = 4;
+constexpr uint32_t kStateVersion = 5;
 
 struct StateHead {
   uint8_t magic[4];
@@ -27,11 +28,13 @@ struct StateHead {
   uint32_t joint_count, feature_count, bone_count, vertex_count, skeleton_units, layer_count, feature_width;
   float tick_rate;
   // Where in time; see Cloth, TickWork and FrameClock. `part` is a number of engine/format/tick_parts.h.
-  uint32_t tick_count, stages, part, items_done, jumped, unused, idle_ticks;  // `unused` is 0
+  uint32_t tick_count, stages, part, items_done, jumped, contact, idle_ticks;  // `contact`: see ContactOf
   float tick_share;
   double since, waited, lag, older_step;
   double heading[2], position[3], velocity[3], yaw_rate, velocity_age, wind[3];
   uint64_t idle_floats;  // of Cloth::idle_start; 0 where none of the next ticks looks at it
+  float contact_seconds;
+  uint32_t unused;  // 0
 };
 
 constexpr size_t kStateSummedFrom = offsetof(StateHead, size);
@@ -42,7 +45,12 @@ struct StatePosition {
   uint32_t stages;      // one of DCLOTH_STAGES_*
   TickWork work;
   uint64_t idle_floats;  // of Cloth::idle_start, of this model or another one
+  uint32_t contact;
 };
+
+// 0 where no frame was kept outside the body; else one more than the limb cores, whose bones are among the floats.
+// KeptPlaces then follow the floats.
+uint32_t ContactOf(const Cloth& cloth);
 
 // The head's `part` has been checked.
 StatePosition PositionOf(const StateHead& head);

@@ -54,6 +54,8 @@ bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* di
   TickPart part = TickPart::kDone;
   if (!format::FindTickPart(head.part, &part) || (fresh && part != TickPart::kDone))
     return FailCount(DCLOTH_FIELD(part), head.part, "the number of a part of a tick", diagnostic);
+  if (head.contact > (fresh || model.body.vertex_count == 0 ? 0u : kMostCores + 1))
+    return FailCount(DCLOTH_FIELD(contact), head.contact, "0 to 25; 0 without a body or a tick", diagnostic);
   if (head.unused != 0) return FailCount(DCLOTH_FIELD(unused), head.unused, "0", diagnostic);
   if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
     return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
@@ -75,7 +77,10 @@ bool CheckClock(const StateHead& head, Diagnostic* diagnostic) {
          CheckRange(DCLOTH_FIELD(since), head.since, -kTickTolerance - kRounding, 1, "-0.001 to 1 tick", diagnostic) &&
          CheckRange(DCLOTH_FIELD(waited), head.waited, -1, kLongestGap, "-1 to 1048576 ticks", diagnostic) &&
          CheckRange(DCLOTH_FIELD(lag), head.lag, 0, 2, "0 to 2 ticks", diagnostic) &&
-         CheckRange(DCLOTH_FIELD(older_step), head.older_step, 0, kLongestGap, "0 to 1048576 ticks", diagnostic);
+         CheckRange(DCLOTH_FIELD(older_step), head.older_step, 0, kLongestGap, "0 to 1048576 ticks", diagnostic) &&
+         CheckRange(DCLOTH_FIELD(contact_seconds), static_cast<double>(head.contact_seconds), 0,
+                    head.contact != 0 ? static_cast<double>(ContactClock::kMost) : 0, "0 to 1 s; 0 without contact",
+                    diagnostic);
 }
 
 bool CheckRoot(const StateHead& head, Diagnostic* diagnostic) {
@@ -112,9 +117,13 @@ bool CheckRow(const StateSpan& span, const uint8_t* bytes, size_t offset, Diagno
     float value = 0;
     std::memcpy(&value, bytes + i * sizeof(value), sizeof(value));
     if (std::fabs(value) <= span.largest) continue;
-    const bool hidden = span.largest == kLargestHidden;
+    const bool hidden = span.largest == kLargestHidden, bone = span.largest == kLargestBone;
     return FailValue({nullptr, span.name, static_cast<int64_t>(i)}, offset + i * sizeof(value),
-                     static_cast<double>(value), hidden ? "-1 to 1" : "-1e18 to 1e18", diagnostic);
+                     static_cast<double>(value),
+                     hidden ? "-1 to 1"
+                     : bone ? "-1e9 to 1e9"
+                            : "-1e18 to 1e18",
+                     diagnostic);
   }
   return true;
 }
@@ -138,7 +147,7 @@ bool CheckShared(const Shared& shared, const char* fix, Diagnostic* diagnostic) 
 bool CheckStateBytes(const uint8_t* bytes, size_t size, StateHead* head, Diagnostic* diagnostic) {
   constexpr char kComplete[] = "check that the saved state is complete";
   if (size < sizeof(StateHead)) {
-    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 240",
+    return diagnostic->FailCount(DCLOTH_ERROR_FORMAT, format::kNoOffset, nullptr, size, " bytes", "at least 248",
                                  kComplete);
   }
   std::memcpy(head, bytes, sizeof(StateHead));

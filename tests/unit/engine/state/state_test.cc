@@ -264,7 +264,7 @@ TEST(StateFormat, HeadLiesWhereItIsWritten) {
     return value;
   };
   EXPECT_EQ(std::string(bytes.begin(), bytes.begin() + 4), "DCLS");
-  EXPECT_EQ(number(4, 4), 4u);
+  EXPECT_EQ(number(4, 4), 5u);
   EXPECT_EQ(number(16, 8), bytes.size());
   EXPECT_EQ(number(24, 8), 0x0123456789ABCDEFu);
   const ModelSpec& spec = model.numbers.spec;
@@ -273,9 +273,9 @@ TEST(StateFormat, HeadLiesWhereItIsWritten) {
   for (size_t i = 0; i < std::size(sizes); ++i) EXPECT_EQ(number(32 + 4 * i, 4), sizes[i]) << i;
   const uint64_t position[] = {1, DCLOTH_STAGES_SKELETON, 10, 0, 0, 0, 0};
   for (size_t i = 0; i < std::size(position); ++i) EXPECT_EQ(number(64 + 4 * i, 4), position[i]) << i;
-  for (size_t at = 200; at < 240; at += 8) EXPECT_EQ(number(at, 8), 0u) << at;  // no age, no wind, no idle floats
+  for (size_t at = 200; at < 248; at += 8) EXPECT_EQ(number(at, 8), 0u) << at;  // no age, wind, idle floats, contact
   // The pose and the idle pose, features, h, increments and displacement of one tick; the mesh stage rests.
-  EXPECT_EQ(bytes.size(), 240 + 2 * 96 * spec.joints + 4 * (d + spec.units + 3 * m + 3 * n));
+  EXPECT_EQ(bytes.size(), 248 + 2 * 96 * spec.joints + 4 * (d + spec.units + 3 * m + 3 * n));
 }
 
 // Poses, joints and space belong to the host: a restored cloth keeps its own.
