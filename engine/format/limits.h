@@ -33,6 +33,17 @@ constexpr float kMaxReach = 10.0f;
 constexpr uint32_t kMaxLayers = 8;
 constexpr uint32_t kMaxFeatureWidth = 64;
 constexpr uint32_t kFeatureWidthStep = 8;
+constexpr uint32_t kMaxPatches = 256;  // u8 indices
+constexpr uint32_t kMaxPatchPoints = 16;
+constexpr uint32_t kMaxPatchWidth = 256;
+constexpr uint32_t kPatchWidthStep = 8;
+constexpr uint32_t kMaxMixes = 8;
+constexpr uint32_t kMaxPatchNeighbours = 4;
+constexpr uint32_t kMaxCapsules = 32;
+constexpr uint32_t kMaxEmbedding = 32;
+constexpr uint32_t kMaxSources = 32;
+constexpr uint32_t kPointInfluences = 4, kLimbsAPatch = 2, kCapsulesALimb = 2;
+constexpr uint32_t PatchInputs(uint32_t points, uint32_t embedding) { return 19 * points + 33 + embedding; }
 constexpr uint32_t kFeaturesPerJoint = 9;
 constexpr uint32_t kHipsFeatures = 4;  // of RootMotion
 constexpr uint32_t kAirFeatures = 7;

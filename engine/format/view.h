@@ -97,6 +97,38 @@ struct DisplacementView {
   uint32_t mesh_rows;      // 0 without a mesh stage or with a head
 };
 
+// NETWORK.md, Patch stage: K patches of R points, L mixing layers, S neighbours, P = K R.
+struct PatchStageView {
+  const uint8_t* joints;          // [K]
+  const float* axes;              // [K, 3, 3]
+  const float* centres;           // [K, 3]
+  const uint8_t* point_joints;    // [P, 4]
+  const float* point_parts;       // [P, 4, 4]
+  const uint8_t* capsule_joints;  // [C]
+  const float* capsules;          // [C, 8]
+  const uint8_t* limbs;           // [K, 2, 2]
+  const uint8_t* near;            // [L, S, K]
+  const float* embedding;         // [K, E], null where E is 0
+  const float* keep;              // [R]
+  const uint16_t* sources;        // [P, M]
+  const uint16_t* vertices;       // [n], a permutation
+  const uint32_t* group_starts;   // [P + 1], rising
+  LinearView enter;               // 19 R + 33 + E -> W
+  LinearView mix[kMaxMixes];      // (1 + S) W -> W
+  LinearView input_gates;         // W -> 3 W
+  LinearView hidden_gates;        // W -> 3 W
+  LinearView out;                 // W + 19 R + 33 + E -> 3 R
+  LinearView map;                 // 3 M -> the groups' columns, each group's padded
+  uint32_t patch_count;           // K, 0 where the model has no such stage
+  uint32_t point_count;           // R
+  uint32_t width;                 // W
+  uint32_t neighbour_count;       // S
+  uint32_t layer_count;           // L
+  uint32_t embedding_size;        // E
+  uint32_t capsule_count;         // C
+  uint32_t source_count;          // M
+};
+
 // The colliding surface; all null and zero where the model has none.
 struct BodyView {
   const float* positions;      // [vertex_count, 3]
@@ -146,6 +178,7 @@ struct ModelView {
   SkeletonStageView skeleton_stage;
   MeshStageView mesh_stage;
   DisplacementView displacement;
+  PatchStageView patch_stage;  // since 1.8
   BodyView body;
   CoarseMeshView coarse;  // since 1.6
   TextureView texture;    // since 1.7

@@ -39,7 +39,7 @@ def role(clip):
     name = clip.partition("~")[0].partition("@")[0]
     if name in REPORTED:
         return "reported"
-    if name in VALIDATION or name.startswith("child/8_"):
+    if name in VALIDATION or name.startswith(("child/8_", "validation/")):
         return "validation"
     return "development" if name in HELD_OUT or name.startswith("evaluation/") else "training"
 
