@@ -94,6 +94,9 @@ def write(path, net, fitted, character, training, garment=None, half=True):
     if character.touches is not None:
         tensors["template.touches"] = character.touches.astype(np.int32)
         tensors["body.parts"] = character.body_parts.astype(np.int32)
+    for _, module in _held(net):
+        for name, value in getattr(module, "indices", dict)().items():
+            tensors[name] = _array(value).astype(np.int32)
     tensors["template.faces"] = character.faces.astype(np.int32)
     tensors["body.faces"] = character.body_faces.astype(np.int32)
     names = rig.joint_names

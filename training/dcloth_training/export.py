@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from . import assemble, bundle, checkpoint, command, rig, safetensors_io, sequence
+from .stages.patch_stage import PatchStage
 
 
 def root_motion_of(options):
@@ -41,6 +42,9 @@ def load_trained(folder, data):
     standard = {k: v.numpy() for k, v in saved["standard"].items()}
     statistics = (torch.zeros(3), torch.ones(3))    # the state holds the real ones
     net = assemble.build(fitted, character, standard, options, statistics, options.stages)
+    patch = {name[len("patch."):]: value for name, value in saved["state"].items() if name.startswith("patch.")}
+    if patch:
+        net.patch = PatchStage.shaped_as(patch)
     net.load_state_dict(saved["state"])
     return net.eval(), fitted, character, json.loads(saved["provenance"])
 

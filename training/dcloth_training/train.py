@@ -1,4 +1,4 @@
-"""Train one garment in three stages.
+"""Train one garment in its stages.
 
     python3 -m dcloth_training.train --data DIR --out DIR [--export BUNDLE]
 
@@ -107,8 +107,9 @@ def prepare(options, log):
     fitted = rig.fit(character, root_motion=options.root_motion)
     names = [character.joint_names[b] for b in fitted.rig.bones]
     static = dataset.load(dataset.find(options.data, "static"), fitted.rig, character)
-    if not static:
-        raise ValueError(f"{os.path.join(options.data, 'static')}: no clips; stage 1 learns from quasi-static drapes")
+    if not static and options.static_base == "learned":
+        raise ValueError(f"{os.path.join(options.data, 'static')}: no clips; stage 1 learns from quasi-static drapes, "
+                         "unless --static-base is rigid or hung")
     folders = [options.data] + ([options.more_data] if options.more_data else [])
     held_out = dataset.clip_names(options.held_out)
     if options.more_data and not dataset.find(options.more_data, "dynamic", held_out):
@@ -119,7 +120,7 @@ def prepare(options, log):
     wanted, there = options.validation.split(","), sorted({c.name for c in dynamic})
     training, validation = dataset.split(dynamic, wanted)
     for what, clips in (("static", static), ("training", training), ("validation", validation)):
-        if not clips:
+        if not clips and what != "static":
             raise ValueError(f"{options.data}: no {what} clips; --validation {options.validation} of "
                              f"{', '.join(there[:20]) or 'no clips'}{', ...' if len(there) > 20 else ''}")
         log(f"{what}: {len(clips)} {images_of(character)}, {sum(map(len, clips))} frames")
@@ -261,7 +262,7 @@ def run(options):
     else:
         standard = features.fit_standard(rows)
     chosen = stages.up_to(options.stages)
-    statistics = body_statistics(fitted, training) if stages.LAST in chosen else None
+    statistics = body_statistics(fitted, training) if "mesh" in [stage.name for stage in chosen] else None
     net = whole.net = assemble.build(fitted, character, standard, options, statistics, options.stages)
     if options.freeze:
         getattr(net.static, FROZEN[options.freeze]).requires_grad_(False)

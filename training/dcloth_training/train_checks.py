@@ -37,7 +37,7 @@ def lengths(training, options, log):
     """Refuses clips that are all too short for a window of stage 2 or 3, or too few for stage 3's basis; names those
     that stage 2 leaves out."""
     longest = max(map(len, training))
-    needs = [("window", options.window)] * (options.stages != "static") + \
+    needs = [("window", options.window)] * (options.stages in ("skeleton", "mesh")) + \
         [("chunk", 2 * options.chunk)] * (options.stages == "mesh" and options.mesh_epochs > 0)
     for name, ticks in needs:
         if longest < ticks:
@@ -49,6 +49,6 @@ def lengths(training, options, log):
                          f"{options.mesh_size} wants {fit_mesh.BASIS_EVERY * options.mesh_size}: lower it, train on "
                          f"more, or stop at --stages skeleton")
     short = sorted({f"{c.name} ({len(c)})" for c in training if len(c) < options.window})
-    if short and options.stages != "static":
+    if short and options.stages in ("skeleton", "mesh"):
         log(f"training: {len(short)} clips are shorter than --window {options.window} and not seen by stage 2: "
             f"{', '.join(short[:5])}{', ...' if len(short) > 5 else ''}")

@@ -4,10 +4,11 @@ Assembly, bundles, playing, evaluation, cards, comparison and training read STAG
 class has what is listed below, a module `fit_<name>` that trains it (OPTIONS and train_stage(run), see train.Run), and
 one row.
 
-    fresh(parts, options) -> module             untrained, of the options' sizes
+    fresh(parts, options) -> module             untrained, of the options' sizes; None where its training makes it
     of_bundle(tensors, parts) -> module or None  from a bundle.Tensors; None where the bundle has no such stage
     trained() -> {name: array}                  what training moved, named below "<stage>." in a bundle
     given(fitted) -> {whole name: array}        what else a bundle must hold for it
+    indices() -> {whole name: array}            of that what is integers; may be absent
     play(x, pose) -> iterator of [k] a tick's coefficients, from standardised features x [T, d] and network.Pose
     displacement([..., k]) -> [..., n, 3] NOTE what `reference --intermediates` calls the coefficients
 
@@ -20,6 +21,7 @@ import numpy as np
 import torch
 
 from .mesh_stage import MeshStage
+from .patch_stage import PatchStage
 from .skeleton_stage import SkeletonStage
 from .static_stage import StaticStage
 
@@ -33,6 +35,7 @@ class Stage:
     title: str
     note: str
     steps: tuple
+    after: tuple = ()       # names of the stages that it goes on from
 
     @property
     def fit(self):
@@ -42,16 +45,18 @@ class Stage:
 
 STAGES = (
     Stage("static", StaticStage, "stage 1", "static stage", ("static", "static_pruned")),
-    Stage("skeleton", SkeletonStage, "stages 1-2", "static and skeleton stage", ("skeleton",)),
-    Stage("mesh", MeshStage, "stages 1-3", "the whole network", ("mesh_head", "mesh_patches", "mesh_layers")),
+    Stage("skeleton", SkeletonStage, "stages 1-2", "static and skeleton stage", ("skeleton",), ("static",)),
+    Stage("mesh", MeshStage, "stages 1-3", "the whole network", ("mesh_head", "mesh_patches", "mesh_layers"),
+          ("static", "skeleton")),
+    Stage("patch", PatchStage, "stage 1 and patches", "patches in place of stages 2 and 3", ("patch",), ("static",)),
 )
 NAMES = tuple(stage.name for stage in STAGES)
 FIRST, LAST = STAGES[0], STAGES[-1]
 
 
 def up_to(name):
-    """The stages up to the named one."""
-    return STAGES[:NAMES.index(name) + 1]
+    """The stages that the named one goes on from, and itself."""
+    return tuple(stage for stage in STAGES if stage.name in (*STAGES[NAMES.index(name)].after, name))
 
 
 @dataclass

@@ -1,0 +1,180 @@
+"""The patch stage: trained on rollouts that read their own cloth, stage 1 frozen.
+
+Streams of clips play on side by side (patch_streams); a step is a window of ticks of all of them, and its gradient runs
+back through the window. What a stage saw in the truth alone it could not use on its own cloth.
+"""
+import numpy as np
+import torch
+from torch import nn
+
+from . import dataset, loop, patch_bptt, patch_map, patch_streams, patches, shards, unskin
+from .stages.patch_stage import GEOMETRY, INDICES, PatchStage, inputs_of
+
+# Its options of train: (default, least, what).
+OPTIONS = {
+    "patch-columns": (16, 2, "patches on each side of what hangs from the trunk"),
+    "patch-rows": (8, 1, "points a patch"), "patch-width": (128, 8, "a multiple of 8"),
+    "patch-sources": (8, 2, "points that a vertex follows, an even number"),
+    "patch-epochs": (40, 0, None), "patch-rate": (2e-3, None, None),
+    "patch-streams": (16, 1, "clips side by side"), "patch-window": (16, 2, "ticks that a gradient runs back through"),
+    "patch-way": (0.0, 0.0, "weight of the way that points go a tick, beside their places")}
+EMBEDDING = 7           # numbers of its own that a patch learns; with eight points the inputs are a multiple of 64
+DECAY = 0.01
+KEEP = 2.2              # logistic(KEEP) of a displacement stays at first
+WARM_UP = 12            # ticks of a rollout that are not measured
+MAP_EVERY = 8           # frames
+MAP_FRAMES = 6000       # at most
+
+
+class Learner(nn.Module):
+    """The weights, flat, as training/patch_bptt reads them."""
+
+    def __init__(self, native, seed):
+        super().__init__()
+        self.native = native
+        self.weights = nn.Parameter(fresh_weights(native.counts, torch.Generator().manual_seed(seed)))
+
+
+def fresh_weights(counts, generator):
+    """Flat untrained weights of the sizes that a patch_bptt.Native counts."""
+    inputs, width, out = inputs_of(counts["points"], counts["embedding"]), counts["width"], 3 * counts["points"]
+
+    def matrix(rows, columns, gain):
+        return (2 * torch.rand(rows * columns, generator=generator) - 1) * gain * (3 / columns) ** 0.5
+
+    parts = [0.1 * torch.randn(counts["patches"] * counts["embedding"], generator=generator),
+             matrix(width, inputs, 1), torch.zeros(width)]
+    for _ in range(counts["layers"]):
+        parts += [matrix(width, (1 + counts["neighbours"]) * width, 0.7), torch.zeros(width)]
+    parts += [matrix(3 * width, width, 0.7), matrix(3 * width, width, 0.7), torch.zeros(3 * width),
+              matrix(out, width, 0.1), torch.zeros(out), torch.zeros(out * inputs),
+              torch.full((counts["points"],), KEEP)]
+    return torch.cat(parts)
+
+
+@torch.no_grad()
+def fill(stage, weights):
+    """Puts flat weights into a PatchStage of the same sizes."""
+    width, out = stage.enter.out_features, stage.out.out_features
+    parts = [stage.embedding, stage.enter.weight, stage.enter.bias]
+    parts += [p for layer in stage.mix for p in (layer.weight, layer.bias)]
+    parts += [stage.gates[name] for name in ("weight_ih", "weight_hh", "bias")]
+    at = 0
+    for part in parts:
+        part.copy_(weights[at:at + part.numel()].reshape(part.shape))
+        at += part.numel()
+    inputs = stage.enter.in_features
+    of_state, bias, of_inputs, keep = weights[at:].split([out * width, out, out * inputs, len(stage.keep)])
+    stage.out.weight.copy_(torch.cat([of_state.reshape(out, width), of_inputs.reshape(out, inputs)], 1))
+    stage.out.bias.copy_(bias)
+    stage.keep.copy_(torch.sigmoid(keep))
+
+
+def lengths(vectors):
+    """[..., K, 3, R] -> [..., K, R]."""
+    return (vectors.square().sum(-2) + 1e-8).sqrt()
+
+
+def loss_of(moved, truth, counts, way):
+    """Mean distance of points in m, and `way` times that of their ways a tick. [T, B, K, 3, R]; counts [T, B]."""
+    total = counts.sum().clamp(min=1)
+    loss = (lengths(moved - truth).mean((-1, -2)) * counts).sum() / total
+    if way:
+        off = (moved[1:] - moved[:-1]) - (truth[1:] - truth[:-1])
+        loss = loss + way * (lengths(off).mean((-1, -2)) * counts[1:] * counts[:-1]).sum() / total
+    return loss
+
+
+@torch.no_grad()
+def play(native, weights, clips):
+    """Displacements [T, K, 3, R] of clips from a reset, all side by side."""
+    longest, c = max(len(clip) for clip in clips), native.counts
+    poses = torch.stack([torch.cat([clip.poses, clip.poses[-1:].expand(longest - len(clip), -1)]) for clip in clips])
+    last = torch.zeros(len(clips), c["patches"], 3, c["points"])
+    out = native.forward(weights, poses, last, last.clone(), torch.zeros(len(clips), c["patches"], c["width"]))
+    return [out[:len(clip), k] for k, clip in enumerate(clips)]
+
+
+def errors(layout, clips, played):
+    """[(name, mean distance, how much the truth moves)] of each clip's points, m."""
+    rows = []
+    for clip, moved in zip(clips, played):
+        truth = clip.truth(layout, slice(WARM_UP, None))
+        rows.append((clip.name, *(float(lengths(v).mean()) for v in (moved[WARM_UP:] - truth, truth - truth.mean(0)))))
+    return rows
+
+
+def read(run, layout):
+    """(training, validation) clips with mirror images as patch_streams.Clip; the moments that the map is fitted to."""
+    net, character, rig = run.net, run.character, run.fitted.rig
+    static, known = net.static, {}
+    moments = patch_map.Moments(np.prod(layout.sizes), len(character.template))
+    every = max(MAP_EVERY, sum(len(c) for c in run.training if not c.mirrored) // MAP_FRAMES)
+
+    def converted(clip, training):
+        moved = known.get(clip.path)
+        if moved is None and not clip.mirrored:
+            found = patch_streams.clip_of(clip, layout, character, rig)
+            known[clip.path] = found.moved
+            if training:
+                frames = slice(len(clip) % every, None, every)
+                truth = dataset.load_truth(clip.path, False, None)[frames]
+                delta = unskin.residual(static, net.standardise, clip.pose.at(frames), truth)
+                moments.add(found.moved[frames].astype(np.float32), delta)
+            return found
+        return patch_streams.clip_of(clip, layout, character, rig, moved)
+
+    order = sorted(run.training, key=lambda c: (c.path, c.mirrored))
+    return [converted(c, True) for c in order], [converted(c, False) for c in run.validation if not c.mirrored], moments
+
+
+def stage_of(layout, width, vertices, sources):
+    """An untrained PatchStage of a layout."""
+    arrays = {**{name: getattr(layout, name) for name in GEOMETRY + INDICES if name != "joints"},
+              "joints": layout.patch_joint}
+    return PatchStage(arrays, width, EMBEDDING, vertices, sources)
+
+
+def train_stage(run):
+    """The patch stage of a training -> {"patch": history}."""
+    options, character, static = run.options, run.character, run.net.static
+    skin = np.zeros((len(character.template), len(character.joint_names)))
+    skin[:, run.fitted.rig.bones] = static.weights().detach().numpy()
+    layout = patches.make(character, skin, options.patch_columns, options.patch_rows)
+    native = patch_bptt.Native(layout, len(character.joint_names), options.patch_width, EMBEDDING)
+    training, validation, moments = read(run, layout)
+    run.log(f"patch: {layout.sizes[0]} patches of {layout.sizes[1]} points, {native.size} weights")
+    learner = Learner(native, options.seed)
+    window = options.patch_streams * options.patch_window
+    steps = max(1, sum(map(len, training)) // window)
+
+    def batches(generator, shard=shards.WHOLE):
+        shard.part([], generator)
+        numbers = np.random.default_rng(int(torch.randint(1 << 62, (1,), generator=generator)))
+        streams = patch_streams.Streams(training, layout, -(-options.patch_streams // shard.count),
+                                        options.patch_window, options.patch_width, numbers)
+        for _ in range(steps):
+            poses, truth, counts = streams.next()
+            noise = patch_streams.JITTER * streams.noise(options.patch_window, streams.count)
+            moved = patch_bptt.window(learner.weights, native, poses, streams.last, streams.before, streams.hidden,
+                                      noise)
+            yield loss_of(moved, truth, counts, options.patch_way)
+
+    def validate():
+        rows = errors(layout, validation, play(native, learner.weights.detach(), validation))
+        return sum(row[1] for row in rows) / len(rows)
+
+    history = loop.fit("patch", learner, options.patch_epochs, batches, validate, options.out, seed=options.seed,
+                       rate=options.patch_rate, decay=DECAY, validate_every=options.validate_every,
+                       shards=options.shards, log=run.log)
+    stage = stage_of(layout, options.patch_width, len(character.template), options.patch_sources)
+    fill(stage, learner.weights.detach())
+    groups = patch_map.groups_of(layout, character.template)
+    sources = patch_map.sources_of(layout, character.template, options.patch_sources)
+    weights, offsets = patch_map.fit(moments, groups, sources)
+    with torch.no_grad():
+        stage.map["weights"].copy_(torch.from_numpy(weights))
+        stage.map["offsets"].copy_(torch.from_numpy(offsets))
+    stage.groups, stage.sources = (torch.from_numpy(v.astype(np.int64)) for v in (groups, sources))
+    run.net.patch = stage
+    return {"patch": history}
