@@ -75,6 +75,9 @@ def limbs_of(character):
         second = found[first[1]]
         chain = [(j, first[0]), (first[1], second[0])] if second is not None else [(j, first[0])] * 2
         out.append((np.array([c[0] for c in chain]), np.stack([c[1] for c in chain])))
+    if not out:
+        raise ValueError(f"no limb among the joints {', '.join(character.joint_names)}: none is a bone longer than "
+                         f"{SHORTEST_BONE} m whose skin is thinner than {THICKEST} of its length")
     return out
 
 
@@ -227,7 +230,7 @@ def _finish(character, skin, share, rows, rings, facing, partner, limbs):
     low = places.reshape(total, rows, 3)[:, rows // 2:]
     for k in range(total):
         near = [min(_distance(low[k], c).mean() for c in of_limb) for _, of_limb in limbs]
-        chosen = np.argsort(near, kind="stable")[:LIMBS]
+        chosen = np.resize(np.argsort(near, kind="stable")[:LIMBS], LIMBS)
         seen[k] = [[2 * c, 2 * c + 1] for c in chosen]
     near = np.tile(np.arange(total), (len(DILATIONS), 2, 1))
     for _, ring in rings:

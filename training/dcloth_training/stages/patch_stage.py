@@ -108,7 +108,7 @@ class PatchStage(nn.Module):
         return torch.einsum("cij,cej->cei", own[:, :, :3], at) + own[:, None, :, 3]
 
     def beside(self, axes, places, ends, before):
-        """Input 4 [K, 2, 5, R]."""
+        """Input 4 [K, 2, 5, R]. No gradient: whatever pushed cloth into a leg would be learned from."""
         start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
         found = []
         for end in range(2):
@@ -166,7 +166,7 @@ class PatchStage(nn.Module):
                              ACCELERATION * (centres - 2 * c1 + c2)], 1)
         x = torch.cat([bound(LENGTH * u).flatten(1), bound(LENGTH * (local(x1 - bases) - u)).flatten(1),
                        bound(LENGTH * local(x1 - x2)).flatten(1),
-                       self.beside(axes, x1, ends, before).flatten(1), bound(of(joints)), bound(of(world)),
+                       self.beside(axes, x1.detach(), ends, before).flatten(1), bound(of(joints)), bound(of(world)),
                        self.embedding], 1)
         f = torch.relu(self.enter(x))
         for layer, near in zip(self.mix, self.near):

@@ -1,0 +1,241 @@
+"""Patches of a garment, and the patch stage: PyTorch, C++ and its gradient, and a whole training of it."""
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patches, reference, safetensors_io,
+                             sequence, synthetic, synthetic_body, train)
+from dcloth_training.rig import Character, mirrored_joints
+
+RINGS, COLUMNS = 12, 40
+WIDTH = 16
+
+
+def character():
+    """A skirt of 480 vertices with a mirror image on the synthetic body."""
+    names, parents, bind = synthetic_body.skeleton()
+    body, faces, weights = synthetic_body.body(bind)
+    template, cloth_faces = synthetic.skirt(RINGS, COLUMNS)
+    template[np.abs(template) < 1e-9] = 0
+    ring, column = np.divmod(np.arange(RINGS * COLUMNS), COLUMNS)
+    return Character(names, mirrored_joints(names), bind, body.astype(np.float32), faces, weights.astype(np.float32),
+                     template.astype(np.float32), cloth_faces, (ring * COLUMNS + (-column) % COLUMNS).astype(np.int32),
+                     np.ones(len(body), bool), parents)
+
+
+@pytest.fixture(scope="module")
+def worn():
+    return character()
+
+
+def on_hips(whole):
+    skin = np.zeros((len(whole.template), len(whole.joint_names)))
+    skin[:, 0] = 1
+    return skin
+
+
+@pytest.fixture(scope="module")
+def layout(worn):
+    return patches.make(worn, on_hips(worn), columns=4, rows=3)
+
+
+def cloth(whole, matrices):
+    """A made-up garment that trails behind the hips' turns: [T, n, 3]."""
+    relative, lag, out = features.relative(matrices, whole.bind)[:, 0], None, []
+    for pose in relative:
+        lag = pose if lag is None else lag + 0.3 * (pose - lag)
+        share = ((1.05 - whole.template[:, 1:2]) / 0.55).clip(0, 1)
+        near, far = (whole.template @ m[:3, :3].T + m[:3, 3] for m in (pose, lag))
+        out.append((1 - share) * near + share * far)
+    return np.stack(out)
+
+
+def test_every_vertex_is_in_the_patches_and_mirror_images_are_exact(worn, layout):
+    share = layout.points_of.toarray()
+    assert layout.sizes == (8, 3)
+    assert (share > 0).any(0).all() and np.allclose(share.sum(1), 1)
+    assert sorted(layout.mirror[layout.mirror]) == list(range(8)) and (layout.mirror != np.arange(8)).all()
+    matrices = synthetic_body.motion(12, 30.0, 3)
+    truth = cloth(worn, matrices)
+    found = patches.displacements(layout, features.relative(matrices, worn.bind), truth)
+    swapped = features.mirror_pose(matrices, worn.joint_mirror)
+    other = patches.displacements(layout, features.relative(swapped, worn.bind),
+                                  features.mirror_cloth(truth, worn.mirror))
+    assert np.abs(found).max() > 0.02
+    np.testing.assert_allclose(other, patches.mirrored(layout, found), atol=1e-6)
+
+
+def test_patches_see_the_legs_of_their_side_first(worn, layout):
+    names = np.array(worn.joint_names)[layout.capsule_joints]
+    for k in range(8):
+        sides = [names[c][0] for c in layout.limbs[k, :, 0]]
+        assert all("UpLeg" in names[c] for c in layout.limbs[k, :, 0])
+        assert sides == (["L", "R"] if layout.centres[k, 0] > 0 else ["R", "L"])
+
+
+def test_neighbours_go_around_the_skirt(layout):
+    first, seen = 0, []
+    for _ in range(8):
+        seen.append(first)
+        first = layout.near[0, 1, first]
+    assert first == 0 and sorted(seen) == list(range(8))
+    assert (layout.near[0, 0][layout.near[0, 1]] == np.arange(8)).all()
+
+
+def test_garments_and_characters_that_cannot_be_cut_are_told(worn):
+    with pytest.raises(ValueError, match="fewer columns"):
+        patches.make(worn, on_hips(worn), columns=100)
+    bare = character()
+    bare.parents = None
+    with pytest.raises(ValueError, match="no parents of joints"):
+        patches.make(bare, on_hips(bare))
+
+
+def stage(layout, vertices, seed=2):
+    """(PatchStage in float64, flat weights) with every weight away from its start."""
+    native = patch_bptt.Native(layout, 52, WIDTH, fit_patch.EMBEDDING, torch.float64)
+    generator = torch.Generator().manual_seed(seed)
+    weights = 0.3 * torch.randn(native.size, generator=generator, dtype=torch.float64)
+    made = fit_patch.stage_of(layout, WIDTH, vertices, 4).double()
+    for name in ("axes", "centres", "point_parts", "capsules"):
+        setattr(made, name, torch.as_tensor(getattr(layout, name)))
+    return made, native, weights
+
+
+def poses_of(worn, frames, seed=5):
+    matrices = synthetic_body.motion(frames, 30.0, seed)
+    wind = np.tile([1.0, 0.0, 2.0], (frames, 1))
+    relative = features.relative(matrices, worn.bind)
+    return torch.from_numpy(patches.poses(relative, matrices[:, 0, :3, 3], wind)).double()
+
+
+def test_the_window_in_cpp_is_the_stage_tick_by_tick(worn, layout):
+    """Values; the gradient is checked against differences of the same window, below."""
+    made, native, weights = stage(layout, len(worn.template))
+    fit_patch.fill(made, weights)
+    poses = poses_of(worn, 9)
+    start = torch.zeros(1, *layout.sizes[:1], 3, layout.sizes[1], dtype=torch.float64)
+    first = torch.cat([poses[:1], poses[:1], poses])
+    first[:3, -6:-3] = 0
+    moved = native.forward(weights, first[None].contiguous(), start.clone(), start.clone(),
+                           torch.zeros(1, layout.sizes[0], WIDTH, dtype=torch.float64))
+    state, rows = None, []
+    for pose in first[2:]:
+        matrices = pose[:-6].reshape(-1, 3, 4)
+        state = state or made.fresh_state(matrices)
+        rows.append(made.tick(matrices, pose[-6:-3], pose[-3:], state).detach())
+    expected = torch.stack(rows)
+    assert expected.abs().max() > 0.05
+    assert float((moved[:, 0] - expected).abs().max()) < 1e-10
+
+
+def test_the_gradient_is_that_of_the_loss(worn, layout):
+    """Central differences, with the weights that read the distance to the body at zero: it has no gradient."""
+    _, native, weights = stage(layout, len(worn.template))
+    c = native.counts
+    inputs, points = 19 * c["points"] + 33 + c["embedding"], c["points"]
+    first, last = 9 * points, 19 * points
+    enter = weights[c["patches"] * c["embedding"]:][:WIDTH * inputs].view(WIDTH, inputs)
+    skip = weights[-(3 * points * inputs + points):-points].view(3 * points, inputs)
+    enter[:, first:last] = 0
+    skip[:, first:last] = 0
+    poses = torch.stack([poses_of(worn, 6, seed) for seed in (5, 6)]).contiguous()
+    generator = torch.Generator().manual_seed(3)
+
+    def random(*shape):
+        return torch.randn(*shape, generator=generator, dtype=torch.float64)
+
+    size = (2, layout.sizes[0], 3, points)
+    last_, before, hidden = 0.05 * random(*size), 0.05 * random(*size), 0.3 * random(2, layout.sizes[0], WIDTH)
+    noise, by = 0.01 * random(4, *size), random(4, *size)
+
+    def loss(w):
+        return (by * patch_bptt.window(w, native, poses, last_.clone(), before.clone(), hidden.clone(), noise)).sum()
+
+    asked = weights.clone().requires_grad_()
+    loss(asked).backward()
+    step = 1e-6
+    picked = torch.randperm(native.size, generator=generator)[:150].tolist()
+    for i in picked + list(range(native.size - points, native.size)):
+        if weights[i] == 0:
+            continue
+        off = torch.zeros_like(weights)
+        off[i] = step
+        with torch.no_grad():
+            expected = float(loss(weights + off) - loss(weights - off)) / (2 * step)
+        assert float(asked.grad[i]) == pytest.approx(expected, rel=1e-4, abs=1e-5 * float(asked.grad.abs().max()))
+
+
+def test_another_window_between_forward_and_backward_is_refused(worn, layout):
+    _, native, weights = stage(layout, len(worn.template))
+    poses = poses_of(worn, 4)[None].contiguous()
+    start = [torch.zeros(1, layout.sizes[0], 3, layout.sizes[1], dtype=torch.float64) for _ in range(2)]
+    hidden = torch.zeros(1, layout.sizes[0], WIDTH, dtype=torch.float64)
+    asked = weights.requires_grad_()
+    first = patch_bptt.window(asked, native, poses, *start, hidden)
+    patch_bptt.window(asked, native, poses, *start, hidden)
+    with pytest.raises(RuntimeError, match="another window"):
+        first.sum().backward()
+
+
+@pytest.fixture(scope="module")
+def data(worn, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("patches")
+    (folder / "dynamic").mkdir()
+    safetensors_io.write(folder / "character.safetensors", {
+        "joint_bind": worn.bind.astype(np.float32), "body_vertices": worn.body_vertices, "body_faces": worn.body_faces,
+        "body_weights": worn.body_weights, "body_collider": np.ones(len(worn.body_vertices), np.uint8),
+        "cloth_template": worn.template, "cloth_faces": worn.faces, "mirror": worn.mirror},
+        {"joint_names": json.dumps(worn.joint_names), "parents": json.dumps([int(p) for p in worn.parents]),
+         "joint_mirror": json.dumps(worn.joint_mirror),
+         "feature_joints": json.dumps(["Hips", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg"])})
+    for seed, name in enumerate(("a/one", "a/two", "a/held")):
+        matrices = synthetic_body.motion(60, 30.0, seed)
+        sequence.write(folder / "dynamic" / f"{name.replace('/', '-')}.safetensors", sequence.Sequence(
+            matrices, cloth(worn, matrices), worn.joint_names, 30.0, name, "dynamic"))
+    return folder
+
+
+def trained(data, out, *more):
+    return train.run(train.arguments([
+        "--data", str(data), "--out", str(out), "--validation", "a/held", "--stages", "patch", "--static-base", "rigid",
+        "--root-motion", "air", "--threads", "1", "--patch-columns", "4", "--patch-rows", "3", "--patch-width", "16",
+        "--patch-streams", "4", "--patch-window", "8", "--static-width", "8", *more]))
+
+
+def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
+    net, fitted, whole, provenance = trained(data, tmp_path / "run", "--patch-epochs", "60", "--patch-sources", "4")
+    with open(tmp_path / "run" / "log.json") as file:
+        history = json.load(file)["histories"]["patch"]
+    assert history[-1]["validation_mm"] < 0.7 * history[0]["validation_mm"]
+    path = tmp_path / "skirt.safetensors"
+    bundle.write(path, net, fitted, whole, provenance, half=False)
+    again, rig, _, _ = bundle.read(path)
+    assert again.last_stage() == "patch" and again.skeleton is None
+    item = sequence.read(data / "dynamic" / "a-held.safetensors")
+    played = reference.run(again, rig, item.joint_matrices)
+    alone = net.run(network.pose_of(item.joint_matrices, fitted.rig, torch.float32))
+    assert float((played - alone).norm(dim=-1).max()) < 2e-4
+    bolted = reference.run(again, rig, item.joint_matrices, "static")
+    off = [float((v - torch.from_numpy(item.truth)).norm(dim=-1)[12:].mean()) for v in (played, bolted)]
+    assert off[0] < 0.8 * off[1]
+
+
+def test_a_stopped_training_goes_on_to_the_same_bits(data, tmp_path):
+    whole = trained(data, tmp_path / "whole", "--patch-epochs", "4", "--validate-every", "2")[0]
+    calls = []
+
+    def stop(text):
+        calls.append(text)
+        if "epoch 2/4" in text:
+            raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(train.Log, "__call__", lambda self, text: stop(text))
+        with pytest.raises(KeyboardInterrupt):
+            trained(data, tmp_path / "stopped", "--patch-epochs", "4", "--validate-every", "2")
+    again = trained(data, tmp_path / "stopped", "--patch-epochs", "4", "--validate-every", "2")[0]
+    for name, value in whole.patch.state_dict().items():
+        assert torch.equal(value, again.patch.state_dict()[name]), name
