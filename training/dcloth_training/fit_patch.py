@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, loop, patch_bptt, patch_map, patch_streams, patches, shards, unskin
+from . import dataset, loop, patch_bptt, patch_cut, patch_map, patch_streams, shards, unskin
 from .stages.patch_stage import GEOMETRY, INDICES, PatchStage, inputs_of
 
 # Its options of train: (default, least, what).
@@ -140,7 +140,7 @@ def train_stage(run):
     options, character, static = run.options, run.character, run.net.static
     skin = np.zeros((len(character.template), len(character.joint_names)))
     skin[:, run.fitted.rig.bones] = static.weights().detach().numpy()
-    layout = patches.make(character, skin, options.patch_columns, options.patch_rows)
+    layout = patch_cut.make(character, skin, options.patch_columns, options.patch_rows)
     native = patch_bptt.Native(layout, len(character.joint_names), options.patch_width, EMBEDDING)
     training, validation, moments = read(run, layout)
     run.log(f"patch: {layout.sizes[0]} patches of {layout.sizes[1]} points, {native.size} weights")

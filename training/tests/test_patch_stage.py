@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patches, reference, safetensors_io,
+from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patch_cut, patches, reference, safetensors_io,
                              sequence, synthetic, synthetic_body, train)
 from dcloth_training.rig import Character, mirrored_joints
 
@@ -38,7 +38,7 @@ def on_hips(whole):
 
 @pytest.fixture(scope="module")
 def layout(worn):
-    return patches.make(worn, on_hips(worn), columns=4, rows=3)
+    return patch_cut.make(worn, on_hips(worn), columns=4, rows=3)
 
 
 def cloth(whole, matrices):
@@ -84,13 +84,43 @@ def test_neighbours_go_around_the_skirt(layout):
     assert (layout.near[0, 0][layout.near[0, 1]] == np.arange(8)).all()
 
 
+def test_a_garment_without_a_mirror_image_and_open_in_front_is_cut_from_its_opening():
+    whole = character()
+    whole.mirror = None
+    faces = whole.faces.reshape(RINGS - 1, COLUMNS, 2, 3)
+    whole.faces = np.ascontiguousarray(faces[:, 1:].reshape(-1, 3))     # without the cells left of the middle
+    kept = np.unique(whole.faces)
+    whole.template, whole.faces = whole.template[kept], np.searchsorted(kept, whole.faces)
+    found = patch_cut.make(whole, on_hips(whole), columns=4, rows=3)
+    assert found.mirror is None and found.sizes == (8, 3)
+    ends = [k for k in range(8) if k in (found.near[0, 0, k], found.near[0, 1, k])]
+    assert len(ends) == 2 and (np.abs(found.centres[ends, 0]) < 0.15).all() and (found.centres[ends, 2] > 0.15).all()
+
+
+def test_sleeves_have_patches_of_their_own_that_see_their_arm():
+    whole = character()
+    names = whole.joint_names
+    skin = on_hips(whole)
+    arm, heights = names.index("LeftArm"), whole.template[:, 1]
+    lower = heights < np.median(heights)
+    skin[lower, 0], skin[lower, arm] = 0, 1     # a strange garment: what hangs low lies on the left arm
+    whole.mirror = None
+    found = patch_cut.make(whole, skin, columns=4, rows=2, sleeve_columns=2)
+    assert found.sizes == (12, 2) and found.near.shape == (3, 3, 12)
+    sleeve = np.flatnonzero(found.patch_joint == arm)
+    assert len(sleeve) == 4
+    across = found.near[0, 2]
+    assert set(across[sleeve]) <= set(range(12)) - set(sleeve) and set(across[np.arange(8)]) <= {*sleeve, *range(8)}
+    assert (across[across[sleeve]] != across[sleeve]).all()
+
+
 def test_garments_and_characters_that_cannot_be_cut_are_told(worn):
     with pytest.raises(ValueError, match="fewer columns"):
-        patches.make(worn, on_hips(worn), columns=100)
+        patch_cut.make(worn, on_hips(worn), columns=100)
     bare = character()
     bare.parents = None
     with pytest.raises(ValueError, match="no parents of joints"):
-        patches.make(bare, on_hips(bare))
+        patch_cut.make(bare, on_hips(bare))
 
 
 def stage(layout, vertices, seed=2):
