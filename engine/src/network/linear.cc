@@ -110,4 +110,26 @@ void ApplyLinear(const kernels::KernelTable& kernels, const LinearProduct& produ
   ApplyPanels(kernels, product, QuantizeInput(kernels, product), 0, kernels::PanelCount(product.linear->columns));
 }
 
+void ApplyBatch(const kernels::KernelTable& kernels, const LinearBatch& batch) {
+  const LinearView& linear = *batch.linear;
+  const auto input = [&](size_t i) {
+    return LinearProduct{&linear,
+                         batch.x + i * batch.x_stride,
+                         linear.rows,
+                         batch.activation,
+                         batch.quantized + i * QuantizedElements(linear),
+                         batch.y + i * batch.y_stride};
+  };
+  if (linear.type == WeightType::kI8) {
+    for (size_t i = 0; i < batch.count; ++i) batch.scales[i] = QuantizeInput(kernels, input(i)).x;
+  }
+  const size_t panels = kernels::PanelCount(linear.columns);
+  for (size_t panel = 0; panel < panels; ++panel) {
+    for (size_t i = 0; i < batch.count; ++i) {
+      const InputScales scales = {linear.type == WeightType::kI8 ? batch.scales[i] : 1.0f, 1.0f};
+      ApplyPanels(kernels, input(i), scales, panel, 1);
+    }
+  }
+}
+
 }  // namespace dcloth::engine

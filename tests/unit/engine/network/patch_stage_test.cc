@@ -1,0 +1,370 @@
+// The patch stage against its formulas in double, and what every stage promises: the same bits however a tick is cut,
+// saved and restored, and no pose that leaves a NaN behind.
+#include "engine/src/network/patch_stage.h"
+
+#include <cstring>
+#include <random>
+
+#include "engine/src/base/arithmetic.h"
+#include "engine/src/network/displacement.h"
+#include "engine/src/network/schedule.h"
+#include "tests/unit/engine/all_finite.h"
+#include "tests/unit/engine/network/patch_model.h"
+#include "tests/unit/engine/state_fixture.h"
+
+namespace dcloth::testing {
+namespace {
+
+using engine::Affine;
+using engine::Cloth;
+using format::PatchStageView;
+using format::WeightType;
+using V3 = std::array<double, 3>;
+
+V3 operator+(const V3& a, const V3& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
+V3 operator-(const V3& a, const V3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+V3 operator*(double s, const V3& a) { return {s * a[0], s * a[1], s * a[2]}; }
+double Dot(const V3& a, const V3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+V3 At(const float* p) { return {double{p[0]}, double{p[1]}, double{p[2]}}; }
+V3 Turn(const Affine& a, const V3& v) {
+  V3 out;
+  for (size_t r = 0; r < 3; ++r) out[r] = a.m[r][0] * v[0] + a.m[r][1] * v[1] + a.m[r][2] * v[2];
+  return out;
+}
+V3 Shift(const Affine& a) { return {a.m[0][3], a.m[1][3], a.m[2][3]}; }
+V3 Place(const Affine& a, const V3& v) { return Turn(a, v) + Shift(a); }
+
+// NETWORK.md, "Patch stage", word by word.
+class PatchReference {
+ public:
+  explicit PatchReference(const PatchModel& model)
+      : model_(model), s_(model.stage()), K_(s_.patch_count), R_(s_.point_count) {}
+
+  void Reset() { started_ = false; }
+
+  // `e`: ticks since the last one; infinite after a jump.
+  void Tick(const Affine* joints, const V3& hips_way, const V3& wind, double e) {
+    if (started_) {
+      for (std::vector<V3>* places : {&x1_, &x2_, &c1_, &c2_, &ends_}) {
+        for (V3& place : *places) place = place - hips_way;
+      }
+    }
+    const size_t points = K_ * R_;
+    std::vector<V3> c(K_), b(points), ends(2 * s_.capsule_count);
+    std::vector<std::array<V3, 3>> Q(K_);
+    for (size_t k = 0; k < K_; ++k) {
+      const Affine& joint = joints[s_.joints[k]];
+      const float* L = s_.axes + 9 * k;
+      for (size_t a = 0; a < 3; ++a) Q[k][a] = Turn(joint, {double{L[a]}, double{L[3 + a]}, double{L[6 + a]}});
+      c[k] = Place(joint, At(s_.centres + 3 * k));
+    }
+    for (size_t g = 0; g < points; ++g) {
+      b[g] = {};
+      for (size_t i = 0; i < 4; ++i) {
+        const Affine& joint = joints[s_.point_joints[4 * g + i]];
+        const float* part = s_.point_parts + 4 * (4 * g + i);
+        b[g] = b[g] + Turn(joint, At(part)) + double{part[3]} * Shift(joint);
+      }
+    }
+    for (size_t i = 0; i < ends.size(); ++i)
+      ends[i] = Place(joints[s_.capsule_joints[i / 2]], At(s_.capsules + 8 * (i / 2) + 3 * (i % 2)));
+    if (!started_) {
+      u_.assign(points, V3{});
+      x1_ = x2_ = b;
+      c1_ = c2_ = c;
+      ends_ = ends;
+      h_.assign(K_, std::vector<double>(s_.width));
+      started_ = true;
+    }
+    const auto out = [&](size_t k, const V3& v) { return v[0] * Q[k][0] + v[1] * Q[k][1] + v[2] * Q[k][2]; };
+    const auto in = [&](size_t k, const V3& v) {
+      V3 inside;
+      for (size_t a = 0; a < 3; ++a) inside[a] = Dot(Q[k][a], v) / Dot(Q[k][a], Q[k][a]);
+      return inside;
+    };
+    e = std::max(e, 1.0);
+    const bool jumped = std::isinf(e);
+    std::vector<V3> ends_before(ends.size());
+    for (size_t i = 0; i < ends.size(); ++i) ends_before[i] = ends[i] - 1 / e * (ends[i] - ends_[i]);
+    for (size_t g = 0; g < points; ++g) {
+      const V3 moved = 1 / e * x1_[g] + (1 - 1 / e) * (b[g] + out(g / R_, u_[g]));
+      x2_[g] = jumped ? moved : moved - (x1_[g] - x2_[g]);
+      x1_[g] = moved;
+    }
+    for (size_t k = 0; k < K_; ++k) {
+      const V3 moved = c[k] - 1 / e * (c[k] - c1_[k]);
+      c2_[k] = jumped ? moved : moved - (c1_[k] - c2_[k]);
+      c1_[k] = moved;
+    }
+    x.assign(K_, {});
+    for (size_t k = 0; k < K_; ++k) {
+      std::vector<double>& row = x[k];
+      const auto add_points = [&](auto value) {
+        for (size_t axis = 0; axis < 3; ++axis) {
+          for (size_t r = 0; r < R_; ++r) row.push_back(value(k * R_ + r)[axis]);
+        }
+      };
+      const auto add = [&](double scale, const V3& v) {
+        for (const double value : in(k, v)) row.push_back(std::clamp(scale * value, -8.0, 8.0));
+      };
+      const auto clamped = [](const V3& v) {
+        return V3{std::clamp(10 * v[0], -8.0, 8.0), std::clamp(10 * v[1], -8.0, 8.0), std::clamp(10 * v[2], -8.0, 8.0)};
+      };
+      add_points([&](size_t g) { return clamped(u_[g]); });
+      add_points([&](size_t g) { return clamped(in(k, x1_[g] - b[g]) - u_[g]); });
+      add_points([&](size_t g) { return clamped(in(k, x1_[g] - x2_[g])); });
+      for (size_t limb = 0; limb < 2; ++limb) {
+        std::vector<V3> normals(R_);
+        std::vector<double> distances(R_), speeds(R_);
+        for (size_t r = 0; r < R_; ++r) {
+          double nearest = INFINITY;
+          for (size_t bone = 0; bone < 2; ++bone) {
+            const size_t i = s_.limbs[4 * k + 2 * limb + bone];
+            const float* radii = s_.capsules + 8 * i + 6;
+            const V3 way = ends[2 * i + 1] - ends[2 * i], from = x1_[k * R_ + r] - ends[2 * i];
+            const double at = std::clamp(Dot(from, way) / Dot(way, way), 0.0, 1.0);
+            const V3 away = from - at * way;
+            const double length = std::sqrt(Dot(away, away));
+            const double d = length - ((1 - at) * double{radii[0]} + at * double{radii[1]});
+            if (!(d < nearest)) continue;
+            nearest = d;
+            const V3 start_motion = ends[2 * i] - ends_before[2 * i], end_motion = ends[2 * i + 1] - ends_before[2 * i + 1];
+            const V3 normal = 1 / length * away, motion = (1 - at) * start_motion + at * end_motion;
+            const double near = std::exp(-std::max(d, 0.0) / 0.08);
+            normals[r] = near * in(k, normal);
+            distances[r] = 10 * std::clamp(d, -0.1, 0.3);
+            speeds[r] = std::clamp(10 * near * Dot(motion, normal), -4.0, 4.0);
+          }
+        }
+        add_points([&](size_t g) { return normals[g % R_]; });
+        row.insert(row.end(), distances.begin(), distances.end());
+        row.insert(row.end(), speeds.begin(), speeds.end());
+      }
+      for (size_t i = 4 * k; i < 4 * k + 4; ++i) {
+        const size_t end = 2 * s_.limbs[i] + 1;
+        add(2, ends[end] - c[k]);
+        add(10, ends[end] - ends_before[end]);
+      }
+      add(1, {0, -1, 0});
+      add(6, wind);
+      add(20, c[k] - 2 * c1_[k] + c2_[k]);
+      for (size_t i = 0; i < s_.embedding_size; ++i) row.push_back(double{s_.embedding[k * s_.embedding_size + i]});
+    }
+    RunLayers();
+    for (size_t k = 0; k < K_; ++k) {
+      std::vector<double> inputs = h_[k];
+      inputs.insert(inputs.end(), x[k].begin(), x[k].end());
+      const std::vector<double> o = model_.Apply(s_.out, inputs);
+      for (size_t r = 0; r < R_; ++r) {
+        V3& u = u_[k * R_ + r];
+        for (size_t axis = 0; axis < 3; ++axis) u[axis] = 0.1 * o[axis * R_ + r] + double{s_.keep[r]} * u[axis];
+      }
+    }
+    x2_ = x1_;
+    c2_ = c1_;
+    for (size_t g = 0; g < points; ++g) x1_[g] = b[g] + out(g / R_, u_[g]);
+    c1_ = c;
+    ends_ = ends;
+  }
+
+  // delta [n, 3]
+  std::vector<double> Displacement() const {
+    std::vector<double> delta(3 * model_.numbers().n, NAN);
+    const size_t points = K_ * R_;
+    // One product over all columns for each group; only its own are its vertices'.
+    size_t column = 0;
+    for (size_t g = 0; g < points; ++g) {
+      std::vector<double> sources;
+      for (size_t m = 0; m < s_.source_count; ++m) {
+        const V3& u = u_[s_.sources[g * s_.source_count + m]];
+        sources.insert(sources.end(), u.begin(), u.end());
+      }
+      const std::vector<double> made = model_.Apply(s_.map, sources);
+      const size_t begin = s_.group_starts[g], count = s_.group_starts[g + 1] - begin;
+      for (size_t i = 0; i < 3 * count; ++i) delta[size_t{3} * s_.vertices[begin + i / 3] + i % 3] = made[column + i];
+      column += kernels::PaddedColumns(3 * count);
+    }
+    return delta;
+  }
+
+  std::vector<std::vector<double>> x;  // inputs of the last tick
+  const std::vector<V3>& u() const { return u_; }
+
+ private:
+  void RunLayers() {
+    const auto relu = [](std::vector<double> y) {
+      for (double& value : y) value = std::max(value, 0.0);
+      return y;
+    };
+    std::vector<std::vector<double>> f(K_);
+    for (size_t k = 0; k < K_; ++k) f[k] = relu(model_.Apply(s_.enter, x[k]));
+    for (size_t l = 0; l < s_.layer_count; ++l) {
+      const std::vector<std::vector<double>> before = f;
+      for (size_t k = 0; k < K_; ++k) {
+        std::vector<double> all = before[k];
+        for (size_t n = 0; n < s_.neighbour_count; ++n) {
+          const std::vector<double>& other = before[s_.near[(l * s_.neighbour_count + n) * K_ + k]];
+          all.insert(all.end(), other.begin(), other.end());
+        }
+        const std::vector<double> more = relu(model_.Apply(s_.mix[l], all));
+        for (size_t i = 0; i < more.size(); ++i) f[k][i] += more[i];
+      }
+    }
+    const size_t W = s_.width;
+    const auto sigmoid = [](double v) { return 1 / (1 + std::exp(-v)); };
+    for (size_t k = 0; k < K_; ++k) {
+      const std::vector<double> gx = model_.Apply(s_.input_gates, f[k]), gh = model_.Apply(s_.hidden_gates, h_[k]);
+      for (size_t i = 0; i < W; ++i) {
+        const double r = sigmoid(gx[i] + gh[i]), z = sigmoid(gx[W + i] + gh[W + i]);
+        const double q = std::tanh(gx[2 * W + i] + r * gh[2 * W + i]);
+        h_[k][i] = (1 - z) * q + z * h_[k][i];
+      }
+    }
+  }
+
+  const PatchModel& model_;
+  const PatchStageView& s_;
+  const size_t K_, R_;
+  bool started_ = false;
+  std::vector<V3> u_, x1_, x2_, c1_, c2_, ends_;
+  std::vector<std::vector<double>> h_;
+};
+
+Cloth* Inside(OwnedCloth* cloth) { return reinterpret_cast<Cloth*>(cloth->get()); }
+
+// A tick in one piece, `elapsed` ticks after the last one.
+void RunTick(OwnedCloth* cloth, const std::vector<float>& pose, uint32_t stages, double elapsed = 1) {
+  Cloth* const inside = Inside(cloth);
+  engine::Stopwatch watch(nullptr);
+  engine::SkinPose skin = {inside->skin_joints, {}};
+  ASSERT_TRUE(engine::ReadPose(*inside->model, inside->rig, OwnedCloth::Pose(pose), inside->pose_now));
+  engine::MakeSkinPose(*inside->model, inside->pose_now, &skin);
+  engine::BeginTick(inside, skin, stages, elapsed, &watch);
+  engine::ContinueTick(inside, UINT64_MAX, &watch);
+}
+
+std::vector<float> Displacement(OwnedCloth* cloth) {
+  const Cloth& inside = *Inside(cloth);
+  const float* delta = inside.displacement[inside.newest];
+  return {delta, delta + 3 * inside.model->vertex_count};
+}
+
+V3 Hips(const PatchModel& model, const std::vector<float>& pose) {
+  const float* hips = pose.data() + 16 * model.numbers().hips;
+  return {double{hips[3]}, double{hips[7]}, double{hips[11]}};
+}
+
+PatchSpec Wide(WeightType type) {
+  PatchSpec spec;
+  spec.patches = 7;
+  spec.points = 8;
+  spec.width = 40;
+  spec.embedding = 0;
+  spec.sources = 8;
+  spec.rings = 20;
+  spec.type = type;
+  spec.seed = 2;
+  return spec;
+}
+
+std::vector<PatchSpec> Specs() {
+  std::vector<PatchSpec> specs;
+  for (const WeightType type : {WeightType::kF32, WeightType::kF16, WeightType::kI8}) {
+    PatchSpec spec;
+    spec.type = type;
+    specs.push_back(spec);
+    specs.push_back(Wide(type));
+    spec.neighbours = 0;
+    spec.layers = 1;
+    spec.points = 16;
+    spec.patches = 2;
+    spec.sources = 2;
+    spec.width = 8;
+    specs.push_back(spec);
+  }
+  return specs;
+}
+
+class PatchStageTest : public ::testing::TestWithParam<PatchSpec> {
+ protected:
+  const PatchModel model_{GetParam()};
+
+  std::vector<float> Pose(double tick) const { return PoseAt(model_.numbers(), tick / 30); }
+};
+
+// Walk, a skipped time, a jump, a level without the stage and the way back. Floats of positions near a metre are 6e-8
+// apart and differences of them are inputs times 10 to 20: 1e-4 of inputs up to 8 and 1e-5 m of cloth are some tens of
+// roundings, and far below what a wrong sign, frame or tick would do. 16-bit inputs of int8 layers are off by 1e-4.
+TEST_P(PatchStageTest, FollowsTheFormulas) {
+  const bool int8 = GetParam().type == WeightType::kI8;
+  const PatchStageView& stage = model_.stage();
+  for (const std::string& isa : UsableIsas()) {
+    ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
+    SCOPED_TRACE(isa);
+    OwnedCloth cloth(model_.opened());
+    PatchReference reference(model_);
+    const Cloth& inside = *Inside(&cloth);
+    V3 hips_before = {};
+    double clip = 0, worst_x = 0, worst_u = 0, moved = 0;
+    for (int tick = 0; tick < 14; ++tick, ++clip) {
+      const double elapsed = tick == 4 ? 2.5 : tick == 6 ? 0.75 : 1;
+      clip += elapsed - 1;
+      std::vector<float> pose = Pose(clip);
+      const bool jumps = tick == 8;
+      if (tick >= 8) pose = PoseAt(model_.numbers(), (clip + 20) / 30, {3, 1, -5});
+      const V3 wind = {0.5 * tick, 1, -2};
+      const float host_wind[3] = {static_cast<float>(wind[0]), 1, -2};
+      ASSERT_EQ(dcloth_cloth_set_wind(cloth.get(), host_wind, nullptr), DCLOTH_OK);
+      const uint32_t stages = tick == 11 ? DCLOTH_STAGES_STATIC
+                              : tick < 3 ? DCLOTH_STAGES_SKELETON
+                                         : DCLOTH_STAGES_MESH;
+      Inside(&cloth)->root.jumped = jumps;
+      RunTick(&cloth, pose, stages, elapsed);
+      const V3 hips = Hips(model_, pose), way = hips - hips_before;
+      hips_before = hips;
+      const std::vector<float> delta = Displacement(&cloth);
+      if (stages == DCLOTH_STAGES_STATIC) {
+        reference.Reset();
+        EXPECT_EQ(delta, std::vector<float>(delta.size()));
+        continue;
+      }
+      reference.Tick(inside.skin_joints, way, 1.0 / 30 * wind, jumps ? INFINITY : elapsed);
+      for (size_t k = 0; k < stage.patch_count; ++k) {
+        const float* x = inside.patches.rows + k * engine::PatchRowFloats(stage) + stage.width;
+        for (size_t i = 0; i < reference.x[k].size(); ++i) {
+          const double error = std::abs(double{x[i]} - reference.x[k][i]);
+          EXPECT_LT(error, 1e-4 + (int8 ? 1e-3 : 0)) << "tick " << tick << " patch " << k << " input " << i << ": "
+                                                     << x[i];
+          worst_x = std::max(worst_x, error);
+        }
+        for (size_t r = 0; r < stage.point_count; ++r) {
+          for (size_t axis = 0; axis < 3; ++axis) {
+            const size_t at = (k * 3 + axis) * stage.point_count + r;
+            const double expected = reference.u()[k * stage.point_count + r][axis];
+            worst_u = std::max(worst_u, std::abs(double{engine::PatchDisplacement(inside.patches)[at]} - expected));
+            moved = std::max(moved, std::abs(expected));
+          }
+        }
+      }
+      EXPECT_LT(worst_u, int8 ? 1e-4 : 1e-5) << tick;
+      const std::vector<double> expected = reference.Displacement();
+      for (size_t i = 0; i < delta.size(); ++i)
+        ASSERT_NEAR(double{delta[i]}, expected[i], int8 ? 5e-4 : 2e-5) << "tick " << tick << " coordinate " << i;
+      if (HasFailure()) break;
+    }
+    EXPECT_GT(moved, 0.05) << "nothing to see";
+    RecordProperty("worst_x_" + isa, std::to_string(worst_x));
+    RecordProperty("worst_u_um_" + isa, std::to_string(worst_u * 1e6));
+  }
+  dcloth_isa_select(nullptr);
+}
+
+std::string NameOf(const ::testing::TestParamInfo<PatchSpec>& test) {
+  constexpr const char* kTypes[] = {"F32", "F16", "I8"};
+  return std::string(kTypes[static_cast<size_t>(test.param.type)]) + "_points_" + std::to_string(test.param.points);
+}
+
+INSTANTIATE_TEST_SUITE_P(Every, PatchStageTest, ::testing::ValuesIn(Specs()), NameOf);
+
+}  // namespace
+}  // namespace dcloth::testing
