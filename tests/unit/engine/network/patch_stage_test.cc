@@ -8,6 +8,7 @@
 #include "engine/src/base/arithmetic.h"
 #include "engine/src/network/displacement.h"
 #include "engine/src/network/schedule.h"
+#include "engine/src/time/idle.h"
 #include "tests/unit/engine/all_finite.h"
 #include "tests/unit/engine/network/patch_model.h"
 #include "tests/unit/engine/state_fixture.h"
@@ -359,12 +360,189 @@ TEST_P(PatchStageTest, FollowsTheFormulas) {
   dcloth_isa_select(nullptr);
 }
 
+// Begins a tick without running it.
+void Begin(OwnedCloth* cloth, const std::vector<float>& pose, uint32_t stages) {
+  Cloth* const inside = Inside(cloth);
+  engine::Stopwatch watch(nullptr);
+  engine::SkinPose skin = {inside->skin_joints, {}};
+  ASSERT_TRUE(engine::ReadPose(*inside->model, inside->rig, OwnedCloth::Pose(pose), inside->pose_now));
+  engine::MakeSkinPose(*inside->model, inside->pose_now, &skin);
+  engine::BeginTick(inside, skin, stages, 1, &watch);
+  std::swap(inside->pose_before, inside->pose_now);
+}
+
+constexpr uint32_t kPlan[] = {7, 7, 3, 7, 1, 7, 3, 7};
+
+TEST_P(PatchStageTest, PortionsGiveTheSameBits) {
+  for (const std::string& isa : UsableIsas()) {
+    ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
+    for (const uint64_t budget : {uint64_t{1}, uint64_t{2000000}, uint64_t{100000000}}) {
+      OwnedCloth whole(model_.opened()), cut(model_.opened());
+      std::mt19937_64 random(budget);
+      engine::Stopwatch watch(nullptr);
+      for (int tick = 0; tick < 8; ++tick) {
+        RunTick(&whole, Pose(tick), kPlan[tick]);
+        Begin(&cut, Pose(tick), kPlan[tick]);
+        uint64_t spent = 0;
+        while (engine::TickInWork(*Inside(&cut))) {
+          const uint64_t portion = std::uniform_int_distribution<uint64_t>(1, budget)(random);
+          spent += engine::ContinueTick(Inside(&cut), portion, &watch);
+        }
+        EXPECT_EQ(spent, engine::TickCost(model_.view(), kPlan[tick]));
+        ASSERT_EQ(Displacement(&whole), Displacement(&cut)) << isa << " tick " << tick << " budget " << budget;
+      }
+    }
+  }
+  dcloth_isa_select(nullptr);
+}
+
+// Saved before and after each item, restored into memory that has lived: every byte of the state after that tick and
+// the next one is the same.
+TEST_P(PatchStageTest, AStateSavedAnywhereGoesOn) {
+  OwnedCloth original(model_.opened());
+  engine::Stopwatch watch(nullptr);
+  size_t saves = 0;
+  for (int tick = 0; tick < 8; ++tick) {
+    Begin(&original, Pose(tick), kPlan[tick]);
+    if (tick == 0) engine::ContinueTick(Inside(&original), UINT64_MAX, &watch);
+    std::vector<StateBytes> states = {Save(&original)};
+    while (engine::TickInWork(*Inside(&original))) {
+      engine::ContinueTick(Inside(&original), 1, &watch);
+      states.push_back(Save(&original));
+    }
+    const StateBytes after = Save(&original);
+    OwnedCloth next(model_.opened());
+    ASSERT_EQ(Restore(&next, after), DCLOTH_OK);
+    RunTick(&next, Pose(tick + 1), DCLOTH_STAGES_MESH);
+    OwnedCloth restored(model_.opened());
+    for (const StateBytes& state : states) {
+      dcloth_error error = EmptyError();
+      ASSERT_EQ(Restore(&restored, state, 0, &error), DCLOTH_OK) << error.text;
+      ASSERT_EQ(Save(&restored), state);
+      engine::ContinueTick(Inside(&restored), UINT64_MAX, &watch);
+      ASSERT_EQ(Save(&restored), after) << "tick " << tick << " item " << saves;
+      RunTick(&restored, Pose(tick + 1), DCLOTH_STAGES_MESH);
+      ASSERT_EQ(Displacement(&restored), Displacement(&next));
+      ++saves;
+    }
+  }
+  const size_t groups = model_.stage().patch_count * model_.stage().point_count;
+  EXPECT_GT(saves, 6 * (model_.stage().patch_count + model_.stage().layer_count + 3 + groups / engine::kMapPoints));
+}
+
+// Integers, and floats that are not fused: one motion on all of them.
+TEST_P(PatchStageTest, IntegersGiveTheSameBitsOnEveryInstructionSet) {
+  if (GetParam().type != WeightType::kI8) GTEST_SKIP();
+  std::vector<std::vector<float>> first;
+  for (const std::string& isa : UsableIsas()) {
+    ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
+    OwnedCloth cloth(model_.opened());
+    for (size_t tick = 0; tick < 20; ++tick) {
+      RunTick(&cloth, Pose(static_cast<double>(tick)), DCLOTH_STAGES_MESH);
+      if (first.size() == tick) first.push_back(Displacement(&cloth));
+      ASSERT_EQ(Displacement(&cloth), first[tick]) << isa << " tick " << tick;
+    }
+  }
+  EXPECT_GT(UsableIsas().size(), 1u);
+  dcloth_isa_select(nullptr);
+}
+
+// Scales of joints from nothing to a billion, then a sound pose: what is left of them is a place to fall from.
+TEST_P(PatchStageTest, NoPoseLeavesANumberThatIsNone) {
+  const std::vector<float> sound = Pose(3);
+  std::mt19937 random(5);
+  std::vector<std::vector<float>> poses = {sound, std::vector<float>(sound.size(), 0.0f),
+                                           std::vector<float>(sound.size(), 1e9f)};
+  for (const float scale : {0.0f, 1e-30f, 1e-6f, 1e-3f, -1.0f, 1e8f}) {
+    poses.push_back(sound);
+    for (size_t i = 0; i < sound.size(); ++i) poses.back()[i] *= i % 16 < 12 && i % 4 < 3 ? scale : 1.0f;
+  }
+  poses.push_back(sound);
+  for (float& x : poses.back()) x = random() % 2 == 0 ? 1e9f : -1e9f;
+  const PatchStageView& stage = model_.stage();
+  for (const std::string& isa : UsableIsas()) {
+    ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
+    for (const std::vector<float>& wild : poses) {
+      OwnedCloth cloth(model_.opened());
+      const engine::PatchMemory& patches = Inside(&cloth)->patches;
+      for (const std::vector<float>* pose : {&sound, &wild, &wild, &sound, &sound, &sound}) {
+        RunTick(&cloth, *pose, DCLOTH_STAGES_MESH, pose == &wild ? 3 : 1);
+        ASSERT_TRUE(AllFinite(Displacement(&cloth)));
+        ASSERT_TRUE(AllFinite({patches.cloth, patches.cloth + engine::PatchClothFloats(stage)}));
+        ASSERT_TRUE(AllFinite({patches.hidden, patches.hidden + stage.patch_count * stage.width}));
+        const float* u = engine::PatchDisplacement(patches);
+        for (size_t i = 0; i < 3 * size_t{stage.patch_count} * stage.point_count; ++i) ASSERT_LT(std::abs(u[i]), 100);
+      }
+      ASSERT_EQ(cloth.Skin(sound, 1), DCLOTH_OK);
+      ASSERT_TRUE(AllFinite(cloth.positions()));
+    }
+  }
+  dcloth_isa_select(nullptr);
+}
+
+// A character that stands still lets the cloth freeze; a breath of wind wakes it.
+TEST_P(PatchStageTest, FreezesAtRestAndWakesInTheWind) {
+  constexpr float kSeconds = 1 / 30.0f;
+  OwnedCloth cloth(model_.opened());
+  const auto update = [&](double tick) {
+    EXPECT_EQ(cloth.Update(Pose(tick), kSeconds, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE), DCLOTH_OK);
+    return engine::IsFrozen(*Inside(&cloth));
+  };
+  for (int tick = 0; tick < 20; ++tick) ASSERT_FALSE(update(tick));
+  int ticks = 0;
+  while (!update(20) && ticks < 2000) ++ticks;
+  ASSERT_LT(ticks, 2000);
+  ASSERT_GE(ticks, static_cast<int>(engine::kIdleTicks) - 1);
+  EXPECT_TRUE(update(20));
+  const float wind[3] = {3, 0, 0};
+  ASSERT_EQ(dcloth_cloth_set_wind(cloth.get(), wind, nullptr), DCLOTH_OK);
+  EXPECT_FALSE(update(20));
+}
+
 std::string NameOf(const ::testing::TestParamInfo<PatchSpec>& test) {
   constexpr const char* kTypes[] = {"F32", "F16", "I8"};
   return std::string(kTypes[static_cast<size_t>(test.param.type)]) + "_points_" + std::to_string(test.param.points);
 }
 
 INSTANTIATE_TEST_SUITE_P(Every, PatchStageTest, ::testing::ValuesIn(Specs()), NameOf);
+
+double LargestDifference(const std::vector<float>& a, const std::vector<float>& b) {
+  double largest = 0;
+  for (size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(double{a[i]} - double{b[i]}));
+  return largest;
+}
+
+// The same weights rounded to 8 bits err by a fraction of how far the cloth moves.
+TEST(PatchPrecision, IntegersFollowFloats) {
+  const PatchModel floats(Wide(WeightType::kF32)), halves(Wide(WeightType::kF16)), integers(Wide(WeightType::kI8));
+  OwnedCloth exact(floats.opened()), half(halves.opened()), rounded(integers.opened());
+  double moved = 0, half_error = 0, error = 0;
+  for (int tick = 0; tick < 30; ++tick) {
+    const std::vector<float> pose = PoseAt(floats.numbers(), tick / 30.0);
+    for (OwnedCloth* cloth : {&exact, &half, &rounded}) RunTick(cloth, pose, DCLOTH_STAGES_MESH);
+    const std::vector<float> delta = Displacement(&exact);
+    moved = std::max(moved, LargestDifference(delta, std::vector<float>(delta.size())));
+    half_error = std::max(half_error, LargestDifference(Displacement(&half), delta));
+    error = std::max(error, LargestDifference(Displacement(&rounded), delta));
+  }
+  EXPECT_LT(error, moved / 20);
+  EXPECT_LT(half_error, error / 4);
+}
+
+// What the sizes of the state are made of is the model's, whichever identity it has.
+TEST(PatchState, AnotherModelsIsRefused) {
+  PatchSpec spec;
+  const PatchModel model(spec);
+  ++spec.patches;
+  const PatchModel other(spec);
+  OwnedCloth cloth(model.opened()), taker(other.opened());
+  RunTick(&cloth, PoseAt(model.numbers(), 0), DCLOTH_STAGES_MESH);
+  dcloth_error error = EmptyError();
+  for (const uint32_t flags : {0u, uint32_t{DCLOTH_RESTORE_OTHER_MODEL}}) {
+    EXPECT_EQ(Restore(&taker, Save(&cloth), flags, &error), DCLOTH_ERROR_MODEL);
+    EXPECT_EQ(std::string(error.text).find("patch_shape: found "), 0u) << error.text;
+  }
+}
 
 }  // namespace
 }  // namespace dcloth::testing
