@@ -94,7 +94,7 @@ void Mix(const kernels::KernelTable& kernels, const PatchStageView& stage, size_
   for (size_t i = 0; i < stage.patch_count * stride; ++i) memory.features[i] += made[i];
 }
 
-// h' of every patch, and a copy of it in front of the inputs.
+// h' of every patch.
 void RunGates(const kernels::KernelTable& kernels, const PatchStageView& stage, const PatchMemory& memory) {
   const size_t width = stage.width, stride = ProductStride(stage);
   Multiply(kernels, stage, stage.input_gates, memory.features, FeatureStride(stage), Activation::kNone, memory,
@@ -102,9 +102,7 @@ void RunGates(const kernels::KernelTable& kernels, const PatchStageView& stage, 
   Multiply(kernels, stage, stage.hidden_gates, memory.hidden, width, Activation::kNone, memory, memory.products[1],
            stride);
   for (size_t k = 0; k < stage.patch_count; ++k) {
-    float* const h = memory.hidden + k * width;
-    kernels.gru_gates({memory.products[0] + k * stride, memory.products[1] + k * stride, h, width});
-    std::memcpy(memory.rows + k * PatchRowFloats(stage), h, width * sizeof(float));
+    kernels.gru_gates({memory.products[0] + k * stride, memory.products[1] + k * stride, memory.hidden + k * width, width});
   }
 }
 
@@ -113,6 +111,9 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
   const PatchStageView& stage = model.patch_stage;
   const size_t points = stage.point_count, floats = PatchFloats(stage), stride = ProductStride(stage);
   const Cloths cloths = ClothsOf(stage, memory);
+  for (size_t k = 0; k < stage.patch_count; ++k) {
+    std::memcpy(memory.rows + k * PatchRowFloats(stage), memory.hidden + k * stage.width, stage.width * sizeof(float));
+  }
   float* const made = memory.products[0];
   Multiply(kernels, stage, stage.out, memory.rows, PatchRowFloats(stage), Activation::kNone, memory, made, stride);
   std::memcpy(cloths.before, cloths.last, AllPoints(stage) * sizeof(float));

@@ -430,23 +430,6 @@ TEST_P(PatchStageTest, AStateSavedAnywhereGoesOn) {
   EXPECT_GT(saves, 6 * (model_.stage().patch_count + model_.stage().layer_count + 3 + groups / engine::kMapPoints));
 }
 
-// Integers, and floats that are not fused: one motion on all of them.
-TEST_P(PatchStageTest, IntegersGiveTheSameBitsOnEveryInstructionSet) {
-  if (GetParam().type != WeightType::kI8) GTEST_SKIP();
-  std::vector<std::vector<float>> first;
-  for (const std::string& isa : UsableIsas()) {
-    ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
-    OwnedCloth cloth(model_.opened());
-    for (size_t tick = 0; tick < 20; ++tick) {
-      RunTick(&cloth, Pose(static_cast<double>(tick)), DCLOTH_STAGES_MESH);
-      if (first.size() == tick) first.push_back(Displacement(&cloth));
-      ASSERT_EQ(Displacement(&cloth), first[tick]) << isa << " tick " << tick;
-    }
-  }
-  EXPECT_GT(UsableIsas().size(), 1u);
-  dcloth_isa_select(nullptr);
-}
-
 // Scales of joints from nothing to a billion, then a sound pose: what is left of them is a place to fall from.
 TEST_P(PatchStageTest, NoPoseLeavesANumberThatIsNone) {
   const std::vector<float> sound = Pose(3);
@@ -505,6 +488,25 @@ std::string NameOf(const ::testing::TestParamInfo<PatchSpec>& test) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Every, PatchStageTest, ::testing::ValuesIn(Specs()), NameOf);
+
+// Integers, and floats that are not fused: one motion on all of them.
+TEST(PatchPrecision, IntegersGiveTheSameBitsOnEveryInstructionSet) {
+  for (const PatchSpec& spec : {PatchSpec{.type = WeightType::kI8}, Wide(WeightType::kI8)}) {
+    const PatchModel model(spec);
+    std::vector<std::vector<float>> first;
+    for (const std::string& isa : UsableIsas()) {
+      ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
+      OwnedCloth cloth(model.opened());
+      for (size_t tick = 0; tick < 20; ++tick) {
+        RunTick(&cloth, PoseAt(model.numbers(), static_cast<double>(tick) / 30), DCLOTH_STAGES_MESH);
+        if (first.size() == tick) first.push_back(Displacement(&cloth));
+        ASSERT_EQ(Displacement(&cloth), first[tick]) << isa << " tick " << tick;
+      }
+    }
+  }
+  EXPECT_GT(UsableIsas().size(), 1u);
+  dcloth_isa_select(nullptr);
+}
 
 double LargestDifference(const std::vector<float>& a, const std::vector<float>& b) {
   double largest = 0;
