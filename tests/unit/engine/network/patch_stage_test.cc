@@ -10,7 +10,7 @@
 #include "engine/src/network/schedule.h"
 #include "engine/src/time/idle.h"
 #include "tests/unit/engine/all_finite.h"
-#include "tests/unit/engine/network/patch_model.h"
+#include "tests/unit/engine/model_builder.h"
 #include "tests/unit/engine/state_fixture.h"
 
 namespace dcloth::testing {
@@ -19,14 +19,13 @@ namespace {
 using engine::Affine;
 using engine::Cloth;
 using format::PatchStageView;
-using format::WeightType;
 using V3 = std::array<double, 3>;
 
 V3 operator+(const V3& a, const V3& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
 V3 operator-(const V3& a, const V3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 V3 operator*(double s, const V3& a) { return {s * a[0], s * a[1], s * a[2]}; }
 double Dot(const V3& a, const V3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-V3 At(const float* p) { return {double{p[0]}, double{p[1]}, double{p[2]}}; }
+V3 At(const double* p) { return {p[0], p[1], p[2]}; }
 V3 Turn(const Affine& a, const V3& v) {
   V3 out;
   for (size_t r = 0; r < 3; ++r) out[r] = a.m[r][0] * v[0] + a.m[r][1] * v[1] + a.m[r][2] * v[2];
@@ -35,11 +34,29 @@ V3 Turn(const Affine& a, const V3& v) {
 V3 Shift(const Affine& a) { return {a.m[0][3], a.m[1][3], a.m[2][3]}; }
 V3 Place(const Affine& a, const V3& v) { return Turn(a, v) + Shift(a); }
 
+using Row = std::vector<double>;
+
+Row Apply(const Linear& linear, const Row& x) {
+  EXPECT_EQ(x.size(), linear.rows);
+  Row y = linear.bias;
+  for (size_t j = 0; j < x.size(); ++j) {
+    for (size_t c = 0; c < y.size(); ++c) y[c] += x[j] * linear.weights[j * linear.columns + c];
+  }
+  return y;
+}
+
 // NETWORK.md, "Patch stage", word by word.
 class PatchReference {
  public:
-  explicit PatchReference(const PatchModel& model)
-      : model_(model), s_(model.stage()), K_(s_.patch_count), R_(s_.point_count) {}
+  explicit PatchReference(const Numbers& numbers)
+      : numbers_(numbers),
+        p_(numbers.patches),
+        K_(numbers.spec.patches),
+        R_(numbers.spec.patch_points),
+        W_(numbers.spec.patch_width),
+        S_(numbers.spec.patch_neighbours),
+        M_(numbers.spec.sources),
+        E_(numbers.spec.embedding) {}
 
   void Reset() { started_ = false; }
 
@@ -51,30 +68,30 @@ class PatchReference {
       }
     }
     const size_t points = K_ * R_;
-    std::vector<V3> c(K_), b(points), ends(2 * s_.capsule_count);
+    std::vector<V3> c(K_), b(points), ends(2 * p_.capsule_joints.size());
     std::vector<std::array<V3, 3>> Q(K_);
     for (size_t k = 0; k < K_; ++k) {
-      const Affine& joint = joints[s_.joints[k]];
-      const float* L = s_.axes + 9 * k;
-      for (size_t a = 0; a < 3; ++a) Q[k][a] = Turn(joint, {double{L[a]}, double{L[3 + a]}, double{L[6 + a]}});
-      c[k] = Place(joint, At(s_.centres + 3 * k));
+      const Affine& joint = joints[p_.joints[k]];
+      const double* L = &p_.axes[9 * k];
+      for (size_t a = 0; a < 3; ++a) Q[k][a] = Turn(joint, {L[a], L[3 + a], L[6 + a]});
+      c[k] = Place(joint, At(&p_.centres[3 * k]));
     }
     for (size_t g = 0; g < points; ++g) {
       b[g] = {};
       for (size_t i = 0; i < 4; ++i) {
-        const Affine& joint = joints[s_.point_joints[4 * g + i]];
-        const float* part = s_.point_parts + 4 * (4 * g + i);
-        b[g] = b[g] + Turn(joint, At(part)) + double{part[3]} * Shift(joint);
+        const Affine& joint = joints[p_.point_joints[4 * g + i]];
+        const double* part = &p_.point_parts[4 * (4 * g + i)];
+        b[g] = b[g] + Turn(joint, At(part)) + part[3] * Shift(joint);
       }
     }
     for (size_t i = 0; i < ends.size(); ++i)
-      ends[i] = Place(joints[s_.capsule_joints[i / 2]], At(s_.capsules + 8 * (i / 2) + 3 * (i % 2)));
+      ends[i] = Place(joints[p_.capsule_joints[i / 2]], At(&p_.capsules[8 * (i / 2) + 3 * (i % 2)]));
     if (!started_) {
       u_.assign(points, V3{});
       x1_ = x2_ = b;
       c1_ = c2_ = c;
       ends_ = ends;
-      h_.assign(K_, std::vector<double>(s_.width));
+      h_.assign(K_, Row(W_));
       started_ = true;
     }
     const auto out = [&](size_t k, const V3& v) { return v[0] * Q[k][0] + v[1] * Q[k][1] + v[2] * Q[k][2]; };
@@ -99,7 +116,7 @@ class PatchReference {
     }
     x.assign(K_, {});
     for (size_t k = 0; k < K_; ++k) {
-      std::vector<double>& row = x[k];
+      Row& row = x[k];
       const auto add_points = [&](auto value) {
         for (size_t axis = 0; axis < 3; ++axis) {
           for (size_t r = 0; r < R_; ++r) row.push_back(value(k * R_ + r)[axis]);
@@ -116,17 +133,17 @@ class PatchReference {
       add_points([&](size_t g) { return clamped(in(k, x1_[g] - x2_[g])); });
       for (size_t limb = 0; limb < 2; ++limb) {
         std::vector<V3> normals(R_);
-        std::vector<double> distances(R_), speeds(R_);
+        Row distances(R_), speeds(R_);
         for (size_t r = 0; r < R_; ++r) {
           double nearest = INFINITY;
           for (size_t bone = 0; bone < 2; ++bone) {
-            const size_t i = s_.limbs[4 * k + 2 * limb + bone];
-            const float* radii = s_.capsules + 8 * i + 6;
+            const size_t i = p_.limbs[4 * k + 2 * limb + bone];
+            const double* radii = &p_.capsules[8 * i + 6];
             const V3 way = ends[2 * i + 1] - ends[2 * i], from = x1_[k * R_ + r] - ends[2 * i];
             const double at = std::clamp(Dot(from, way) / Dot(way, way), 0.0, 1.0);
             const V3 away = from - at * way;
             const double length = std::sqrt(Dot(away, away));
-            const double d = length - ((1 - at) * double{radii[0]} + at * double{radii[1]});
+            const double d = length - ((1 - at) * radii[0] + at * radii[1]);
             if (!(d < nearest)) continue;
             nearest = d;
             const V3 start_motion = ends[2 * i] - ends_before[2 * i], end_motion = ends[2 * i + 1] - ends_before[2 * i + 1];
@@ -142,23 +159,23 @@ class PatchReference {
         row.insert(row.end(), speeds.begin(), speeds.end());
       }
       for (size_t i = 4 * k; i < 4 * k + 4; ++i) {
-        const size_t end = 2 * s_.limbs[i] + 1;
+        const size_t end = 2 * p_.limbs[i] + 1;
         add(2, ends[end] - c[k]);
         add(10, ends[end] - ends_before[end]);
       }
       add(1, {0, -1, 0});
       add(6, wind);
       add(20, c[k] - 2 * c1_[k] + c2_[k]);
-      for (size_t i = 0; i < s_.embedding_size; ++i) row.push_back(double{s_.embedding[k * s_.embedding_size + i]});
+      row.insert(row.end(), p_.embedding.begin() + k * E_, p_.embedding.begin() + (k + 1) * E_);
     }
     RunLayers();
     for (size_t k = 0; k < K_; ++k) {
-      std::vector<double> inputs = h_[k];
+      Row inputs = h_[k];
       inputs.insert(inputs.end(), x[k].begin(), x[k].end());
-      const std::vector<double> o = model_.Apply(s_.out, inputs);
+      const Row o = Apply(p_.out, inputs);
       for (size_t r = 0; r < R_; ++r) {
         V3& u = u_[k * R_ + r];
-        for (size_t axis = 0; axis < 3; ++axis) u[axis] = 0.1 * o[axis * R_ + r] + double{s_.keep[r]} * u[axis];
+        for (size_t axis = 0; axis < 3; ++axis) u[axis] = 0.1 * o[axis * R_ + r] + p_.keep[r] * u[axis];
       }
     }
     x2_ = x1_;
@@ -169,66 +186,65 @@ class PatchReference {
   }
 
   // delta [n, 3]
-  std::vector<double> Displacement() const {
-    std::vector<double> delta(3 * model_.numbers().n, NAN);
+  Row Displacement() const {
+    Row delta(3 * numbers_.n, NAN);
     const size_t points = K_ * R_;
     // One product over all columns for each group; only its own are its vertices'.
     size_t column = 0;
     for (size_t g = 0; g < points; ++g) {
-      std::vector<double> sources;
-      for (size_t m = 0; m < s_.source_count; ++m) {
-        const V3& u = u_[s_.sources[g * s_.source_count + m]];
+      Row sources;
+      for (size_t m = 0; m < M_; ++m) {
+        const V3& u = u_[p_.sources[g * M_ + m]];
         sources.insert(sources.end(), u.begin(), u.end());
       }
-      const std::vector<double> made = model_.Apply(s_.map, sources);
-      const size_t begin = s_.group_starts[g], count = s_.group_starts[g + 1] - begin;
-      for (size_t i = 0; i < 3 * count; ++i) delta[size_t{3} * s_.vertices[begin + i / 3] + i % 3] = made[column + i];
+      const Row made = Apply(p_.map, sources);
+      const size_t begin = p_.group_starts[g], count = p_.group_starts[g + 1] - begin;
+      for (size_t i = 0; i < 3 * count; ++i) delta[size_t{3} * p_.vertices[begin + i / 3] + i % 3] = made[column + i];
       column += kernels::PaddedColumns(3 * count);
     }
     return delta;
   }
 
-  std::vector<std::vector<double>> x;  // inputs of the last tick
+  std::vector<Row> x;  // inputs of the last tick
   const std::vector<V3>& u() const { return u_; }
 
  private:
   void RunLayers() {
-    const auto relu = [](std::vector<double> y) {
+    const auto relu = [](Row y) {
       for (double& value : y) value = std::max(value, 0.0);
       return y;
     };
-    std::vector<std::vector<double>> f(K_);
-    for (size_t k = 0; k < K_; ++k) f[k] = relu(model_.Apply(s_.enter, x[k]));
-    for (size_t l = 0; l < s_.layer_count; ++l) {
-      const std::vector<std::vector<double>> before = f;
+    std::vector<Row> f(K_);
+    for (size_t k = 0; k < K_; ++k) f[k] = relu(Apply(p_.enter, x[k]));
+    for (size_t l = 0; l < p_.mix.size(); ++l) {
+      const std::vector<Row> before = f;
       for (size_t k = 0; k < K_; ++k) {
-        std::vector<double> all = before[k];
-        for (size_t n = 0; n < s_.neighbour_count; ++n) {
-          const std::vector<double>& other = before[s_.near[(l * s_.neighbour_count + n) * K_ + k]];
+        Row all = before[k];
+        for (size_t n = 0; n < S_; ++n) {
+          const Row& other = before[p_.near[(l * S_ + n) * K_ + k]];
           all.insert(all.end(), other.begin(), other.end());
         }
-        const std::vector<double> more = relu(model_.Apply(s_.mix[l], all));
+        const Row more = relu(Apply(p_.mix[l], all));
         for (size_t i = 0; i < more.size(); ++i) f[k][i] += more[i];
       }
     }
-    const size_t W = s_.width;
     const auto sigmoid = [](double v) { return 1 / (1 + std::exp(-v)); };
     for (size_t k = 0; k < K_; ++k) {
-      const std::vector<double> gx = model_.Apply(s_.input_gates, f[k]), gh = model_.Apply(s_.hidden_gates, h_[k]);
-      for (size_t i = 0; i < W; ++i) {
-        const double r = sigmoid(gx[i] + gh[i]), z = sigmoid(gx[W + i] + gh[W + i]);
-        const double q = std::tanh(gx[2 * W + i] + r * gh[2 * W + i]);
+      const Row gx = Apply(p_.input_gates, f[k]), gh = Apply(p_.hidden_gates, h_[k]);
+      for (size_t i = 0; i < W_; ++i) {
+        const double r = sigmoid(gx[i] + gh[i]), z = sigmoid(gx[W_ + i] + gh[W_ + i]);
+        const double q = std::tanh(gx[2 * W_ + i] + r * gh[2 * W_ + i]);
         h_[k][i] = (1 - z) * q + z * h_[k][i];
       }
     }
   }
 
-  const PatchModel& model_;
-  const PatchStageView& s_;
-  const size_t K_, R_;
+  const Numbers& numbers_;
+  const Patches& p_;
+  const size_t K_, R_, W_, S_, M_, E_;
   bool started_ = false;
   std::vector<V3> u_, x1_, x2_, c1_, c2_, ends_;
-  std::vector<std::vector<double>> h_;
+  std::vector<Row> h_;
 };
 
 Cloth* Inside(OwnedCloth* cloth) { return reinterpret_cast<Cloth*>(cloth->get()); }
@@ -250,60 +266,69 @@ std::vector<float> Displacement(OwnedCloth* cloth) {
   return {delta, delta + 3 * inside.model->vertex_count};
 }
 
-V3 Hips(const PatchModel& model, const std::vector<float>& pose) {
-  const float* hips = pose.data() + 16 * model.numbers().hips;
+V3 Hips(const Numbers& numbers, const std::vector<float>& pose) {
+  const float* hips = pose.data() + 16 * numbers.hips;
   return {double{hips[3]}, double{hips[7]}, double{hips[11]}};
 }
 
-PatchSpec Wide(WeightType type) {
-  PatchSpec spec;
+ModelSpec Small(format::DType precision) {
+  ModelSpec spec;
+  spec.precision = precision;
+  spec.patches = 5;
+  return spec;
+}
+
+ModelSpec Wide(format::DType precision) {
+  ModelSpec spec = Small(precision);
   spec.patches = 7;
-  spec.points = 8;
-  spec.width = 40;
+  spec.patch_points = 8;
+  spec.patch_width = 40;
   spec.embedding = 0;
   spec.sources = 8;
   spec.rings = 20;
-  spec.type = type;
   spec.seed = 2;
   return spec;
 }
 
-std::vector<PatchSpec> Specs() {
-  std::vector<PatchSpec> specs;
-  for (const WeightType type : {WeightType::kF32, WeightType::kF16, WeightType::kI8}) {
-    PatchSpec spec;
-    spec.type = type;
-    specs.push_back(spec);
-    specs.push_back(Wide(type));
-    spec.neighbours = 0;
-    spec.layers = 1;
-    spec.points = 16;
-    spec.patches = 2;
-    spec.sources = 2;
-    spec.width = 8;
-    specs.push_back(spec);
+std::vector<ModelSpec> Specs() {
+  std::vector<ModelSpec> specs;
+  for (const format::DType precision : {format::DType_F32, format::DType_F16, format::DType_I8}) {
+    specs.push_back(Small(precision));
+    specs.push_back(Wide(precision));
+    ModelSpec alone = Small(precision);
+    alone.patches = 2;
+    alone.patch_points = 16;
+    alone.rings = 18;
+    alone.patch_neighbours = 0;
+    alone.mixes = 1;
+    alone.sources = 2;
+    alone.patch_width = 8;
+    specs.push_back(alone);
   }
   return specs;
 }
 
-class PatchStageTest : public ::testing::TestWithParam<PatchSpec> {
+class PatchStageTest : public ::testing::TestWithParam<ModelSpec> {
  protected:
-  const PatchModel model_{GetParam()};
+  const TestModel model_ = BuildModel(GetParam());
+  const OpenedModel opened_{model_};
+  const format::ModelView& view_ = *reinterpret_cast<const format::ModelView*>(opened_.get());
+  const PatchStageView& stage_ = view_.patch_stage;
 
-  std::vector<float> Pose(double tick) const { return PoseAt(model_.numbers(), tick / 30); }
+  std::vector<float> Pose(double tick) const { return PoseAt(model_.numbers, tick / 30); }
 };
 
 // Walk, a skipped time, a jump, a level without the stage and the way back. Floats of positions near a metre are 6e-8
 // apart and differences of them are inputs times 10 to 20: 1e-4 of inputs up to 8 and 1e-5 m of cloth are some tens of
 // roundings, and far below what a wrong sign, frame or tick would do. 16-bit inputs of int8 layers are off by 1e-4.
 TEST_P(PatchStageTest, FollowsTheFormulas) {
-  const bool int8 = GetParam().type == WeightType::kI8;
-  const PatchStageView& stage = model_.stage();
+  const bool int8 = GetParam().precision == format::DType_I8;
+  const PatchStageView& stage = stage_;
   for (const std::string& isa : UsableIsas()) {
     ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
     SCOPED_TRACE(isa);
-    OwnedCloth cloth(model_.opened());
-    PatchReference reference(model_);
+    OwnedCloth cloth(opened_);
+    PatchReference reference(model_.numbers);
     const Cloth& inside = *Inside(&cloth);
     V3 hips_before = {};
     double clip = 0, worst_x = 0, worst_u = 0, moved = 0;
@@ -312,7 +337,7 @@ TEST_P(PatchStageTest, FollowsTheFormulas) {
       clip += elapsed - 1;
       std::vector<float> pose = Pose(clip);
       const bool jumps = tick == 8;
-      if (tick >= 8) pose = PoseAt(model_.numbers(), (clip + 20) / 30, {3, 1, -5});
+      if (tick >= 8) pose = PoseAt(model_.numbers, (clip + 20) / 30, {3, 1, -5});
       const V3 wind = {0.5 * tick, 1, -2};
       const float host_wind[3] = {static_cast<float>(wind[0]), 1, -2};
       ASSERT_EQ(dcloth_cloth_set_wind(cloth.get(), host_wind, nullptr), DCLOTH_OK);
@@ -321,7 +346,7 @@ TEST_P(PatchStageTest, FollowsTheFormulas) {
                                          : DCLOTH_STAGES_MESH;
       Inside(&cloth)->root.jumped = jumps;
       RunTick(&cloth, pose, stages, elapsed);
-      const V3 hips = Hips(model_, pose), way = hips - hips_before;
+      const V3 hips = Hips(model_.numbers, pose), way = hips - hips_before;
       hips_before = hips;
       const std::vector<float> delta = Displacement(&cloth);
       if (stages == DCLOTH_STAGES_STATIC) {
@@ -348,12 +373,12 @@ TEST_P(PatchStageTest, FollowsTheFormulas) {
         }
       }
       EXPECT_LT(worst_u, int8 ? 1e-4 : 1e-5) << tick;
-      const std::vector<double> expected = reference.Displacement();
+      const Row expected = reference.Displacement();
       for (size_t i = 0; i < delta.size(); ++i)
         ASSERT_NEAR(double{delta[i]}, expected[i], int8 ? 5e-4 : 2e-5) << "tick " << tick << " coordinate " << i;
       if (HasFailure()) break;
     }
-    EXPECT_GT(moved, 0.05) << "nothing to see";
+    EXPECT_GT(moved, 0.01) << "nothing to see";
     RecordProperty("worst_x_" + isa, std::to_string(worst_x));
     RecordProperty("worst_u_um_" + isa, std::to_string(worst_u * 1e6));
   }
@@ -377,7 +402,7 @@ TEST_P(PatchStageTest, PortionsGiveTheSameBits) {
   for (const std::string& isa : UsableIsas()) {
     ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
     for (const uint64_t budget : {uint64_t{1}, uint64_t{2000000}, uint64_t{100000000}}) {
-      OwnedCloth whole(model_.opened()), cut(model_.opened());
+      OwnedCloth whole(opened_), cut(opened_);
       std::mt19937_64 random(budget);
       engine::Stopwatch watch(nullptr);
       for (int tick = 0; tick < 8; ++tick) {
@@ -388,7 +413,7 @@ TEST_P(PatchStageTest, PortionsGiveTheSameBits) {
           const uint64_t portion = std::uniform_int_distribution<uint64_t>(1, budget)(random);
           spent += engine::ContinueTick(Inside(&cut), portion, &watch);
         }
-        EXPECT_EQ(spent, engine::TickCost(model_.view(), kPlan[tick]));
+        EXPECT_EQ(spent, engine::TickCost(view_, kPlan[tick]));
         ASSERT_EQ(Displacement(&whole), Displacement(&cut)) << isa << " tick " << tick << " budget " << budget;
       }
     }
@@ -399,7 +424,7 @@ TEST_P(PatchStageTest, PortionsGiveTheSameBits) {
 // Saved before and after each item, restored into memory that has lived: every byte of the state after that tick and
 // the next one is the same.
 TEST_P(PatchStageTest, AStateSavedAnywhereGoesOn) {
-  OwnedCloth original(model_.opened());
+  OwnedCloth original(opened_);
   engine::Stopwatch watch(nullptr);
   size_t saves = 0;
   for (int tick = 0; tick < 8; ++tick) {
@@ -411,10 +436,10 @@ TEST_P(PatchStageTest, AStateSavedAnywhereGoesOn) {
       states.push_back(Save(&original));
     }
     const StateBytes after = Save(&original);
-    OwnedCloth next(model_.opened());
+    OwnedCloth next(opened_);
     ASSERT_EQ(Restore(&next, after), DCLOTH_OK);
     RunTick(&next, Pose(tick + 1), DCLOTH_STAGES_MESH);
-    OwnedCloth restored(model_.opened());
+    OwnedCloth restored(opened_);
     for (const StateBytes& state : states) {
       dcloth_error error = EmptyError();
       ASSERT_EQ(Restore(&restored, state, 0, &error), DCLOTH_OK) << error.text;
@@ -426,8 +451,8 @@ TEST_P(PatchStageTest, AStateSavedAnywhereGoesOn) {
       ++saves;
     }
   }
-  const size_t groups = model_.stage().patch_count * model_.stage().point_count;
-  EXPECT_GT(saves, 6 * (model_.stage().patch_count + model_.stage().layer_count + 3 + groups / engine::kMapPoints));
+  const size_t groups = stage_.patch_count * stage_.point_count;
+  EXPECT_GT(saves, 6 * (stage_.patch_count + stage_.layer_count + 3 + groups / engine::kMapPoints));
 }
 
 // Scales of joints from nothing to a billion, then a sound pose: what is left of them is a place to fall from.
@@ -442,11 +467,11 @@ TEST_P(PatchStageTest, NoPoseLeavesANumberThatIsNone) {
   }
   poses.push_back(sound);
   for (float& x : poses.back()) x = random() % 2 == 0 ? 1e9f : -1e9f;
-  const PatchStageView& stage = model_.stage();
+  const PatchStageView& stage = stage_;
   for (const std::string& isa : UsableIsas()) {
     ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
     for (const std::vector<float>& wild : poses) {
-      OwnedCloth cloth(model_.opened());
+      OwnedCloth cloth(opened_);
       const engine::PatchMemory& patches = Inside(&cloth)->patches;
       for (const std::vector<float>* pose : {&sound, &wild, &wild, &sound, &sound, &sound}) {
         RunTick(&cloth, *pose, DCLOTH_STAGES_MESH, pose == &wild ? 3 : 1);
@@ -466,7 +491,7 @@ TEST_P(PatchStageTest, NoPoseLeavesANumberThatIsNone) {
 // A character that stands still lets the cloth freeze; a breath of wind wakes it.
 TEST_P(PatchStageTest, FreezesAtRestAndWakesInTheWind) {
   constexpr float kSeconds = 1 / 30.0f;
-  OwnedCloth cloth(model_.opened());
+  OwnedCloth cloth(opened_);
   const auto update = [&](double tick) {
     EXPECT_EQ(cloth.Update(Pose(tick), kSeconds, DCLOTH_STAGES_MESH, DCLOTH_FRAME_FREEZE_IDLE), DCLOTH_OK);
     return engine::IsFrozen(*Inside(&cloth));
@@ -482,23 +507,24 @@ TEST_P(PatchStageTest, FreezesAtRestAndWakesInTheWind) {
   EXPECT_FALSE(update(20));
 }
 
-std::string NameOf(const ::testing::TestParamInfo<PatchSpec>& test) {
-  constexpr const char* kTypes[] = {"F32", "F16", "I8"};
-  return std::string(kTypes[static_cast<size_t>(test.param.type)]) + "_points_" + std::to_string(test.param.points);
+std::string NameOf(const ::testing::TestParamInfo<ModelSpec>& test) {
+  return std::string(format::EnumNameDType(test.param.precision)) + "_points_" +
+         std::to_string(test.param.patch_points);
 }
 
 INSTANTIATE_TEST_SUITE_P(Every, PatchStageTest, ::testing::ValuesIn(Specs()), NameOf);
 
 // Integers, and floats that are not fused: one motion on all of them.
 TEST(PatchPrecision, IntegersGiveTheSameBitsOnEveryInstructionSet) {
-  for (const PatchSpec& spec : {PatchSpec{.type = WeightType::kI8}, Wide(WeightType::kI8)}) {
-    const PatchModel model(spec);
+  for (const ModelSpec& spec : {Small(format::DType_I8), Wide(format::DType_I8)}) {
+    const TestModel model = BuildModel(spec);
+    const OpenedModel opened(model);
     std::vector<std::vector<float>> first;
     for (const std::string& isa : UsableIsas()) {
       ASSERT_EQ(dcloth_isa_select(isa.c_str()), DCLOTH_OK);
-      OwnedCloth cloth(model.opened());
+      OwnedCloth cloth(opened);
       for (size_t tick = 0; tick < 20; ++tick) {
-        RunTick(&cloth, PoseAt(model.numbers(), static_cast<double>(tick) / 30), DCLOTH_STAGES_MESH);
+        RunTick(&cloth, PoseAt(model.numbers, static_cast<double>(tick) / 30), DCLOTH_STAGES_MESH);
         if (first.size() == tick) first.push_back(Displacement(&cloth));
         ASSERT_EQ(Displacement(&cloth), first[tick]) << isa << " tick " << tick;
       }
@@ -508,37 +534,14 @@ TEST(PatchPrecision, IntegersGiveTheSameBitsOnEveryInstructionSet) {
   dcloth_isa_select(nullptr);
 }
 
-double LargestDifference(const std::vector<float>& a, const std::vector<float>& b) {
-  double largest = 0;
-  for (size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(double{a[i]} - double{b[i]}));
-  return largest;
-}
-
-// The same weights rounded to 8 bits err by a fraction of how far the cloth moves.
-TEST(PatchPrecision, IntegersFollowFloats) {
-  const PatchModel floats(Wide(WeightType::kF32)), halves(Wide(WeightType::kF16)), integers(Wide(WeightType::kI8));
-  OwnedCloth exact(floats.opened()), half(halves.opened()), rounded(integers.opened());
-  double moved = 0, half_error = 0, error = 0;
-  for (int tick = 0; tick < 30; ++tick) {
-    const std::vector<float> pose = PoseAt(floats.numbers(), tick / 30.0);
-    for (OwnedCloth* cloth : {&exact, &half, &rounded}) RunTick(cloth, pose, DCLOTH_STAGES_MESH);
-    const std::vector<float> delta = Displacement(&exact);
-    moved = std::max(moved, LargestDifference(delta, std::vector<float>(delta.size())));
-    half_error = std::max(half_error, LargestDifference(Displacement(&half), delta));
-    error = std::max(error, LargestDifference(Displacement(&rounded), delta));
-  }
-  EXPECT_LT(error, moved / 20);
-  EXPECT_LT(half_error, error / 4);
-}
-
 // What the sizes of the state are made of is the model's, whichever identity it has.
 TEST(PatchState, AnotherModelsIsRefused) {
-  PatchSpec spec;
-  const PatchModel model(spec);
+  ModelSpec spec = Small(format::DType_F32);
+  const TestModel model = BuildModel(spec);
   ++spec.patches;
-  const PatchModel other(spec);
-  OwnedCloth cloth(model.opened()), taker(other.opened());
-  RunTick(&cloth, PoseAt(model.numbers(), 0), DCLOTH_STAGES_MESH);
+  const OpenedModel opened(model), other(BuildModel(spec));
+  OwnedCloth cloth(opened), taker(other);
+  RunTick(&cloth, PoseAt(model.numbers, 0), DCLOTH_STAGES_MESH);
   dcloth_error error = EmptyError();
   for (const uint32_t flags : {0u, uint32_t{DCLOTH_RESTORE_OTHER_MODEL}}) {
     EXPECT_EQ(Restore(&taker, Save(&cloth), flags, &error), DCLOTH_ERROR_MODEL);
