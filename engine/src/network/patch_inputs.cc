@@ -21,7 +21,10 @@ constexpr float kLeastApart = 1e-4f;      // of a point from it
 constexpr float kLeastAxisSquare = 1e-12f;
 
 // NaN becomes the lower limit: no pose puts one into the recurrent state.
-float Clamp(float low, float high, float v) { return v > low ? (v < high ? v : high) : low; }
+float Clamp(float low, float high, float v) {
+  const float above = v > low ? v : low;
+  return above < high ? above : high;
+}
 
 // exp(-t) for t >= 0 within 2e-7 of itself down to 2^-64; beyond that 2^-64. Without libm, whose last bit differs from
 // system to system. 2^y = 2^k 2^f: k is y rounded, by adding what leaves no room for a fraction, and goes into the
@@ -81,39 +84,49 @@ void PlaceFrame(const PatchStageView& stage, const PatchPose& pose, size_t k, co
   }
 }
 
-// The nearer surface of a limb's two capsules at a point: normal from the axis, distance, motion along the normal.
+// A capsule beside each point: normal from its axis, distance of its surface, motion of the axis along the normal.
 struct Beside {
-  Vecf normal;
-  float distance, speed;
+  float x[kMost], y[kMost], z[kMost], distance[kMost], speed[kMost];
 };
 
-Beside Nearest(const CapsuleMotion& capsule, Vecf place) {
-  const Vecf way = VecfAt(capsule.way), from = place - VecfAt(capsule.start);
-  const float at = Clamp(0, 1, Dot(from, way) * capsule.inverse_squared);
-  const Vecf away = from - at * way;
-  const float apart = std::sqrt(Dot(away, away)), length = apart > kLeastApart ? apart : kLeastApart;
-  const Vecf normal = (1 / length) * away;
-  const float speed = Dot(normal, VecfAt(capsule.start_motion) + at * VecfAt(capsule.way_motion));
-  return {normal, length - (capsule.radius + at * capsule.radius_change), speed};
+void FindCapsule(const CapsuleMotion& capsule, const float* places, size_t points, Beside* beside) {
+  const Vecf start = VecfAt(capsule.start), way = VecfAt(capsule.way), start_motion = VecfAt(capsule.start_motion),
+             way_motion = VecfAt(capsule.way_motion);
+  const float inverse_squared = capsule.inverse_squared, radius = capsule.radius, change = capsule.radius_change;
+  Beside found;
+  for (size_t r = 0; r < points; ++r) {
+    const Vecf from = Vecf{places[r], places[points + r], places[2 * points + r]} - start;
+    const float at = Clamp(0, 1, Dot(from, way) * inverse_squared);
+    const Vecf away = from - at * way;
+    const float apart = std::sqrt(Dot(away, away)), length = apart > kLeastApart ? apart : kLeastApart;
+    const Vecf normal = (1 / length) * away;
+    found.x[r] = normal.x, found.y[r] = normal.y, found.z[r] = normal.z;
+    found.distance[r] = length - (radius + at * change);
+    found.speed[r] = Dot(normal, start_motion + at * way_motion);
+  }
+  *beside = found;
 }
 
-// [5 R]: near in(n) [3][R], 10 d [R], 10 near v [R].
+// [5 R] of the nearer of a limb's capsules, the first of equals: near in(n) [3][R], 10 d [R], 10 near v [R].
 void ReadLimb(const CapsuleMotion& upper, const CapsuleMotion& lower, const IntoFrame& into, const float* places,
               size_t points, float* x) {
+  Beside a, b;
+  FindCapsule(upper, places, points, &a);
+  FindCapsule(lower, places, points, &b);
+  const Vecf out = into.rows[0], up = into.rows[1], along = into.rows[2];
+  float made[5][kMost];
   for (size_t r = 0; r < points; ++r) {
-    const Vecf place = {places[r], places[points + r], places[2 * points + r]};
-    const Beside a = Nearest(upper, place), b = Nearest(lower, place);
-    const bool second = b.distance < a.distance;
-    const float distance = second ? b.distance : a.distance, speed = second ? b.speed : a.speed;
-    const Vecf normal = {second ? b.normal.x : a.normal.x, second ? b.normal.y : a.normal.y,
-                         second ? b.normal.z : a.normal.z};
+    const bool second = b.distance[r] < a.distance[r];
+    const Vecf normal = {second ? b.x[r] : a.x[r], second ? b.y[r] : a.y[r], second ? b.z[r] : a.z[r]};
+    const float distance = second ? b.distance[r] : a.distance[r], speed = second ? b.speed[r] : a.speed[r];
     const float near = ExpMinus((distance > 0 ? distance : 0) * (1 / kReach));
-    x[r] = Clamp(-kLimit, kLimit, near * Dot(into.rows[0], normal));
-    x[points + r] = Clamp(-kLimit, kLimit, near * Dot(into.rows[1], normal));
-    x[2 * points + r] = Clamp(-kLimit, kLimit, near * Dot(into.rows[2], normal));
-    x[3 * points + r] = kLength * Clamp(kDeepest, kFarthest, distance);
-    x[4 * points + r] = Clamp(-kFastest, kFastest, kLength * near * speed);
+    made[0][r] = Clamp(-kLimit, kLimit, near * Dot(out, normal));
+    made[1][r] = Clamp(-kLimit, kLimit, near * Dot(up, normal));
+    made[2][r] = Clamp(-kLimit, kLimit, near * Dot(along, normal));
+    made[3][r] = kLength * Clamp(kDeepest, kFarthest, distance);
+    made[4][r] = Clamp(-kFastest, kFastest, kLength * near * speed);
   }
+  for (size_t i = 0; i < 5; ++i) std::memcpy(x + i * points, made[i], points * sizeof(float));
 }
 
 // [9 R]: the last displacement, the cloth held still in the world, its velocity there. Moves the last places to where

@@ -3,6 +3,8 @@
 #include <cstring>
 #include <initializer_list>
 
+#include "kernels/matvec/quantize.h"
+
 namespace dcloth::engine {
 namespace {
 
@@ -66,6 +68,8 @@ size_t WidestQuantized(const PatchStageView& stage) {
   };
   for (const LinearView* linear : {&stage.enter, &stage.input_gates, &stage.hidden_gates, &stage.out}) count(*linear);
   for (size_t l = 0; l < stage.layer_count; ++l) count(stage.mix[l]);
+  // The map's integers are those of all points.
+  if (stage.map.type == format::WeightType::kI8 && widest < PatchFloats(stage)) widest = PatchFloats(stage);
   return widest;
 }
 
@@ -134,38 +138,81 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
   PlaceCapsules(stage, PoseOf(model, memory), cloths.ends);
 }
 
-// Panels of group `g`'s columns, a few at a time: take(vertex coordinates from the group's first, count, values).
-// Stops where it returns false.
-template <typename Take>
-bool MapGroup(const kernels::KernelTable& kernels, const PatchStageView& stage, const float* displacement, size_t g,
-              size_t* panel, const Take& take) {
-  constexpr size_t kPanels = 8;
-  constexpr size_t kRows = kAxes * format::kMaxSources;
-  const size_t points = stage.point_count;
-  float x[kRows];
-  for (size_t m = 0; m < stage.source_count; ++m) {
-    const size_t source = stage.sources[g * stage.source_count + m];
-    const float* u = displacement + source / points * PatchFloats(stage) + source % points;
-    for (size_t b = 0; b < kAxes; ++b) x[kAxes * m + b] = u[b * points];
+// The map of all points' displacements to vertices, a group of vertices at a time. Integers share a step, that of the
+// largest displacement: a group's products then begin by gathering.
+class GroupMap {
+ public:
+  // `displacement` [K][3][R]; `steps` has room for as many integers where the map has int8 weights.
+  GroupMap(const kernels::KernelTable& kernels, const PatchStageView& stage, const float* displacement, int16_t* steps)
+      : kernels_(kernels), stage_(stage), displacement_(displacement), steps_(steps) {
+    if (stage.map.type != format::WeightType::kI8) return;
+    const size_t floats = AllPoints(stage);
+    float largest = 0;
+    for (size_t i = 0; i < floats; ++i) {
+      const float u = kernels::FiniteProduct(displacement[i], 1), size = u < 0 ? -u : u;
+      largest = size > largest ? size : largest;
+    }
+    static_assert(kRows * kernels::kQuantizedMax <= kernels::kQuantizedSumLimit, "no sum of a group overflows");
+    scales_.x = largest > 0 ? kernels::QuantizedStep(largest) : 1;
+    const float inverse = 1 / scales_.x;
+    for (size_t i = 0; i < floats; ++i)
+      steps[i] = static_cast<int16_t>(kernels::RoundToInt(kernels::FiniteProduct(displacement[i], 1) * inverse));
   }
-  alignas(64) int16_t quantized[kRows];
-  alignas(64) float made[kPanels * kernels::kPanelColumns];
-  const LinearProduct product = {&stage.map, x, stage.map.rows, Activation::kNone, quantized, nullptr};
-  const InputScales scales = QuantizeInput(kernels, product);
-  const size_t columns = kAxes * (stage.group_starts[g + 1] - stage.group_starts[g]);
-  for (size_t begin = 0; begin < columns; begin += kPanels * kernels::kPanelColumns) {
-    const size_t left = columns - begin, all = kernels::PanelCount(left), count = all < kPanels ? all : kPanels;
-    const size_t made_columns = count * kernels::kPanelColumns;
-    ApplyPanelsTo(kernels, product, scales, *panel, count, made);
-    *panel += count;
-    if (!take(begin, left < made_columns ? left : made_columns, made)) return false;
-  }
-  return true;
-}
 
-size_t GroupPanels(const PatchStageView& stage, size_t g) {
-  return kernels::PanelCount(kAxes * (stage.group_starts[g + 1] - stage.group_starts[g]));
-}
+  // The groups before `group` are left out.
+  void Skip(size_t group) {
+    for (size_t g = 0; g < group; ++g) panel_ += Panels(g);
+  }
+
+  // The next group: calls take(first vertex of the group, vertices, their displacement [vertices, 3]) until all are
+  // made or it returns false, which is returned.
+  template <typename Take>
+  bool Run(size_t g, const Take& take) {
+    constexpr size_t kPanels = 6, kVertices = kPanels * kernels::kPanelColumns / kAxes;
+    static_assert(kVertices * kAxes == kPanels * kernels::kPanelColumns, "whole vertices");
+    float x[kRows];
+    alignas(64) int16_t quantized[kRows];
+    if (stage_.map.type == format::WeightType::kI8) {
+      Gather(steps_, g, quantized);
+    } else {
+      Gather(displacement_, g, x);
+    }
+    const LinearProduct product = {&stage_.map, x, stage_.map.rows, Activation::kNone, quantized, nullptr};
+    const size_t vertices = stage_.group_starts[g + 1] - stage_.group_starts[g], first_panel = panel_;
+    panel_ += Panels(g);
+    for (size_t v = 0, panel = first_panel; v < vertices; v += kVertices, panel += kPanels) {
+      alignas(64) float made[kPanels * kernels::kPanelColumns];
+      const size_t panels = panel_ - panel, count = vertices - v;
+      ApplyPanelsTo(kernels_, product, scales_, panel, panels < kPanels ? panels : kPanels, made);
+      if (!take(v, count < kVertices ? count : kVertices, made)) return false;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr size_t kRows = kAxes * format::kMaxSources;
+
+  size_t Panels(size_t g) const {
+    return kernels::PanelCount(kAxes * (stage_.group_starts[g + 1] - stage_.group_starts[g]));
+  }
+
+  template <typename T>
+  void Gather(const T* all, size_t g, T* x) const {
+    const size_t points = stage_.point_count;
+    const uint16_t* sources = stage_.sources + g * stage_.source_count;
+    for (size_t m = 0; m < stage_.source_count; ++m) {
+      const T* u = all + sources[m] / points * PatchFloats(stage_) + sources[m] % points;
+      for (size_t b = 0; b < kAxes; ++b) x[kAxes * m + b] = u[b * points];
+    }
+  }
+
+  const kernels::KernelTable& kernels_;
+  const PatchStageView& stage_;
+  const float* displacement_;
+  const int16_t* steps_;
+  InputScales scales_;
+  size_t panel_ = 0;
+};
 
 }  // namespace
 
@@ -268,36 +315,30 @@ void MapPatches(const kernels::KernelTable& kernels, const PatchStageView& stage
                 size_t begin, size_t count, float* displacement) {
   const size_t groups = size_t{stage.patch_count} * stage.point_count;
   const size_t first = begin * kMapPoints, wanted = (begin + count) * kMapPoints;
-  const size_t end = wanted < groups ? wanted : groups;
-  const float* u = ClothsOf(stage, memory).displacement;
-  size_t panel = 0;
-  for (size_t g = 0; g < first; ++g) panel += GroupPanels(stage, g);
-  for (size_t g = first; g < end; ++g) {
+  GroupMap map(kernels, stage, PatchDisplacement(memory), memory.quantized);
+  map.Skip(first);
+  for (size_t g = first; g < groups && g < wanted; ++g) {
     const uint16_t* vertices = stage.vertices + stage.group_starts[g];
-    // Panels hold whole vertices only three at a time: coordinates go to their places one by one.
-    MapGroup(kernels, stage, u, g, &panel, [&](size_t from, size_t columns, const float* made) {
-      size_t vertex = from / kAxes, axis = from % kAxes;
-      for (size_t i = 0; i < columns; ++i) {
-        displacement[kAxes * vertices[vertex] + axis] = made[i];
-        if (++axis == kAxes) axis = 0, ++vertex;
-      }
+    map.Run(g, [&](size_t vertex, size_t made_count, const float* made) {
+      for (size_t i = 0; i < made_count; ++i)
+        std::memcpy(displacement + kAxes * vertices[vertex + i], made + kAxes * i, kAxes * sizeof(float));
       return true;
     });
   }
 }
 
-bool PatchesAreWithin(const kernels::KernelTable& kernels, const PatchStageView& stage, const float* moved,
-                      float limit) {
+bool PatchesAreWithin(const kernels::KernelTable& kernels, const PatchStageView& stage, const PatchMemory& memory,
+                      const float* moved, float limit) {
   PatchStageView motion = stage;
   motion.map.bias = nullptr;
-  size_t panel = 0;
+  GroupMap map(kernels, motion, moved, memory.quantized);
   for (size_t g = 0; g < size_t{stage.patch_count} * stage.point_count; ++g) {
-    const auto within = [limit](size_t, size_t columns, const float* made) {
+    const auto within = [limit](size_t, size_t vertices, const float* made) {
       bool near = true;
-      for (size_t i = 0; i < columns; ++i) near &= made[i] >= -limit && made[i] <= limit;
+      for (size_t i = 0; i < kAxes * vertices; ++i) near &= made[i] >= -limit && made[i] <= limit;
       return near;
     };
-    if (!MapGroup(kernels, motion, moved, g, &panel, within)) return false;
+    if (!map.Run(g, within)) return false;
   }
   return true;
 }

@@ -22,7 +22,7 @@ struct PatchMemory {
   // Scratch of a layer.
   float* mixed;        // [K, (1 + S) W]
   float* products[2];  // [K, PatchProductFloats]
-  int16_t* quantized;  // [K, widest int8 layer]
+  int16_t* quantized;  // [K, widest int8 layer, or 3 R]
   float* scales;       // [K]
 };
 
@@ -62,9 +62,9 @@ void MapPatches(const kernels::KernelTable& kernels, const format::PatchStageVie
 inline const float* PatchDisplacement(const PatchMemory& memory) { return memory.cloth; }
 
 // Whether points that have moved by `moved` ([K][3][R], as u) move each coordinate of each vertex by at most `limit`.
-// False for NaN. Cost: that of the map.
-bool PatchesAreWithin(const kernels::KernelTable& kernels, const format::PatchStageView& stage, const float* moved,
-                      float limit);
+// False for NaN. Between ticks. Cost: that of the map.
+bool PatchesAreWithin(const kernels::KernelTable& kernels, const format::PatchStageView& stage,
+                      const PatchMemory& memory, const float* moved, float limit);
 
 // The sizes that decide how the state is laid out, in one number; 0 without the stage.
 uint32_t PatchShape(const format::PatchStageView& stage);

@@ -81,7 +81,7 @@ bool DisplacementIsNearStart(Cloth* cloth) {
   const float* now = CauseOf(*cloth, &used);
   for (size_t row = 0; row < CauseFloats(model); ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
   if (model.patch_stage.patch_count != 0)
-    return PatchesAreWithin(ActiveKernels(), model.patch_stage, c, kSettledMetres);
+    return PatchesAreWithin(ActiveKernels(), model.patch_stage, cloth->patches, c, kSettledMetres);
   return BasisSumIsNear(model.displacement, c, cloth->quantized);
 }
 
