@@ -8,11 +8,19 @@
 #include <cstddef>
 
 #include "engine/format/view.h"
+#include "engine/src/base/state_spans.h"
 
 namespace dcloth::engine {
 
 // Three floats for each of a patch's points, component by component: [3][R].
 constexpr size_t kAxes = 3;
+
+// NaN becomes the lower limit: no pose puts one into the recurrent state.
+inline float Clamp(float low, float high, float v) {
+  const float above = v > low ? v : low;
+  return above < high ? above : high;
+}
+inline float BoundPlace(float place) { return Clamp(-kLargestSaved, kLargestSaved, place); }
 
 // A tick as all patches see it. Metres from its hips, world axes.
 struct PatchPose {

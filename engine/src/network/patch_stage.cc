@@ -55,7 +55,7 @@ PatchFrame FrameOf(const PatchStageView& stage, const PatchMemory& memory, size_
 void Rebase(const float (&way)[kAxes], size_t patches, size_t points, float* places) {
   for (size_t i = 0; i < patches; ++i) {
     for (size_t c = 0; c < kAxes; ++c, places += points) {
-      for (size_t r = 0; r < points; ++r) places[r] -= way[c];
+      for (size_t r = 0; r < points; ++r) places[r] = BoundPlace(places[r] - way[c]);
     }
   }
 }
