@@ -269,9 +269,7 @@ TEST_P(StateAttackTest, HiddenStateBeyondOneIsRefused) {
         StateBytes forged = state;
         std::memcpy(forged.data() + begin + 4 * i, &h, 4);
         Seal(&forged);
-        const char* name = patches != 0               ? "patch_hidden["
-                           : i < head.skeleton_units ? "skeleton_state["
-                                                     : "mesh_state[";
+        const char* name = patches != 0 ? "patch_hidden[" : i < head.skeleton_units ? "skeleton_state[" : "mesh_state[";
         ASSERT_NO_FATAL_FAILURE(
             ExpectRefused(&cloth, before, forged.data(), forged.size(), 0, DCLOTH_ERROR_SEMANTICS, name));
       }

@@ -14,7 +14,7 @@ using format::PatchStageView;
 constexpr size_t kMost = format::kMaxPatchPoints;
 constexpr float kLength = 10, kLimit = 8, kDeepest = -0.1f, kFarthest = 0.3f, kFastest = 4;
 constexpr float kJoint = 2, kWind = 6, kAcceleration = 20;
-constexpr float kReach = 0.08f;          // metres from a limb within which its cloth feels it
+constexpr float kReach = 0.08f;           // metres from a limb within which its cloth feels it
 constexpr float kShortestSquare = 1e-8f;  // of a capsule's axis
 constexpr float kLeastApart = 1e-4f;      // of a point from it
 // Of an axis of a frame: hosts scale limbs to zero to hide them.
@@ -66,7 +66,8 @@ void PlaceFrame(const PatchStageView& stage, const PatchPose& pose, size_t k, co
   const size_t points = stage.point_count;
   const float* joint = pose.matrices + size_t{12} * stage.joints[k];
   const float* axes = stage.axes + 9 * k;
-  for (size_t c = 0; c < kAxes; ++c) Store(Bounded(Turn(joint, {axes[c], axes[3 + c], axes[6 + c]})), frame.axes + 3 * c);
+  for (size_t c = 0; c < kAxes; ++c)
+    Store(Bounded(Turn(joint, {axes[c], axes[3 + c], axes[6 + c]})), frame.axes + 3 * c);
   Store(Bounded(Turn(joint, VecfAt(stage.centres + 3 * k)) + Shift(joint)), frame.centre);
   constexpr size_t kInfluences = format::kPointInfluences;
   const uint8_t* joints = stage.point_joints + kInfluences * points * k;
@@ -151,8 +152,7 @@ void ReadCloth(const PatchHistory& history, const PatchFrame& frame, const IntoF
       out[r] = Clamp(-kLimit, kLimit, kLength * u[r]);
       out[3 * points + r] =
           Clamp(-kLimit, kLimit, kLength * (Dot(row, Vecf{still[0][r], still[1][r], still[2][r]}) - u[r]));
-      out[6 * points + r] =
-          Clamp(-kLimit, kLimit, kLength * Dot(row, Vecf{motion[0][r], motion[1][r], motion[2][r]}));
+      out[6 * points + r] = Clamp(-kLimit, kLimit, kLength * Dot(row, Vecf{motion[0][r], motion[1][r], motion[2][r]}));
     }
   }
 }
