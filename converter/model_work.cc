@@ -148,7 +148,7 @@ PartWork CountPatchInputs(const format::Model* model) {
   if (stage == nullptr) return {};
   const uint64_t patches = stage->patches(), points = patches * stage->points();
   const uint64_t inputs = patches * Extent(stage->enter()->weights(), 0);
-  constexpr uint64_t kBase = 4 * 24, kCloth = 60, kCapsule = 50, kLimb = 2 * kCapsule + 35;
+  constexpr uint64_t kBase = 96, kCloth = 60, kCapsule = 50, kLimb = 2 * kCapsule + 35;
   PartWork work;
   work.flops = points * (kBase + kCloth + 2 * kLimb) + patches * 200;
   work.weight_bytes = points * 4 * (1 + 4 * kFloat) + patches * (12 * kFloat + 5);

@@ -202,7 +202,7 @@ void ReadPatch(const PatchStageView& stage, const PatchPose& pose,
   for (size_t limb = 0; limb < format::kLimbsAPatch; ++limb, x += 5 * points)
     ReadLimb(capsules[limbs[2 * limb]], capsules[limbs[2 * limb + 1]], into, history.last, points, x);
   const Vecf centre = VecfAt(frame.centre);
-  for (size_t i = 0; i < format::kLimbsAPatch * format::kCapsulesALimb; ++i, x += 6) {
+  for (size_t i = 0; i < size_t{format::kLimbsAPatch} * format::kCapsulesALimb; ++i, x += 6) {
     const CapsuleMotion& capsule = capsules[limbs[i]];
     into.Put(kJoint, VecfAt(capsule.end) - centre, x);
     into.Put(kLength, VecfAt(capsule.end_motion), x + 3);
