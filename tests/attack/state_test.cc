@@ -251,22 +251,25 @@ TEST_P(StateAttackTest, EveryNumberForged) {
 
 // Recurrent state beyond 1 is told by name, whichever element it is.
 TEST_P(StateAttackTest, HiddenStateBeyondOneIsRefused) {
-  if (!GetParam().spec.skeleton) GTEST_SKIP() << "no recurrent state";
+  if (held() == DCLOTH_STAGES_STATIC) GTEST_SKIP() << "no recurrent state";
   OwnedCloth cloth(opened_);
   Run(&cloth, 33);
   const StateBytes before = Save(&cloth);
   const ModelSpec& spec = model_.numbers.spec;
+  const auto& inside = *reinterpret_cast<const engine::Cloth*>(cloth.get());
   for (const StateBytes& state : States()) {
     const StateHead head = HeadOf(state);
-    const size_t begin = sizeof(head) + engine::StatePoseBytes(head) + 4 * head.feature_count;
+    size_t begin = sizeof(head) + engine::StatePoseBytes(head) + 4 * head.feature_count;
     const size_t layers = spec.mesh ? spec.layers : 0;
-    const size_t count = head.skeleton_units + layers * head.vertex_count * head.feature_width;
+    const size_t patches = size_t{spec.patches} * spec.patch_width;
+    if (patches != 0) begin += 4 * engine::PatchClothFloats(inside.model->patch_stage);
+    const size_t count = head.skeleton_units + layers * head.vertex_count * head.feature_width + patches;
     for (size_t i = 0; i < count; ++i) {
       for (const float h : {1.0001f, -1.0001f, kNotANumber}) {
         StateBytes forged = state;
         std::memcpy(forged.data() + begin + 4 * i, &h, 4);
         Seal(&forged);
-        const char* name = i < head.skeleton_units ? "skeleton_state[" : "mesh_state[";
+        const char* name = patches != 0 ? "patch_hidden[" : i < head.skeleton_units ? "skeleton_state[" : "mesh_state[";
         ASSERT_NO_FATAL_FAILURE(
             ExpectRefused(&cloth, before, forged.data(), forged.size(), 0, DCLOTH_ERROR_SEMANTICS, name));
       }

@@ -114,12 +114,8 @@ void ApplyBatch(const kernels::KernelTable& kernels, const LinearBatch& batch) {
   const LinearView& linear = *batch.linear;
   const size_t panels = kernels::PanelCount(linear.columns), elements = QuantizedElements(linear);
   const auto input = [&](size_t i) {
-    return LinearProduct{&linear,
-                         batch.x + i * batch.x_stride,
-                         linear.rows,
-                         batch.activation,
-                         batch.quantized + i * elements,
-                         batch.y + i * batch.y_stride};
+    return LinearProduct{&linear,          batch.x + i * batch.x_stride,   linear.rows,
+                         batch.activation, batch.quantized + i * elements, batch.y + i * batch.y_stride};
   };
   if (linear.type == WeightType::kI8) {
     for (size_t i = 0; i < batch.count; ++i) batch.scales[i] = QuantizeInput(kernels, input(i)).x;

@@ -14,17 +14,14 @@ using format::PatchStageView;
 constexpr size_t kMost = format::kMaxPatchPoints;
 constexpr float kLength = 10, kLimit = 8, kDeepest = -0.1f, kFarthest = 0.3f, kFastest = 4;
 constexpr float kJoint = 2, kWind = 6, kAcceleration = 20;
-constexpr float kReach = 0.08f;          // metres from a limb within which its cloth feels it
+constexpr float kReach = 0.08f;           // metres from a limb within which its cloth feels it
 constexpr float kShortestSquare = 1e-8f;  // of a capsule's axis
 constexpr float kLeastApart = 1e-4f;      // of a point from it
 // Of an axis of a frame: hosts scale limbs to zero to hide them.
 constexpr float kLeastAxisSquare = 1e-12f;
 
-// NaN becomes the lower limit: no pose puts one into the recurrent state.
-float Clamp(float low, float high, float v) {
-  const float above = v > low ? v : low;
-  return above < high ? above : high;
-}
+// Places and frames that a wild saved state makes still are what a saved state may hold.
+Vecf Bounded(Vecf v) { return {BoundPlace(v.x), BoundPlace(v.y), BoundPlace(v.z)}; }
 
 // exp(-t) for t >= 0 within 2e-7 of itself down to 2^-64; beyond that 2^-64. Without libm, whose last bit differs from
 // system to system. 2^y = 2^k 2^f: k is y rounded, by adding what leaves no room for a fraction, and goes into the
@@ -69,8 +66,9 @@ void PlaceFrame(const PatchStageView& stage, const PatchPose& pose, size_t k, co
   const size_t points = stage.point_count;
   const float* joint = pose.matrices + size_t{12} * stage.joints[k];
   const float* axes = stage.axes + 9 * k;
-  for (size_t c = 0; c < kAxes; ++c) Store(Turn(joint, {axes[c], axes[3 + c], axes[6 + c]}), frame.axes + 3 * c);
-  Store(Turn(joint, VecfAt(stage.centres + 3 * k)) + Shift(joint), frame.centre);
+  for (size_t c = 0; c < kAxes; ++c)
+    Store(Bounded(Turn(joint, {axes[c], axes[3 + c], axes[6 + c]})), frame.axes + 3 * c);
+  Store(Bounded(Turn(joint, VecfAt(stage.centres + 3 * k)) + Shift(joint)), frame.centre);
   constexpr size_t kInfluences = format::kPointInfluences;
   const uint8_t* joints = stage.point_joints + kInfluences * points * k;
   const float* parts = stage.point_parts + 4 * kInfluences * points * k;
@@ -80,6 +78,7 @@ void PlaceFrame(const PatchStageView& stage, const PatchPose& pose, size_t k, co
       const float* m = pose.matrices + size_t{12} * *joints;
       sum = sum + Turn(m, VecfAt(parts)) + parts[3] * Shift(m);
     }
+    sum = Bounded(sum);
     frame.base[r] = sum.x, frame.base[points + r] = sum.y, frame.base[2 * points + r] = sum.z;
   }
 }
@@ -141,7 +140,7 @@ void ReadCloth(const PatchHistory& history, const PatchFrame& frame, const IntoF
     for (size_t r = 0; r < points; ++r) {
       const size_t i = c * points + r;
       motion[c][r] = last[r] - history.before[i];
-      last[r] = last[r] * share + carried[i] * rest;
+      last[r] = BoundPlace(last[r] * share + carried[i] * rest);
       still[c][r] = last[r] - frame.base[i];
     }
   }
@@ -153,8 +152,7 @@ void ReadCloth(const PatchHistory& history, const PatchFrame& frame, const IntoF
       out[r] = Clamp(-kLimit, kLimit, kLength * u[r]);
       out[3 * points + r] =
           Clamp(-kLimit, kLimit, kLength * (Dot(row, Vecf{still[0][r], still[1][r], still[2][r]}) - u[r]));
-      out[6 * points + r] =
-          Clamp(-kLimit, kLimit, kLength * Dot(row, Vecf{motion[0][r], motion[1][r], motion[2][r]}));
+      out[6 * points + r] = Clamp(-kLimit, kLimit, kLength * Dot(row, Vecf{motion[0][r], motion[1][r], motion[2][r]}));
     }
   }
 }
@@ -165,7 +163,7 @@ void PlaceCapsules(const PatchStageView& stage, const PatchPose& pose, float* en
   for (size_t i = 0; i < stage.capsule_count; ++i) {
     const float* m = pose.matrices + size_t{12} * stage.capsule_joints[i];
     for (size_t end = 0; end < 2; ++end)
-      Store(Turn(m, VecfAt(stage.capsules + 8 * i + 3 * end)) + Shift(m), ends + 6 * i + 3 * end);
+      Store(Bounded(Turn(m, VecfAt(stage.capsules + 8 * i + 3 * end)) + Shift(m)), ends + 6 * i + 3 * end);
   }
 }
 
@@ -213,7 +211,7 @@ void ReadPatch(const PatchStageView& stage, const PatchPose& pose,
   into.Put(1, {0, -1, 0}, x);
   into.Put(kWind, VecfAt(pose.wind), x + 3);
   into.Put(kAcceleration, motion - (last - VecfAt(history.before_centre)), x + 6);
-  Store(centre - motion, history.last_centre);
+  Store(Bounded(centre - motion), history.last_centre);
   if (stage.embedding_size == 0) return;
   std::memcpy(x + 9, stage.embedding + k * stage.embedding_size, stage.embedding_size * sizeof(float));
 }
@@ -224,7 +222,7 @@ void PlacePoints(const PatchFrame& frame, const float* displacement, size_t poin
     const float out = frame.axes[c], up = frame.axes[3 + c], along = frame.axes[6 + c];
     for (size_t r = 0; r < points; ++r) {
       const size_t i = c * points + r;
-      places[i] = frame.base[i] + (out * u[r] + up * u[points + r] + along * u[2 * points + r]);
+      places[i] = BoundPlace(frame.base[i] + (out * u[r] + up * u[points + r] + along * u[2 * points + r]));
     }
   }
 }

@@ -8,11 +8,19 @@
 #include <cstddef>
 
 #include "engine/format/view.h"
+#include "engine/src/base/state_spans.h"
 
 namespace dcloth::engine {
 
 // Three floats for each of a patch's points, component by component: [3][R].
 constexpr size_t kAxes = 3;
+
+// NaN becomes the lower limit: no pose puts one into the recurrent state.
+inline float Clamp(float low, float high, float v) {
+  const float above = v > low ? v : low;
+  return above < high ? above : high;
+}
+inline float BoundPlace(float place) { return Clamp(-kLargestSaved, kLargestSaved, place); }
 
 // A tick as all patches see it. Metres from its hips, world axes.
 struct PatchPose {
@@ -32,16 +40,16 @@ inline PatchFrame PatchFrameAt(float* floats) { return {floats, floats + 9, floa
 
 // What a patch remembers of the ticks before, metres from this tick's hips.
 struct PatchHistory {
-  const float* displacement;  // u [3][R]
-  float* last;                // x_1 [3][R]; moved to where it was a tick ago
-  const float* before;        // x_2 [3][R]
-  float* last_centre;         // c_1; moved as x_1
+  const float* displacement;   // u [3][R]
+  float* last;                 // x_1 [3][R]; moved to where it was a tick ago
+  const float* before;         // x_2 [3][R]
+  float* last_centre;          // c_1; moved as x_1
   const float* before_centre;  // c_2
 };
 
 // A limb's capsule in this tick, and how far it has come in a tick.
 struct CapsuleMotion {
-  float start[3], way[3];              // axis, from the first end to the second
+  float start[3], way[3];                // axis, from the first end to the second
   float start_motion[3], way_motion[3];  // of the first end; of the second less that
   float end[3], end_motion[3];
   float inverse_squared;  // 1 / length^2 of the axis

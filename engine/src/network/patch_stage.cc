@@ -55,7 +55,7 @@ PatchFrame FrameOf(const PatchStageView& stage, const PatchMemory& memory, size_
 void Rebase(const float (&way)[kAxes], size_t patches, size_t points, float* places) {
   for (size_t i = 0; i < patches; ++i) {
     for (size_t c = 0; c < kAxes; ++c, places += points) {
-      for (size_t r = 0; r < points; ++r) places[r] -= way[c];
+      for (size_t r = 0; r < points; ++r) places[r] = BoundPlace(places[r] - way[c]);
     }
   }
 }
@@ -73,12 +73,12 @@ size_t WidestQuantized(const PatchStageView& stage) {
   return widest;
 }
 
-// A layer of all patches, into products[which].
+// A layer of all patches.
 void Multiply(const kernels::KernelTable& kernels, const PatchStageView& stage, const LinearView& linear,
               const float* x, size_t x_stride, Activation activation, const PatchMemory& memory, float* y,
               size_t y_stride) {
-  ApplyBatch(kernels, {&linear, x, x_stride, stage.patch_count, activation, memory.quantized, memory.scales, y,
-                       y_stride});
+  ApplyBatch(kernels,
+             {&linear, x, x_stride, stage.patch_count, activation, memory.quantized, memory.scales, y, y_stride});
 }
 
 // f = f + ReLU(W [f, f of the neighbours] + b).
@@ -106,7 +106,8 @@ void RunGates(const kernels::KernelTable& kernels, const PatchStageView& stage, 
   Multiply(kernels, stage, stage.hidden_gates, memory.hidden, width, Activation::kNone, memory, memory.products[1],
            stride);
   for (size_t k = 0; k < stage.patch_count; ++k) {
-    kernels.gru_gates({memory.products[0] + k * stride, memory.products[1] + k * stride, memory.hidden + k * width, width});
+    kernels.gru_gates(
+        {memory.products[0] + k * stride, memory.products[1] + k * stride, memory.hidden + k * width, width});
   }
 }
 
@@ -235,8 +236,9 @@ PatchMemory PlacePatchMemory(const ModelView& model, Arena* arena) {
   memory.frames = arena->Take<float>(patches * PatchFrameFloats(stage.point_count));
   memory.rows = arena->Take<float>(patches * PatchRowFloats(stage));
   memory.features = arena->Take<float>(patches * FeatureStride(stage));
-  memory.mixed = arena->Take<float>(patches * (1 + stage.neighbour_count) * stage.width);
-  for (float*& product : memory.products) product = arena->Take<float>(patches * ProductStride(stage));
+  const size_t product = ProductStride(stage), mixed = (1 + size_t{stage.neighbour_count}) * stage.width;
+  memory.products[0] = arena->Take<float>(patches * product);
+  memory.products[1] = memory.mixed = arena->Take<float>(patches * (mixed > product ? mixed : product));
   memory.quantized = arena->Take<int16_t>(patches * WidestQuantized(stage));
   memory.scales = arena->Take<float>(patches);
   return memory;

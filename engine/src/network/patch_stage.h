@@ -20,8 +20,8 @@ struct PatchMemory {
   float* rows;      // [K, W + I]: h' and x, what `out` reads
   float* features;  // f [K, PaddedColumns(W)]
   // Scratch of a layer.
-  float* mixed;        // [K, (1 + S) W]
-  float* products[2];  // [K, PatchProductFloats]
+  float* products[2];  // [K, what the widest layer makes]
+  float* mixed;        // [K, (1 + S) W], where products[1] lies
   int16_t* quantized;  // [K, widest int8 layer, or 3 R]
   float* scales;       // [K]
 };

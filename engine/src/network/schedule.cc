@@ -17,14 +17,15 @@ using format::ModelView;
 // Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of
 // weights out of the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices
 // take 0.253 ms at F = 8 and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add, four fifths of it with
-// integer products; skinning takes 0.039 ms for 7,952 vertices.
+// integer products; skinning takes 0.039 ms for 7,952 vertices. Products of all patches at once find their weights in
+// the cache: 28 ps (f32) and 19 (int8) a weight and patch on a Xeon core with AVX2.
 constexpr uint64_t kPerByte = 40;
 constexpr uint64_t kPerLayerVertex = 20000;
 constexpr uint64_t kPerMultiplyAdd = 27, kPerIntegerMultiplyAdd = 21;
 constexpr uint64_t kPerSkinnedVertex = 5000;
 constexpr uint64_t kPerGate = 1000;
-constexpr uint64_t kPerPatchPoint = 100000;
-constexpr uint64_t kPerPatchProduct = 60, kPerIntegerPatchProduct = 25;
+constexpr uint64_t kPerPatchPoint = 80000, kPerPatchGroup = 40000;
+constexpr uint64_t kPerPatchProduct = 30, kPerIntegerPatchProduct = 20;  // of one patch and one weight
 
 struct PartSize {
   uint64_t items;
@@ -156,7 +157,8 @@ constexpr Part kSkeletonGates = {
 
 constexpr Part kBodyPoints = {
     [](const ModelView& model, uint32_t stages) {
-      return RunsMesh(model, stages) ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex} : PartSize{};
+      return RunsMesh(model, stages) ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex}
+                                     : PartSize{};
     },
     [](Cloth* cloth, size_t begin, size_t count) {
       PoseBodyPoints(ActiveKernels(), *cloth->model, cloth->mesh, begin, count);
@@ -311,7 +313,8 @@ constexpr Part kPatchLayers = {
     [](const Cloth& cloth, uint32_t, const TickWork& at, StateSpans* spans) {
       const format::PatchStageView& stage = cloth.model->patch_stage;
       // After the gates nothing reads them.
-      if (at.part != TickPart::kPatchLayers || at.items_done == 0 || at.items_done + 1 == PatchLayerItems(stage)) return;
+      if (at.part != TickPart::kPatchLayers || at.items_done == 0 || at.items_done + 1 == PatchLayerItems(stage))
+        return;
       spans->Add("patch_features", cloth.patches.features, stage.patch_count, stage.width,
                  kernels::PaddedColumns(stage.width), kLargestSaved);
     }};
@@ -322,7 +325,8 @@ constexpr Part kPatchMap = {
       const format::PatchStageView& stage = model.patch_stage;
       if (stage.patch_count == 0) return PartSize{};
       if (!RunsPatches(model, stages)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
-      return PartSize{PatchMapItems(stage), ProductCost(stage.map) / PatchMapItems(stage) + 1};
+      return PartSize{PatchMapItems(stage),
+                      ProductCost(stage.map) / PatchMapItems(stage) + kMapPoints * kPerPatchGroup};
     },
     [](Cloth* cloth, size_t begin, size_t count) {
       const ModelView& model = *cloth->model;

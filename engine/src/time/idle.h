@@ -2,8 +2,8 @@
 //
 // Still is measured from the pose of one tick on, so that a slow drift wakes the cloth as a fast one does. Settled is
 // measured from tick to tick, which a swing does not pass however it ends, and over the half second as a whole, which a
-// creep does not pass. Of the half second's start only the basis' coefficients are kept, a kilobyte, or the patches'
-// points, three: when it is over, what they have changed by, times the basis or the map, is how far each vertex went, at
+// creep does not pass. Of the half second's start only the basis' coefficients are kept, a kilobyte, or the points of
+// the patches: when it is over, what they have changed by, times the basis or the map, is how far each vertex went, at
 // the price of one such sum.
 // Rejected: to look at the pose alone (a skirt swings on for a second after its wearer has stopped), at the recurrent
 // state (it may turn where the garment rests), at the sum of the steps (a tremble that leads nowhere adds up), and to

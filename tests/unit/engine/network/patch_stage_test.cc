@@ -146,7 +146,8 @@ class PatchReference {
             const double d = length - ((1 - at) * radii[0] + at * radii[1]);
             if (!(d < nearest)) continue;
             nearest = d;
-            const V3 start_motion = ends[2 * i] - ends_before[2 * i], end_motion = ends[2 * i + 1] - ends_before[2 * i + 1];
+            const V3 start_motion = ends[2 * i] - ends_before[2 * i],
+                     end_motion = ends[2 * i + 1] - ends_before[2 * i + 1];
             const V3 normal = 1 / length * away, motion = (1 - at) * start_motion + at * end_motion;
             const double near = std::exp(-std::max(d, 0.0) / 0.08);
             normals[r] = near * in(k, normal);
@@ -359,8 +360,8 @@ TEST_P(PatchStageTest, FollowsTheFormulas) {
         const float* x = inside.patches.rows + k * engine::PatchRowFloats(stage) + stage.width;
         for (size_t i = 0; i < reference.x[k].size(); ++i) {
           const double error = std::abs(double{x[i]} - reference.x[k][i]);
-          EXPECT_LT(error, 1e-4 + (int8 ? 1e-3 : 0)) << "tick " << tick << " patch " << k << " input " << i << ": "
-                                                     << x[i];
+          EXPECT_LT(error, 1e-4 + (int8 ? 1e-3 : 0))
+              << "tick " << tick << " patch " << k << " input " << i << ": " << x[i];
           worst_x = std::max(worst_x, error);
         }
         for (size_t r = 0; r < stage.point_count; ++r) {
