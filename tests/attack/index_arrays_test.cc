@@ -105,6 +105,8 @@ std::vector<Variant> Models() {
   models.push_back({"I8_large_touch", spec});
   spec.touch = false;
   models.push_back({"I8_large_body", spec});
+  spec.patches = 4;
+  models.push_back({"I8_large_patches", spec});
   return models;
 }
 
