@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "converter/assemble_patches.h"
 #include "converter/correct.h"
 #include "converter/integer_layer.h"
 #include "converter/mesh_graph.h"
@@ -257,6 +258,7 @@ ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const Prec
     }
   }
   if (bundle.mesh) parts.mesh = AssembleMesh(bundle, folded, plan);
+  if (bundle.patches) parts.patches = AssemblePatches(*bundle.patches, folded.joints, plan);
   if (!folded.surface.empty()) parts.body = AssembleBody(bundle, folded);
   return parts;
 }

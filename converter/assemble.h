@@ -49,7 +49,8 @@ bool IsLayer(const std::string& matrix);
 // What `matrix` ("displacement.basis", without ".weights") is stored in.
 Precision FormatOf(const PrecisionPlan& plan, const std::string& matrix);
 
-// The precision applies to the bases, the GRU, the vertex MLP and, as int8 from 16 features on, to the graph layers.
+// The precision applies to the bases, the GRU, the vertex MLP, the patch stage and, as int8 from 16 features on, to the
+// graph layers.
 // The static MLP (0.4 %) is never below fp16: its output moves pivots, which moves every vertex, and int8
 // would save 0.1 MB; nor is the head of a reduced basis (reduce.h). All else (geometry, gates, embedding, biases)
 // stays f32. Throws Error where fp16 overflows.

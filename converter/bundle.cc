@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "converter/bundle_metadata.h"
+#include "converter/bundle_patches.h"
 #include "converter/error.h"
 #include "converter/tensor_reader.h"
 
@@ -232,6 +233,11 @@ Bundle BundleFrom(const SafeFile& file) {
     }
   }
   if (reader.Has("skeleton.")) bundle.skeleton = ReadSkeleton(&reader, n, bundle.feature_count());
+  if (reader.Has("patch.")) {
+    if (bundle.skeleton)
+      reader.Refuse("patch.joints", "a patch stage beside a skeleton stage", "patch.* or skeleton.*, not both");
+    bundle.patches = ReadPatches(&reader, n, bundle.joint_names.size());
+  }
   reader.RefuseUnknown();
   return bundle;
 }

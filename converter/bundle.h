@@ -52,6 +52,26 @@ struct MeshWeights {
   Matrix basis;                // [k_M, 3n]
 };
 
+// K patches of R points, P = K R.
+struct PatchWeights {
+  uint32_t patch_count = 0, point_count = 0, neighbour_count = 0, source_count = 0;  // K, R, S, M
+  std::vector<uint32_t> joints;               // [K] indices into joint_names, as all joints here
+  Matrix axes, centres;                       // [K, 9], [K, 3]
+  std::vector<uint32_t> point_joints;         // [P, 4]
+  Matrix point_parts;                         // [P, 16]
+  std::vector<uint32_t> capsule_joints;       // [C]
+  Matrix capsules;                            // [C, 8]
+  std::vector<uint32_t> limbs, near;          // [K, 4], [L, S, K]
+  Matrix embedding;                           // [K, E]; empty where E is 0
+  LinearWeights enter, input_gates, out;      // [W, I], [3 W, W], [3 R, W + I]
+  std::vector<LinearWeights> mix;             // [W, (1 + S) W]
+  LinearWeights hidden_gates;                 // [3 W, W], no bias
+  Vector keep;                                // [R]
+  std::vector<uint32_t> sources;              // [P, M]
+  std::vector<std::vector<uint32_t>> groups;  // [P], vertices of each point
+  Matrix map, offsets;                        // [n, 9 M], [n, 3]
+};
+
 // Root-motion features; the file format's values.
 enum class RootMotion : uint8_t { kNone, kHips, kAir };
 
@@ -87,7 +107,8 @@ struct Bundle {
   std::vector<Matrix> residual_weights;                               // r of [n, m]
 
   std::optional<SkeletonWeights> skeleton;
-  std::optional<MeshWeights> mesh;  // only with skeleton
+  std::optional<MeshWeights> mesh;      // only with skeleton
+  std::optional<PatchWeights> patches;  // only without skeleton
 
   uint32_t vertex_count() const { return static_cast<uint32_t>(template_positions.rows()); }
   uint32_t feature_count() const { return static_cast<uint32_t>(feature_mean.size()); }

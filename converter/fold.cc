@@ -53,6 +53,11 @@ JointSubset ChooseJoints(const Bundle& bundle, const PrunedWeights& body, const 
       if (points->weights[i] != 0) needed[points->columns[i]] = true;
     }
   }
+  if (bundle.patches) {
+    const PatchWeights& patches = *bundle.patches;
+    for (const std::vector<uint32_t>* joints : {&patches.joints, &patches.capsule_joints, &patches.point_joints})
+      for (const uint32_t joint : *joints) needed[joint] = true;
+  }
   JointSubset subset;
   subset.kept.assign(needed.size(), JointSubset::kDropped);
   for (uint32_t joint = 0; joint < needed.size(); ++joint) {

@@ -141,6 +141,52 @@ PartWork CountNormals(const format::Model* model) {
   return {triangles * (6 + 9 + 9) + n * 10, triangles * 3 * sizeof(uint16_t), n * (1 + 2 + 2) * 3 * kFloat, false};
 }
 
+// A patch's frame, bases of its points from four joints each, and for each point two limbs of two capsules: a place on
+// the axis, a root, a quotient and an exponential.
+PartWork CountPatchInputs(const format::Model* model) {
+  const format::PatchStage* stage = model->patch_stage();
+  if (stage == nullptr) return {};
+  const uint64_t patches = stage->patches(), points = patches * stage->points();
+  const uint64_t inputs = patches * Extent(stage->enter()->weights(), 0);
+  constexpr uint64_t kBase = 96, kCloth = 60, kCapsule = 50, kLimb = 2 * kCapsule + 35;
+  PartWork work;
+  work.flops = points * (kBase + kCloth + 2 * kLimb) + patches * 200;
+  work.weight_bytes = points * 4 * (1 + 4 * kFloat) + patches * (12 * kFloat + 5);
+  work.state_bytes = (points * (3 * 3 + 3) + inputs) * kFloat;
+  return work;
+}
+
+// The weights are read once for all patches.
+PartWork CountPatchLayers(const format::Model* model) {
+  const format::PatchStage* stage = model->patch_stage();
+  if (stage == nullptr) return {};
+  const uint64_t patches = stage->patches(), width = stage->width();
+  PartWork work;
+  const auto add = [&](const format::Linear* linear) {
+    PartWork product = Product(linear);
+    product.flops *= patches;
+    product.state_bytes *= patches;
+    work = Sum(work, product);
+    work.int8 = work.int8 || product.int8;
+  };
+  add(stage->enter());
+  for (const format::Linear* mix : *stage->mix()) add(mix);
+  for (const format::Linear* linear : {stage->input_gates(), stage->hidden_gates(), stage->out()}) add(linear);
+  work.flops += patches * width * (3 * kActivationFlops + 8);
+  work.state_bytes += patches * (6 + 2) * width * kFloat;
+  return work;
+}
+
+// Each group of vertices from its own points.
+PartWork CountPatchMap(const format::Model* model) {
+  const format::PatchStage* stage = model->patch_stage();
+  if (stage == nullptr) return {};
+  PartWork work = Product(stage->map());
+  const uint64_t groups = uint64_t{stage->patches()} * stage->points(), rows = Extent(stage->map()->weights(), 0);
+  work.state_bytes = (groups * rows + 3 * uint64_t{model->garment()->vertices()}) * kFloat;
+  return work;
+}
+
 }  // namespace
 
 const char* WorkPartName(WorkPart part) {

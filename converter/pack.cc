@@ -97,13 +97,17 @@ PackedLinear PackFlatIntegers(const std::string& name, const Matrix& weights) {
   return linear;
 }
 
-PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision) {
+PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision,
+                        Int8Scales scales) {
   const auto rows = static_cast<size_t>(weights.rows()), columns = static_cast<size_t>(weights.cols());
   const kernels::MatrixShape shape = {rows, columns, columns, 1};
   const std::string field = name + ".weights";
   PackedLinear linear;
   if (precision == Precision::kInt8) {
-    linear = PackQuantized(name, weights, QuantizeTwoSided(field, weights));
+    const bool two_sided = scales == Int8Scales::kTwoSided;
+    linear =
+        PackQuantized(name, weights, two_sided ? QuantizeTwoSided(field, weights) : QuantizePerColumn(field, weights));
+    if (!two_sided) linear.row_scales.reset();
   } else if (precision == Precision::kFp16) {
     const std::vector<uint16_t> halves = QuantizeHalf(field, weights);  // for its overflow check and the report
     std::vector<uint16_t> packed(kernels::PanelElements(rows, columns));

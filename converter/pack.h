@@ -59,8 +59,12 @@ PackedLinear PackQuantized(const std::string& name, const Matrix& exact, const Q
 // Flat integers with their column scales, row scales 1; no bias.
 PackedLinear PackFlatIntegers(const std::string& name, const Matrix& weights);
 
+// Of int8 weights: for rows and columns, or for columns alone.
+enum class Int8Scales : uint8_t { kTwoSided, kColumns };
+
 // Panels (f32, f16) or pair panels (int8). `bias` may be empty. Throws Error where fp16 overflows.
-PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision);
+PackedLinear PackLinear(const std::string& name, const Matrix& weights, const Vector& bias, Precision precision,
+                        Int8Scales scales = Int8Scales::kTwoSided);
 
 }  // namespace dcloth::converter
 

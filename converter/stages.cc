@@ -8,7 +8,9 @@
 namespace dcloth::converter {
 
 uint32_t StagesOf(const Bundle& bundle) {
-  return bundle.mesh ? DCLOTH_STAGES_MESH : bundle.skeleton ? DCLOTH_STAGES_SKELETON : DCLOTH_STAGES_STATIC;
+  return bundle.mesh || bundle.patches ? DCLOTH_STAGES_MESH
+         : bundle.skeleton             ? DCLOTH_STAGES_SKELETON
+                                       : DCLOTH_STAGES_STATIC;
 }
 
 const char* StagesName(uint32_t stages) {
@@ -31,7 +33,10 @@ Bundle KeepStages(const Bundle& bundle, uint32_t stages) {
   }
   Bundle kept = bundle;
   if (stages < DCLOTH_STAGES_MESH) kept.mesh.reset();
-  if (stages < DCLOTH_STAGES_SKELETON) kept.skeleton.reset();
+  if (stages < DCLOTH_STAGES_SKELETON) {
+    kept.skeleton.reset();
+    kept.patches.reset();
+  }
   return kept;
 }
 

@@ -16,7 +16,8 @@ uint32_t StagesOf(const Bundle& bundle);
 const char* StagesName(uint32_t stages);
 uint32_t ParseStages(const std::string& name);  // of such a name; throws Error
 
-// The bundle without what comes after `stages` (DCLOTH_STAGES_*): no approximation of it, the network stops there.
+// The bundle without what comes after `stages` (DCLOTH_STAGES_*): no approximation of it, the network stops there. A
+// patch stage counts as both the skeleton and the mesh stage.
 // Throws Error where the bundle does not hold them.
 Bundle KeepStages(const Bundle& bundle, uint32_t stages);
 

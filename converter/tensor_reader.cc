@@ -115,6 +115,26 @@ std::vector<uint32_t> TensorReader::TakeMasks(const std::string& name, uint64_t 
   return masks;
 }
 
+std::vector<uint32_t> TensorReader::TakeIndices(const std::string& name, const Shape& expected, const char* names,
+                                                uint64_t limit) {
+  const SafeTensor& tensor = Take(name, expected, names);
+  RequireType(tensor, SafeType::kI32);
+  std::vector<uint32_t> indices(tensor.bytes.size() / sizeof(uint32_t));
+  std::memcpy(indices.data(), tensor.bytes.data(), tensor.bytes.size());
+  for (size_t i = 0; i < indices.size(); ++i) {
+    if (indices[i] < limit) continue;
+    Refuse(name, std::to_string(static_cast<int32_t>(indices[i])) + " at element " + std::to_string(i),
+           "indices from 0 to " + std::to_string(limit - 1));
+  }
+  return indices;
+}
+
+Matrix TensorReader::TakeRows(const std::string& name, const Shape& expected, const char* names) {
+  const SafeTensor& tensor = Take(name, expected, names);
+  const uint64_t rows = tensor.shape[0];
+  return ToMatrix(tensor, rows, tensor.bytes.size() / SafeTypeSize(tensor.type) / rows);
+}
+
 Faces TensorReader::TakeFaces(const std::string& name, uint64_t vertices) {
   const SafeTensor& tensor = Take(name, {kAny, 3}, "[c, 3]");
   RequireType(tensor, SafeType::kI32);

@@ -35,6 +35,10 @@ class TensorReader {
   std::vector<Matrix> TakeStack(const std::string& name, uint64_t rows, uint64_t columns,
                                 const char* names);                                            // 0 or more
   std::vector<uint32_t> TakeMasks(const std::string& name, uint64_t size, const char* names);  // I32, bits 0 to 30
+  // I32, 0 to limit - 1, row-major.
+  std::vector<uint32_t> TakeIndices(const std::string& name, const Shape& expected, const char* names, uint64_t limit);
+  // The first extent as rows, the others as columns.
+  Matrix TakeRows(const std::string& name, const Shape& expected, const char* names);
   Faces TakeFaces(const std::string& name, uint64_t vertices);
   Matrix TakeCorners(const std::string& name, uint64_t faces);  // [c, 3, 2] as [3 c, 2]
   // F32, nonnegative, rows sum to 1 within kRowSumTolerance.

@@ -27,6 +27,19 @@ std::vector<Source> SourcesOf(const Bundle& bundle, const std::string& field) {
                                                : Source{"skeleton.basis", &skeleton.basis});
     }
   }
+  if (bundle.patches) {
+    const PatchWeights& patches = *bundle.patches;
+    if (is("patch_stage.enter")) return {{"patch.enter.weight", &patches.enter.weight}};
+    if (is("patch_stage.input_gates")) return {{"patch.gates.weight_ih", &patches.input_gates.weight}};
+    if (is("patch_stage.hidden_gates")) return {{"patch.gates.weight_hh", &patches.hidden_gates.weight}};
+    if (is("patch_stage.out")) return {{"patch.out.weight", &patches.out.weight}};
+    if (is("patch_stage.map")) return {{"patch.map.weights", &patches.map}};
+    for (size_t l = 0; l < patches.mix.size(); ++l) {
+      const std::string index = std::to_string(l) + ".";
+      if (is(("patch_stage.mix." + index).c_str()))
+        return {{("patch.mix." + index).append("weight"), &patches.mix[l].weight}};
+    }
+  }
   if (!bundle.mesh) return sources;
   const MeshWeights& mesh = *bundle.mesh;
   if (is("mesh_stage.hidden")) return {{"mesh.mlp.0.weight", &mesh.hidden.weight}};
@@ -61,7 +74,9 @@ WeightPlace LargestWeight(const Bundle& bundle, const std::string& field) {
     place.tensor = source.tensor;
     place.value = static_cast<double>((*source.weights)(row, column));
     const auto i = static_cast<uint64_t>(row), c = static_cast<uint64_t>(column);
-    place.element = ShapeText(field.starts_with("displacement.") ? Shape{i, c / 3, c % 3} : Shape{i, c});
+    place.element = ShapeText(field.starts_with("displacement.")     ? Shape{i, c / 3, c % 3}
+                              : field.starts_with("patch_stage.map") ? Shape{i, c / 9, c % 9 / 3, c % 3}
+                                                                     : Shape{i, c});
   }
   return place;
 }

@@ -19,11 +19,12 @@ namespace fb = flatbuffers;
 
 constexpr uint64_t kTableRoom = uint64_t{16} << 20;  // tables and names stay far below
 constexpr uint16_t kFormatMinor = 2, kFormatMinorOfIntegerLayers = 3, kFormatMinorOfTouch = 4, kFormatMinorOfOrders = 5,
-                   kFormatMinorOfCoarse = 6, kFormatMinorNewest = 7;
+                   kFormatMinorOfCoarse = 6, kFormatMinorOfTexture = 7, kFormatMinorOfPatches = 8;
 
 // The first minor version that has all of a model's parts, so that libraries before this one open what they can run.
 uint16_t FormatMinor(const ModelParts& parts) {
-  if (parts.texture_coordinates) return kFormatMinorNewest;
+  if (parts.patches) return kFormatMinorOfPatches;
+  if (parts.texture_coordinates) return kFormatMinorOfTexture;
   if (parts.coarse_vertices) return kFormatMinorOfCoarse;
   const bool orders = parts.body && parts.body->garment_order;
   if (parts.root_motion == RootMotion::kAir || orders || !parts.parents.empty()) return kFormatMinorOfOrders;
@@ -73,11 +74,12 @@ class Writer {
     const auto mesh = parts_.mesh ? Mesh(*parts_.mesh) : fb::Offset<format::MeshStage>();
     const auto displacement = parts_.basis ? Displacement(*parts_.basis) : fb::Offset<format::Displacement>();
     const auto body = parts_.body ? Body(*parts_.body) : fb::Offset<format::Body>();
+    const auto patches = parts_.patches ? Patches(*parts_.patches) : fb::Offset<format::PatchStage>();
     const auto producer = String(parts_.producer);
     const auto precision = String(parts_.precision);
     const auto model = format::CreateModel(builder_, format::kFormatMajor, FormatMinor(parts_), producer, precision,
                                            parts_.tick_rate, garment, character, features, static_stage, skeleton, mesh,
-                                           displacement, weights, kNoIdentityYet, body);
+                                           displacement, weights, kNoIdentityYet, body, patches);
     builder_.Finish(model, format::ModelIdentifier());
     AlignedBytes bytes(builder_.GetSize());
     std::memcpy(bytes.data(), builder_.GetBufferPointer(), bytes.size());
@@ -208,6 +210,35 @@ class Writer {
     return format::CreateDisplacement(builder_, parts_.skeleton_rows, parts_.mesh_rows, linear, head);
   }
 
+  fb::Offset<format::PatchStage> Patches(const PatchStageParts& patches) {
+    const auto joints = Tensor(patches.joints);
+    const auto axes = Tensor(patches.axes);
+    const auto centres = Tensor(patches.centres);
+    const auto point_joints = Tensor(patches.point_joints);
+    const auto point_parts = Tensor(patches.point_parts);
+    const auto capsule_joints = Tensor(patches.capsule_joints);
+    const auto capsules = Tensor(patches.capsules);
+    const auto limbs = Tensor(patches.limbs);
+    const auto near = Tensor(patches.near);
+    const auto embedding = Tensor(patches.embedding);
+    const auto enter = Linear(patches.enter);
+    std::vector<fb::Offset<format::Linear>> layers;
+    for (const PackedLinear& layer : patches.mix) layers.push_back(Linear(layer));
+    const auto mix = builder_.CreateVector(layers);
+    const auto input_gates = Linear(patches.input_gates);
+    const auto hidden_gates = Linear(patches.hidden_gates);
+    const auto out = Linear(patches.out);
+    const auto keep = Tensor(patches.keep);
+    const auto sources = Tensor(patches.sources);
+    const auto vertices = Tensor(patches.vertices);
+    const auto group_starts = Tensor(patches.group_starts);
+    const auto map = Linear(patches.map);
+    return format::CreatePatchStage(builder_, patches.patches, patches.points, patches.width, patches.neighbours,
+                                    joints, axes, centres, point_joints, point_parts, capsule_joints, capsules, limbs,
+                                    near, embedding, enter, mix, input_gates, hidden_gates, out, keep, sources,
+                                    vertices, group_starts, map);
+  }
+
   fb::Offset<format::Body> Body(const BodyParts& body) {
     const auto positions = Tensor(body.positions);
     const auto joints = Tensor(body.joints);
@@ -259,6 +290,19 @@ std::vector<const PackedTensor*> TensorsOf(const ModelParts& parts) {
     add(mesh.embed);
     add_linear(mesh.hidden);
     add_linear(mesh.coefficients);
+  }
+  if (parts.patches) {
+    const PatchStageParts& patches = *parts.patches;
+    add(patches.joints, patches.axes, patches.centres, patches.point_joints, patches.point_parts,
+        patches.capsule_joints, patches.capsules, patches.limbs);
+    add_present(patches.near, patches.embedding);
+    add_linear(patches.enter);
+    for (const PackedLinear& layer : patches.mix) add_linear(layer);
+    add_linear(patches.input_gates);
+    add_linear(patches.hidden_gates);
+    add_linear(patches.out);
+    add(patches.keep, patches.sources, patches.vertices, patches.group_starts);
+    add_linear(patches.map);
   }
   if (parts.head) add_linear(*parts.head);
   if (parts.basis) add_linear(*parts.basis);

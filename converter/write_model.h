@@ -34,6 +34,20 @@ struct SkeletonStageParts {
   PackedLinear input, hidden;
 };
 
+struct PatchStageParts {
+  uint16_t patches = 0;
+  uint8_t points = 0;
+  uint16_t width = 0;
+  uint8_t neighbours = 0;
+  PackedTensor joints, axes, centres, point_joints, point_parts, capsule_joints, capsules, limbs;
+  std::optional<PackedTensor> near, embedding;
+  PackedLinear enter;
+  std::vector<PackedLinear> mix;
+  PackedLinear input_gates, hidden_gates, out;
+  PackedTensor keep, sources, vertices, group_starts;
+  PackedLinear map;
+};
+
 struct BodyParts {
   uint8_t influences = 0;
   PackedTensor positions, joints, weights, faces, row_starts, columns;
@@ -61,6 +75,7 @@ struct ModelParts {
   PackedLinear static_hidden, static_increments;
   std::optional<SkeletonStageParts> skeleton;
   std::optional<MeshStageParts> mesh;
+  std::optional<PatchStageParts> patches;
   std::optional<PackedLinear> basis, head;
   std::optional<BodyParts> body;
 };

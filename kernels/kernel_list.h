@@ -16,6 +16,7 @@
   X(MatvecF32, matvec_f32)     \
   X(MatvecF16, matvec_f16)     \
   X(MatvecI8, matvec_i8)       \
+  X(MatmulI8, matmul_i8)       \
   X(QuantizeI16, quantize_i16) \
   X(GruGates, gru_gates)       \
   X(Gsgru, gsgru)              \

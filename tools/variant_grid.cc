@@ -12,6 +12,15 @@ using converter::RankMaker;
 
 constexpr uint32_t kLevels[] = {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH};
 
+// Those that differ: a patch stage runs at both of the last two.
+std::vector<uint32_t> LevelsOf(const converter::Bundle& bundle, uint32_t all) {
+  std::vector<uint32_t> levels;
+  for (const uint32_t stages : kLevels) {
+    if ((stages & ~all) == 0 && (stages != DCLOTH_STAGES_SKELETON || bundle.skeleton)) levels.push_back(stages);
+  }
+  return levels;
+}
+
 // Asked-for ranks as they are stored, largest first; without any, halves of the exact one.
 std::vector<uint32_t> LowerRanks(const EvaluationOptions& options, uint32_t exact) {
   std::vector<uint32_t> asked = options.ranks, ranks;
@@ -30,8 +39,8 @@ VariantGrid::VariantGrid(const converter::Bundle& bundle, converter::ModelMaker*
     : bundle_(bundle), maker_(maker) {
   for (const Precision p : options.precisions) Make(p, maker->DefaultRank(p));
   const Made& last = models_.back();
-  for (const uint32_t stages : kLevels) {
-    if ((stages & ~last.model.info().stages) == 0 && stages != last.model.info().stages) Add(last, stages, true);
+  for (const uint32_t stages : LevelsOf(bundle, last.model.info().stages)) {
+    if (stages != last.model.info().stages) Add(last, stages, true);
   }
   for (const Made& made : models_) Add(made, made.model.info().stages, true);
   if (options.pareto) AddGrid(options);
@@ -46,10 +55,10 @@ void VariantGrid::AddGrid(const EvaluationOptions& options) {
   const size_t defaults = models_.size();
   for (size_t i = 0; i < defaults; ++i) {
     const uint32_t all = models_[i].model.info().stages;
-    for (const uint32_t stages : kLevels) {
-      if ((stages & ~all) == 0 && stages != all && i + 1 != defaults) Add(models_[i], stages, false);
+    for (const uint32_t stages : LevelsOf(bundle_, all)) {
+      if (stages != all && i + 1 != defaults) Add(models_[i], stages, false);
     }
-    if (all == DCLOTH_STAGES_STATIC) continue;
+    if (!bundle_.skeleton) continue;
     for (const uint32_t rank : LowerRanks(options, maker_->exact_rank())) {
       const Made& made = Make(models_[i].precision, rank);
       for (const uint32_t stages : {DCLOTH_STAGES_MESH, DCLOTH_STAGES_SKELETON}) {

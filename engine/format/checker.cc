@@ -132,6 +132,16 @@ bool Checker::Indices(const Path& path, const Tensor* tensor, Shape shape, uint3
   return true;
 }
 
+bool Checker::Permutation(const Path& path, const Tensor* tensor, uint32_t count, const uint16_t** values) {
+  if (!Indices(path, tensor, {count}, count, values)) return false;
+  size_t repeated = FindRepeated(*values, count, count);
+  for (uint32_t i = 1; i < repeated && i < count; ++i) {
+    if ((*values)[i] == (*values)[i - 1]) repeated = i;
+  }
+  return repeated == count || FailElement(path, *values, repeated, sizeof(uint16_t), "a vertex that is there twice",
+                                          "every garment vertex once");
+}
+
 bool Checker::Words(const Path& path, const Tensor* tensor, Shape shape, const uint32_t** values) {
   const void* data = nullptr;
   if (!Resolve(path, tensor, DType_U32, shape, shape.elements(), &data)) return false;

@@ -51,9 +51,15 @@ class Checker {
   // Normal numbers above 0. `parent` is the place of a tensor that is missing.
   bool Scales(const Path& path, const void* parent, const Tensor* tensor, uint32_t count, const float** values);
   bool Words(const Path& path, const Tensor* tensor, Shape shape, const uint32_t** values);  // any values
+  // Each index below `count` once.
+  bool Permutation(const Path& path, const Tensor* tensor, uint32_t count, const uint16_t** values);
+
+  // Of int8 weights: with a scale for each row, or for each column alone.
+  enum class RowScales : uint8_t { kAll, kNone };
 
   // A [rows, columns] matrix with its scales and bias. Checks their values, but not the weights': see LinearView.
-  bool Linear(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t columns, LinearView* view);
+  bool Linear(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t columns, LinearView* view,
+              RowScales row_scales = RowScales::kAll);
 
   // `element` of a tensor's `values` is bad.
   bool FailElement(const Path& path, const void* values, size_t element, size_t width_bytes, const char* found,
@@ -69,7 +75,7 @@ class Checker {
   bool AllFinite(const Path& path, const float* values, size_t count);
   bool ShapeIs(const Path& path, const Tensor* tensor, Shape shape);
   bool Claim(const Path& path, const Tensor* tensor, uint64_t size);
-  bool LinearScales(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t padded_columns,
+  bool LinearScales(const Path& path, const format::Linear* linear, uint32_t padded_columns, RowScales row_scales,
                     LinearView* view);
 
   const uint8_t* bytes_;

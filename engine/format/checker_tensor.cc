@@ -89,10 +89,14 @@ bool Checker::Integers(const Path& path, const Tensor* tensor, Shape shape, cons
   return bad == count || FailElement(path, *values, bad, sizeof(int8_t), "-128", "-127 to 127");
 }
 
-bool Checker::LinearScales(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t padded_columns,
-                           LinearView* view) {
+bool Checker::LinearScales(const Path& path, const format::Linear* linear, uint32_t padded_columns,
+                           RowScales row_scales, LinearView* view) {
   if (view->type == WeightType::kI8) {
-    return Scales({&path, "row_scales"}, linear, linear->row_scales(), rows, &view->row_scales) &&
+    const Path rows = {&path, "row_scales"};
+    if (row_scales == RowScales::kNone && linear->row_scales() != nullptr)
+      return Fail(rows, linear->row_scales(), "scales of rows", "scales of columns alone in this layer");
+    return (row_scales == RowScales::kNone ||
+            Scales(rows, linear, linear->row_scales(), view->rows, &view->row_scales)) &&
            Scales({&path, "column_scales"}, linear, linear->column_scales(), padded_columns, &view->column_scales);
   }
   const bool has_rows = linear->row_scales() != nullptr, has_columns = linear->column_scales() != nullptr;
@@ -101,8 +105,8 @@ bool Checker::LinearScales(const Path& path, const format::Linear* linear, uint3
               "scales only for i8 weights");
 }
 
-bool Checker::Linear(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t columns,
-                     LinearView* view) {
+bool Checker::Linear(const Path& path, const format::Linear* linear, uint32_t rows, uint32_t columns, LinearView* view,
+                     RowScales row_scales) {
   const Path weights_path = {&path, "weights"};
   const Tensor* weights = linear->weights();
   const DType dtype = weights->dtype();
@@ -126,7 +130,7 @@ bool Checker::Linear(const Path& path, const format::Linear* linear, uint32_t ro
   const uint64_t stored_rows = dtype == DType_I8 ? kernels::PairedRows(rows) : rows;
   if (!Resolve(weights_path, weights, dtype, {rows, columns}, stored_rows * padded_columns, &result.weights))
     return false;
-  if (!LinearScales(path, linear, rows, padded_columns, &result)) return false;
+  if (!LinearScales(path, linear, padded_columns, row_scales, &result)) return false;
   if (linear->bias() != nullptr && !Floats({&path, "bias"}, linear->bias(), {padded_columns}, &result.bias))
     return false;
   *view = result;

@@ -24,7 +24,10 @@
   X(MeshHidden, 6, "mesh hidden", DCLOTH_STEP_MESH)             \
   X(MeshCoefficients, 7, "mesh coefficients", DCLOTH_STEP_MESH) \
   X(Head, 8, "head", DCLOTH_STEP_DISPLACEMENT)                  \
-  X(Basis, 9, "basis", DCLOTH_STEP_DISPLACEMENT)
+  X(Basis, 9, "basis", DCLOTH_STEP_DISPLACEMENT)                \
+  X(PatchInputs, 11, "patch inputs", DCLOTH_STEP_MESH)          \
+  X(PatchLayers, 12, "patch layers", DCLOTH_STEP_MESH)          \
+  X(PatchMap, 13, "patch map", DCLOTH_STEP_DISPLACEMENT)
 
 namespace dcloth::format {
 

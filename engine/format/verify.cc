@@ -85,9 +85,13 @@ bool OffsetsLeadInside(const uint8_t* bytes, size_t size, const fb::Vector<fb::O
 bool VectorsLeadInside(const uint8_t* bytes, size_t size, const fb::Table& root, fb::voffset_t field) {
   if (field == Model::VT_CHARACTER)
     return OffsetsLeadInside(bytes, size, *root.GetPointer<const Character*>(field)->joint_names());
-  if (field != Model::VT_MESH_STAGE) return true;
-  const auto* const stage = root.GetPointer<const MeshStage*>(field);
-  return stage == nullptr || OffsetsLeadInside(bytes, size, *stage->layers());
+  if (field == Model::VT_MESH_STAGE) {
+    const auto* const stage = root.GetPointer<const MeshStage*>(field);
+    return stage == nullptr || OffsetsLeadInside(bytes, size, *stage->layers());
+  }
+  if (field != Model::VT_PATCH_STAGE) return true;
+  const auto* const stage = root.GetPointer<const PatchStage*>(field);
+  return stage == nullptr || OffsetsLeadInside(bytes, size, *stage->mix());
 }
 
 struct Child {
@@ -123,6 +127,7 @@ constexpr Child kChildren[] = {
     {"displacement", Model::VT_DISPLACEMENT, false, VerifyChild<Displacement>},
     {"weights", Model::VT_WEIGHTS, true, VerifyWeights},
     {"body", Model::VT_BODY, false, VerifyChild<Body>},
+    {"patch_stage", Model::VT_PATCH_STAGE, false, VerifyChild<PatchStage>},
 };
 
 // Of a place in the file. A broken vtable may put a field outside: then that of the root table.
@@ -163,9 +168,8 @@ bool Verify(const void* bytes, size_t size, ModelView* view, Diagnostic* diagnos
   fb::Verifier verifier = MakeVerifier(begin, size);
   if (!VerifyModelBuffer(verifier)) return FailStructure(begin, size, diagnostic);
   const fb::Table& root = *Root(begin, size);
-  if (!VectorsLeadInside(begin, size, root, Model::VT_CHARACTER) ||
-      !VectorsLeadInside(begin, size, root, Model::VT_MESH_STAGE)) {
-    return FailStructure(begin, size, diagnostic);
+  for (const fb::voffset_t field : {Model::VT_CHARACTER, Model::VT_MESH_STAGE, Model::VT_PATCH_STAGE}) {
+    if (!VectorsLeadInside(begin, size, root, field)) return FailStructure(begin, size, diagnostic);
   }
 
   const Model& model = *GetModel(bytes);

@@ -3,6 +3,7 @@
 
 #include "engine/format/scan.h"
 #include "engine/format/verify_body.h"
+#include "engine/format/verify_patches.h"
 #include "kernels/skinning/skinning.h"
 
 namespace dcloth::format {
@@ -371,6 +372,23 @@ bool VerifyDisplacement(const Model& model, Checker* check, ModelView* view) {
   return check->Linear(basis_path, basis, skeleton_rows + mesh_rows, 3 * view->vertex_count, &view->displacement.basis);
 }
 
+// Patches move the garment's vertices themselves.
+bool VerifyOneMovingStage(const Model& model, Checker* check) {
+  if (model.patch_stage() == nullptr) return true;
+  const struct {
+    const char* name;
+    const void* table;
+    const char* found;
+  } others[] = {{"skeleton_stage", model.skeleton_stage(), "a skeleton stage beside a patch stage"},
+                {"mesh_stage", model.mesh_stage(), "a mesh stage beside a patch stage"},
+                {"displacement", model.displacement(), "a displacement beside a patch stage"}};
+  for (const auto& other : others) {
+    if (other.table == nullptr) continue;
+    return check->Fail({nullptr, other.name}, other.table, other.found, "either a patch stage or this");
+  }
+  return true;
+}
+
 }  // namespace
 
 bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
@@ -388,10 +406,12 @@ bool VerifyContent(const Model& model, Checker* check, ModelView* view) {
     return check->Fail({nullptr, "mesh_stage"}, model.mesh_stage(), "a mesh stage without a skeleton stage",
                        "both stages, or no mesh stage");
   }
+  if (!VerifyOneMovingStage(model, check)) return false;
   return VerifyGarment(*model.garment(), check, view) && VerifyCharacter(*model.character(), check, view) &&
          VerifyFeatures(*model.features(), check, view) && VerifyStaticStage(*model.static_stage(), check, view) &&
          (model.skeleton_stage() == nullptr || VerifySkeletonStage(*model.skeleton_stage(), check, view)) &&
          (model.mesh_stage() == nullptr || VerifyMeshStage(*model.mesh_stage(), check, view)) &&
+         (model.patch_stage() == nullptr || VerifyPatchStage(*model.patch_stage(), check, view)) &&
          VerifyDisplacement(model, check, view) && (model.body() == nullptr || VerifyBody(*model.body(), check, view));
 }
 

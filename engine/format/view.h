@@ -14,7 +14,7 @@ enum class WeightType : uint8_t { kF32, kF16, kI8 };
 // y[c] = sum_j x[j] W[j][c] + bias[c]. Weights are any bits at all: NaN weights give NaN vertices, never a fault.
 struct LinearView {
   const void* weights;         // panels, or pair panels for kI8
-  const float* row_scales;     // [rows], kI8 only
+  const float* row_scales;     // [rows], kI8 only; null for ones in a patch stage
   const float* column_scales;  // [padded columns], kI8 only
   const float* bias;           // [padded columns], or null for zero
   uint32_t rows;
@@ -107,7 +107,7 @@ struct PatchStageView {
   const uint8_t* capsule_joints;  // [C]
   const float* capsules;          // [C, 8]
   const uint8_t* limbs;           // [K, 2, 2]
-  const uint8_t* near;            // [L, S, K]
+  const uint8_t* near;            // [L, S, K], null where S is 0
   const float* embedding;         // [K, E], null where E is 0
   const float* keep;              // [R]
   const uint16_t* sources;        // [P, M]

@@ -54,6 +54,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   placed.quantized = arena.Take<int16_t>(WidestQuantized(model));
   placed.skeleton = PlaceSkeletonScratch(model.skeleton_stage, &arena);
   placed.mesh = PlaceMeshMemory(model, &arena);
+  placed.patches = PlacePatchMemory(model, &arena);
   placed.contact = PlaceContactMemory(model, &arena);
   placed.coefficients = arena.Take<float>(CoefficientFloats(model));
   for (float*& increments : placed.increments) increments = arena.Take<float>(IncrementFloats(model.static_stage));
@@ -77,6 +78,7 @@ void ResetCloth(Cloth* cloth) {
   cloth->work = {TickPart::kDone, 0, {}};
   if (model.skeleton_stage.units != 0) std::memset(cloth->coefficients, 0, model.skeleton_stage.units * sizeof(float));
   ClearMeshState(model, cloth->mesh);
+  ClearPatchState(model.patch_stage, cloth->patches);
   std::memset(cloth->idle_pose, 0, model.joint_count * sizeof(Affine));
   for (float* increments : cloth->increments) {
     std::memset(increments, 0, IncrementFloats(model.static_stage) * sizeof(float));
@@ -110,7 +112,7 @@ bool TakeWind(const float* wind, Cloth* cloth, format::Diagnostic* diagnostic) {
 }
 
 uint32_t ModelStages(const ModelView& model) {
-  if (model.mesh_stage.layer_count != 0) return DCLOTH_STAGES_MESH;
+  if (model.mesh_stage.layer_count != 0 || model.patch_stage.patch_count != 0) return DCLOTH_STAGES_MESH;
   return model.skeleton_stage.units != 0 ? DCLOTH_STAGES_SKELETON : DCLOTH_STAGES_STATIC;
 }
 

@@ -10,6 +10,7 @@
 #include "engine/src/base/stopwatch.h"
 #include "engine/src/contact/contact.h"
 #include "engine/src/network/mesh_stage.h"
+#include "engine/src/network/patch_stage.h"
 #include "engine/src/network/pose_stages.h"
 #include "engine/src/network/tick_work.h"
 #include "engine/src/pose/pose.h"
@@ -38,18 +39,19 @@ struct Cloth {
   Affine* pose_before;  // [joint_count], the pose of the last update
   Affine* pose_now;     // [joint_count], the pose of this one
   Affine* idle_pose;    // [joint_count], of the tick since which the pose has not moved
-  float* idle_start;    // D and basis coefficients of the first of the idle ticks, see time/idle.h
+  float* idle_start;    // D and what made delta in the first of the idle ticks, see time/idle.h
   float* matrices;      // [m, 12], scratch of a frame
   float* features;      // x [d], kept from tick to tick
   float* hidden;        // [padded width] of the static stage
   int16_t* quantized;   // activations of the widest int8 layer
   SkeletonScratch skeleton;
   MeshMemory mesh;
+  PatchMemory patches;
   ContactMemory contact;
   ContactClock contact_clock;
   float* coefficients;              // see network/displacement.h; P is the skeleton stage's state
   float* increments[kTickSlots];    // D of a tick
-  float* displacement[kTickSlots];  // delta of a tick; null without a basis
+  float* displacement[kTickSlots];  // delta of a tick; null where no stage makes one
   uint32_t newest;                  // slot of the newest complete tick; older ones lie before it, around the corner
   uint32_t tick_count;              // complete since the reset, up to kTickSlots
   uint32_t stages;                  // of the newest tick, in work or not; all stages after a reset

@@ -64,6 +64,25 @@ struct MatvecI8Job {
   bool relu;
 };
 
+// MatvecI8 for `count` inputs at once, with its bits: y[i][c] = (float(sum_j x[i][j] W[j][c]) * x_scales[i]) *
+// column_scales[c] + bias[c]. The weights are read once for all inputs. The rows of x and of y lie x_stride and y_stride
+// elements apart; what lies between them is neither read nor written. bias is not y.
+struct MatmulI8Job {
+  const int16_t* x;            // [count] rows of [row_count]
+  const float* x_scales;       // [count]
+  const int8_t* weights;       // [panel_count][panel_rows / 2][32][2]
+  const float* column_scales;  // [panel_count * 32]
+  const float* bias;           // [panel_count * 32], or null for zero
+  float* y;                    // [count] rows of [panel_count * 32]
+  size_t count;
+  size_t x_stride;  // at least row_count
+  size_t y_stride;  // at least panel_count * 32
+  size_t panel_rows;
+  size_t row_count;
+  size_t panel_count;
+  bool relu;
+};
+
 // q[j] = round(x[j] * row_scales[j] / *scale) with the smallest scale of 1, 5/4, 6/4 or 7/4 times a power of two such
 // that no int32 sum of MatvecI8 can overflow, whatever the weights: |q[j]| <= 32767 and 128 * sum_j |q[j]| < 2^31
 // (conservatively, see quantize.h). The quotient is a product with the inverse: off by 2^-22 of itself at most.

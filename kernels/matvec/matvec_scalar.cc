@@ -45,6 +45,13 @@ void MatvecI8(const MatvecI8Job& job) {
   }
 }
 
+void MatmulI8(const MatmulI8Job& job) {
+  for (size_t i = 0; i < job.count; ++i) {
+    MatvecI8({job.x + i * job.x_stride, job.weights, job.column_scales, job.bias, job.y + i * job.y_stride,
+              job.x_scales[i], job.panel_rows, job.row_count, job.panel_count, job.relu});
+  }
+}
+
 void QuantizeI16(const QuantizeI16Job& job) {
   const auto product = [&job](size_t j) {
     return FiniteProduct(job.x[j], job.row_scales != nullptr ? job.row_scales[j] : 1.0f);

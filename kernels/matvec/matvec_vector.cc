@@ -6,11 +6,11 @@
 #include "kernels/simd.h"
 
 #include "kernels/matvec/matvec.h"
+#include "kernels/prefetch.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/matvec/matvec_vector.cc"
 #include "hwy/foreach_target.h"
-#include "hwy/cache_control.h"
 #include "hwy/highway.h"
 #include "kernels/multiply_add-inl.h"
 
@@ -39,14 +39,7 @@ HWY_INLINE void PrefetchAhead(const void* row, size_t r) {
   constexpr size_t kAheadBytes = 96 * kRowBytes, kEveryBytes = kRowBytes;
   static_assert(kEveryBytes == 64 || kEveryBytes == 128, "a line or two");
   if (r * kRowBytes % kEveryBytes != 0) return;
-  const auto* ahead = reinterpret_cast<const char*>(reinterpret_cast<uintptr_t>(row) + kAheadBytes);
-#if HWY_ARCH_X86 && HWY_COMPILER_MSVC
-  _mm_prefetch(ahead, _MM_HINT_T1);
-#elif HWY_ARCH_X86 || HWY_ARCH_ARM
-  __builtin_prefetch(ahead, /*rw=*/0, /*locality=*/2);
-#else
-  (void)ahead;
-#endif
+  DCLOTH_PREFETCH(reinterpret_cast<const char*>(reinterpret_cast<uintptr_t>(row) + kAheadBytes));
 }
 
 HWY_INLINE VF LoadWeights(const float* p) { return hn::Load(df, p); }
@@ -55,12 +48,12 @@ HWY_INLINE VF LoadWeights(const uint16_t* p) {
   return hn::PromoteTo(df, hn::Load(dh, reinterpret_cast<const hwy::float16_t*>(p)));
 }
 
-// Adds the bias, clamps and stores vector `i` of a panel.
+// Adds the bias, clamps and stores a vector of an output.
 template <class Job>
-HWY_INLINE void Finish(const Job& job, size_t column, VF y) {
+HWY_INLINE void Finish(const Job& job, float* out, size_t column, VF y) {
   if (job.bias != nullptr) y = hn::Add(y, hn::LoadU(df, job.bias + column));
   if (job.relu) y = hn::Max(y, hn::Zero(df));
-  hn::StoreU(y, df, job.y + column);
+  hn::StoreU(y, df, out + column);
 }
 
 template <class Weight, bool kInOrder, class Job>
@@ -95,7 +88,7 @@ HWY_INLINE void MatvecFloat(const Job& job) {
     for (size_t i = 0; i < kVectors; ++i) {
       VF y = sum[0][i];
       for (size_t r = 1; r < kSums; ++r) y = hn::Add(y, sum[r][i]);
-      Finish(job, panel * kPanelColumns + i * kLanes, y);
+      Finish(job, job.y, panel * kPanelColumns + i * kLanes, y);
     }
   }
 }
@@ -113,13 +106,30 @@ void MatvecF16(const MatvecF16Job& job) { MatvecFloat<uint16_t>(job); }
 
 namespace {
 
+const hn::RebindToSigned<decltype(df)> di;
+const hn::Repartition<int16_t, decltype(df)> dw;
+using VI = hn::Vec<decltype(di)>;
+using VW = hn::Vec<decltype(dw)>;
+constexpr size_t kPairBytes = 2 * kPanelColumns;  // two rows of a panel
+
+// Vector `i` of the two rows at `row`: columns i * kLanes and on.
+HWY_INLINE VW LoadPairs(const int8_t* row, size_t i) {
+  const hn::Rebind<int8_t, decltype(dw)> db;
+  return hn::PromoteTo(dw, hn::Load(db, row + i * 2 * kLanes));
+}
+
+HWY_INLINE VW SetPair(const int16_t* x) {
+  int32_t pair;
+  hwy::CopyBytes<sizeof(pair)>(x, &pair);
+  return hn::BitCast(dw, hn::Set(di, pair));
+}
+
 // sum + the products of pairs of 16-bit numbers. x86 adds into `sum` alone; Arm splits a pair's products over two sums,
 // so that only both together are the result. Highway 1.0.3 does not know AVX-512's one instruction for it (VNNI, which
 // cpu.cc asks for): warm weights take up to a fifth less time than with two.
-template <class DI, class VI, class VW>
-HWY_INLINE VI AddPairs(DI di, VW w, VW x, VI sum, VI& spare) {
+HWY_INLINE VI AddPairs(VW w, VW x, VI sum, VI& spare) {
 #if HWY_TARGET == HWY_AVX3 && !HWY_COMPILER_MSVC
-  (void)di, (void)spare;
+  (void)spare;
   __asm__("vpdpwssd %2, %1, %0" : "+v"(sum.raw) : "v"(w.raw), "v"(x.raw));
   return sum;
 #else
@@ -135,11 +145,6 @@ constexpr size_t kSums = HWY_TARGET == HWY_AVX3 ? 2 : 1;
 // A vector of pairs: columns c..c+kLanes, rows j and j+1; a 16-bit multiply-add (pmaddwd and its like) takes both rows.
 // The integer sum is exact and the epilogue multiplies and adds apart, so every instruction set gives the same bits.
 void MatvecI8(const MatvecI8Job& job) {
-  const hn::RebindToSigned<decltype(df)> di;
-  const hn::Repartition<int16_t, decltype(df)> dw;
-  const hn::Rebind<int8_t, decltype(dw)> db;
-  using VI = hn::Vec<decltype(di)>;
-  constexpr size_t kPairBytes = 2 * kPanelColumns;
   const VF x_scale = hn::Set(df, job.x_scale);
   for (size_t panel = 0; panel < job.panel_count; ++panel) {
     const int8_t* weights = job.weights + panel * job.panel_rows * kPanelColumns;
@@ -151,12 +156,9 @@ void MatvecI8(const MatvecI8Job& job) {
     const auto add_pair = [&](size_t j, size_t r) {
       const int8_t* row = weights + j * kPanelColumns;
       PrefetchAhead<kPairBytes>(row, r);
-      int32_t pair;
-      hwy::CopyBytes<sizeof(pair)>(job.x + j, &pair);
-      const auto x = hn::BitCast(dw, hn::Set(di, pair));
+      const auto x = SetPair(job.x + j);
       for (size_t i = 0; i < kVectors; ++i) {
-        const auto w = hn::PromoteTo(dw, hn::Load(db, row + i * 2 * kLanes));
-        sum[r % kSums][i] = AddPairs(di, w, x, sum[r % kSums][i], spare[i]);
+        sum[r % kSums][i] = AddPairs(LoadPairs(row, i), x, sum[r % kSums][i], spare[i]);
       }
     };
     size_t j = 0;
@@ -170,7 +172,65 @@ void MatvecI8(const MatvecI8Job& job) {
       VI all = hn::RearrangeToOddPlusEven(sum[0][i], spare[i]);
       for (size_t other = 1; other < kSums; ++other) all = hn::Add(all, sum[other][i]);
       const VF total = hn::ConvertTo(df, all);
-      Finish(job, column, hn::Mul(hn::Mul(total, x_scale), hn::Load(df, job.column_scales + column)));
+      Finish(job, job.y, column, hn::Mul(hn::Mul(total, x_scale), hn::Load(df, job.column_scales + column)));
+    }
+  }
+}
+
+namespace {
+
+// The sums of kInputs inputs by kPartVectors vectors of a panel fill the registers: a vector of weights is widened once
+// for all these inputs.
+constexpr size_t kInputs = HWY_TARGET == HWY_AVX3 ? 8 : 4;
+constexpr size_t kPartVectors = 2, kParts = kVectors / kPartVectors;
+
+// Inputs `first` and on, columns `column` and on, whose weights are `part` and, two rows on, a kPairBytes further. Past
+// the last input it computes that one again. Asks for a line at `ahead`, then `step` bytes on with every two rows.
+HWY_INLINE void MatmulPart(const MatmulI8Job& job, const int8_t* part, size_t first, size_t column, uintptr_t ahead,
+                           size_t step) {
+  const auto input = [&](size_t b) { return HWY_MIN(first + b, job.count - 1); };
+  const int16_t* x[kInputs];
+  VI sum[kInputs][kPartVectors], spare[kInputs][kPartVectors];
+  for (size_t b = 0; b < kInputs; ++b) {
+    x[b] = job.x + input(b) * job.x_stride;
+    for (size_t i = 0; i < kPartVectors; ++i) sum[b][i] = spare[b][i] = hn::Zero(di);
+  }
+  for (size_t j = 0; j < job.row_count; j += 2) {
+    DCLOTH_PREFETCH(reinterpret_cast<const char*>(ahead));
+    ahead += step;
+    VW w[kPartVectors];
+    for (size_t i = 0; i < kPartVectors; ++i) w[i] = LoadPairs(part + j * kPanelColumns, i);
+    for (size_t b = 0; b < kInputs; ++b) {
+      const VW pair = SetPair(x[b] + j);
+      for (size_t i = 0; i < kPartVectors; ++i) sum[b][i] = AddPairs(w[i], pair, sum[b][i], spare[b][i]);
+    }
+  }
+  for (size_t b = 0; b < kInputs; ++b) {
+    const VF x_scale = hn::Set(df, job.x_scales[input(b)]);
+    for (size_t i = 0; i < kPartVectors; ++i) {
+      const VF total = hn::ConvertTo(df, hn::RearrangeToOddPlusEven(sum[b][i], spare[b][i]));
+      const VF scales = hn::Load(df, job.column_scales + column + i * kLanes);
+      Finish(job, job.y + input(b) * job.y_stride, column + i * kLanes, hn::Mul(hn::Mul(total, x_scale), scales));
+    }
+  }
+}
+
+}  // namespace
+
+// A panel's weights are used from L1 by all inputs, and the next panel's are asked for meanwhile, evenly: the products
+// wait for arithmetic, not for memory.
+void MatmulI8(const MatmulI8Job& job) {
+  if (job.count == 0) return;
+  const size_t passes = (job.count + kInputs - 1) / kInputs * kParts, step = (kPairBytes + passes - 1) / passes;
+  for (size_t panel = 0; panel < job.panel_count; ++panel) {
+    const int8_t* weights = job.weights + panel * job.panel_rows * kPanelColumns;
+    auto ahead = reinterpret_cast<uintptr_t>(weights) + job.panel_rows * kPanelColumns;
+    for (size_t first = 0; first < job.count; first += kInputs) {
+      for (size_t part = 0; part < kParts; ++part) {
+        const size_t offset = part * kPartVectors * kLanes;
+        MatmulPart(job, weights + 2 * offset, first, panel * kPanelColumns + offset, ahead, step);
+        ahead += step * (job.row_count / 2);
+      }
     }
   }
 }

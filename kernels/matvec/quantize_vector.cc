@@ -68,16 +68,16 @@ void QuantizeI16(const QuantizeI16Job& job) {
   const hn::CappedTag<float, 1> d1;
   const size_t whole = job.rows / hn::Lanes(d) * hn::Lanes(d);
   const float max = MaxMagnitude(d1, job, whole, job.rows, MaxMagnitude(d, job, 0, whole, 0.0f));
-  float step = 1.0f;
-  if (max > 0.0f) {
-    step = QuantizedStep(max);
-    const float inverse = 1.0f / step;
-    const int64_t sum = Quantize(d, job, 0, whole, inverse) + Quantize(d1, job, whole, job.rows, inverse);
-    step *= PowerOfTwo(QuantizedCoarser(sum, job.rows));
+  const auto quantize = [&](float inverse) {
+    return Quantize(d, job, 0, whole, inverse) + Quantize(d1, job, whole, job.rows, inverse);
+  };
+  float step = max > 0.0f ? QuantizedStep(max) : 1.0f;
+  // Few rows never sum up to too much: then one pass is all.
+  const int coarser = QuantizedCoarser(quantize(1.0f / step), job.rows);
+  if (coarser != 0) {
+    step *= PowerOfTwo(coarser);
+    quantize(1.0f / step);
   }
-  const float inverse = 1.0f / step;
-  Quantize(d, job, 0, whole, inverse);
-  Quantize(d1, job, whole, job.rows, inverse);
   if (job.rows % 2 != 0) job.q[job.rows] = 0;
   *job.scale = step;
 }

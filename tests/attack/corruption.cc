@@ -13,6 +13,7 @@ TestModel Sound(const Corruption& corruption) {
   spec.coarse = corruption.coarse;
   spec.texture = corruption.texture;
   spec.rank = corruption.rank;
+  spec.patches = corruption.patches;
   return BuildModel(spec);
 }
 

@@ -29,6 +29,7 @@ struct Corruption {
   bool coarse = false;                   // a coarse mesh in it
   bool texture = false;                  // texture coordinates in it
   uint32_t rank = 0;                     // of its basis, where that is reduced
+  uint32_t patches = 0;                  // in it
 };
 
 inline void PrintTo(const Corruption& corruption, std::ostream* out) { *out << corruption.name; }
@@ -38,6 +39,7 @@ std::vector<Corruption> StructureCorruptions();  // offsets, lengths, missing fi
 std::vector<Corruption> GarmentCorruptions();    // version, rates, names, joints, features
 std::vector<Corruption> TensorCorruptions();     // dtypes, shapes, ranges, scales
 std::vector<Corruption> StageCorruptions();      // indices, rows, layers, stages that do not fit each other
+std::vector<Corruption> PatchCorruptions();      // the patch stage
 
 // The file after the fault.
 AlignedBytes Corrupted(const Corruption& corruption);

@@ -105,6 +105,23 @@ std::vector<Corruption> BrokenOffsets() {
        }},
       {"layer_offset_zero", kFormat, "mesh_stage: ", kBroken, nullptr,
        [](Bytes* f) { Poke32(Writable(ModelIn(f).mesh_stage()->layers()->Data()), 0); }},
+      {.name = "mix_length_huge",
+       .status = kFormat,
+       .field = "patch_stage: ",
+       .reason = kBroken,
+       .bytes = [](Bytes* f) { Poke32(Writable(ModelIn(f).patch_stage()->mix()), 0x0FFFFFFFu); },
+       .patches = 4},
+      // Backwards, to a layer that is sound: 32 bits wrap there.
+      {.name = "mix_offset_wraps",
+       .status = kFormat,
+       .field = "patch_stage: ",
+       .reason = kBroken,
+       .bytes =
+           [](Bytes* f) {
+             const format::PatchStage* stage = ModelIn(f).patch_stage();
+             Redirect(Writable(stage->mix()->Data()), stage->map());
+           },
+       .patches = 4},
   };
 }
 
@@ -122,6 +139,12 @@ std::vector<Corruption> MissingFields() {
       {"no_gru_input", kFormat, "skeleton_stage: ", kBroken, [](M* m) { m->skeleton_stage->input.reset(); }},
       {"no_body_points", kFormat, "mesh_stage: ", kBroken, [](M* m) { m->mesh_stage->body_points.reset(); }},
       {"no_basis_weights", kFormat, "displacement: ", kBroken, [](M* m) { m->displacement->basis->weights.reset(); }},
+      {.name = "no_enter",
+       .status = kFormat,
+       .field = "patch_stage: ",
+       .reason = kBroken,
+       .tables = [](M* m) { m->patch_stage->enter.reset(); },
+       .patches = 4},
       {"tables_beyond_count", kFormat, "mesh_stage: ", kBroken,
        [](M* m) {
          while (m->mesh_stage->layers.size() < 30) m->mesh_stage->layers.push_back(Copy(*m->mesh_stage->layers[1]));

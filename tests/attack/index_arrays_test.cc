@@ -105,6 +105,8 @@ std::vector<Variant> Models() {
   models.push_back({"I8_large_touch", spec});
   spec.touch = false;
   models.push_back({"I8_large_body", spec});
+  spec.patches = 4;
+  models.push_back({"I8_large_patches", spec});
   return models;
 }
 
@@ -117,7 +119,10 @@ TEST(IndexArraysTest, AModelHasEachOfThem) {
     present.insert(walk.present().begin(), walk.present().end());
   }
   EXPECT_GE(allowed.size(), 70u);
-  for (const char* path : {"displacement.basis.bias", "displacement.head.bias"})
+  for (const char* path :
+       {"displacement.basis.bias", "displacement.head.bias", "patch_stage.hidden_gates.bias",
+        "patch_stage.enter.row_scales", "patch_stage.mix.row_scales", "patch_stage.input_gates.row_scales",
+        "patch_stage.hidden_gates.row_scales", "patch_stage.out.row_scales", "patch_stage.map.row_scales"})
     EXPECT_EQ(allowed.erase(path), 1u) << path << ", which no file may have";
   for (const std::string& path : allowed) EXPECT_EQ(present.count(path), 1u) << path << ": no model of Models() has it";
 }

@@ -16,7 +16,8 @@ namespace {
 
 std::vector<Corruption> All() {
   std::vector<Corruption> all;
-  for (const auto& rung : {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions()})
+  for (const auto& rung :
+       {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions(), PatchCorruptions()})
     all.insert(all.end(), rung.begin(), rung.end());
   return all;
 }

@@ -188,6 +188,32 @@ std::vector<OddFile> OddFiles() {
          s->layers = 8;
          s->feature_width = 64;
        }},
+      {"fewest_patches",
+       [](ModelSpec* s) {
+         s->patches = s->mixes = s->capsules = 1;
+         s->patch_points = s->sources = 2;
+         s->patch_width = 8;
+         s->patch_neighbours = s->embedding = 0;
+       }},
+      {"most_patches",
+       [](ModelSpec* s) {
+         s->segments = s->patches = s->patch_width = 256;
+         s->rings = s->patch_points = 16;
+         s->patch_neighbours = 4;
+         s->mixes = 8;
+         s->capsules = s->embedding = s->sources = 32;
+       }},
+      {"patches_without_extent", [](ModelSpec* s) { s->patches = 4; },
+       [](M* m) {
+         Fill<float>(m, *m->patch_stage->axes, 36, 0);
+         Fill<float>(m, *m->patch_stage->capsules, 40, 0);
+         Fill<float>(m, *m->patch_stage->point_parts, 192, 0);
+       }},
+      {"patches_that_keep_all_and_follow_one_point", [](ModelSpec* s) { s->patches = 4; },
+       [](M* m) {
+         Fill<float>(m, *m->patch_stage->keep, 3, 1);
+         Fill<uint16_t>(m, *m->patch_stage->sources, 48, 7);
+       }},
       {"ones_everywhere",
        [](ModelSpec* s) { s->static_width = s->units = s->mesh_width = s->mesh_basis = s->layers = 1; }},
       {"cloth_that_touches_nothing", [](ModelSpec* s) { s->body = s->touch = true; },
@@ -273,10 +299,10 @@ TEST(OddFile, UnknownFieldsOfALaterWriterAreIgnored) {
   const auto skeleton = format::CreateSkeletonStage(builder, m.skeleton_stage.get());
   const auto mesh = format::CreateMeshStage(builder, m.mesh_stage.get());
   const auto displacement = format::CreateDisplacement(builder, m.displacement.get());
-  const auto unknown_text = builder.CreateString("a field of format 1.7");
+  const auto unknown_text = builder.CreateString("a field of format 1.9");
   builder.ForceVectorAlignment(m.weights.size(), 1, 64);
   const auto weights = builder.CreateVector(m.weights);
-  constexpr flatbuffers::voffset_t kNext = format::Model::VT_BODY + 2;
+  constexpr flatbuffers::voffset_t kNext = format::Model::VT_PATCH_STAGE + 2;
   const flatbuffers::uoffset_t start = builder.StartTable();
   builder.AddElement<uint64_t>(kNext + 2, 0x123456789ABCDEF0u, 0);
   builder.AddOffset(kNext, unknown_text);
@@ -289,7 +315,7 @@ TEST(OddFile, UnknownFieldsOfALaterWriterAreIgnored) {
   builder.AddOffset(format::Model::VT_CHARACTER, character);
   builder.AddOffset(format::Model::VT_GARMENT, garment);
   builder.AddElement<float>(format::Model::VT_TICK_RATE, 30, 0);
-  builder.AddElement<uint16_t>(format::Model::VT_FORMAT_MINOR, 7, 0);
+  builder.AddElement<uint16_t>(format::Model::VT_FORMAT_MINOR, 9, 0);
   builder.AddElement<uint16_t>(format::Model::VT_FORMAT_MAJOR, 1, 0);
   builder.Finish(flatbuffers::Offset<format::Model>(builder.EndTable(start)), format::ModelIdentifier());
   const AlignedBytes bytes(builder.GetBufferPointer(), builder.GetSize());

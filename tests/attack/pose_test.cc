@@ -115,6 +115,13 @@ class PoseTest : public ::testing::TestWithParam<Variant> {
       const size_t count = spec.layers * kernels::GsgruStateFloats(model_.numbers.n, spec.feature_width);
       EXPECT_TRUE(std::all_of(inside->mesh.state, inside->mesh.state + count, bounded)) << where;
     }
+    if (spec.patches != 0) {
+      const float* h = inside->patches.hidden;
+      EXPECT_TRUE(std::all_of(h, h + size_t{spec.patches} * spec.patch_width, bounded)) << where;
+      const float* cloth_floats = inside->patches.cloth;
+      const size_t count = engine::PatchClothFloats(inside->model->patch_stage);
+      EXPECT_TRUE(std::all_of(cloth_floats, cloth_floats + count, [](float x) { return std::isfinite(x); })) << where;
+    }
   }
   void ExpectSoundFrame(OwnedCloth* cloth, const Matrices& pose, const std::string& where) const {
     ASSERT_EQ(cloth->Skin(pose, 0.5f), DCLOTH_OK) << where;

@@ -41,6 +41,7 @@ class TensorWalk {
     AddLinear(m->static_stage->hidden, m->static_stage->increments);
     if (m->skeleton_stage) AddLinear(m->skeleton_stage->input, m->skeleton_stage->hidden);
     if (m->mesh_stage) AddMesh(m->mesh_stage.get());
+    if (m->patch_stage) AddPatches(m->patch_stage.get());
     if (m->displacement) AddLinear(m->displacement->basis, m->displacement->head);
     if (m->body) {
       Add(m->body->positions, m->body->joints, m->body->weights, m->body->faces, m->body->row_starts, m->body->columns,
@@ -84,6 +85,13 @@ class TensorWalk {
           layer->input_inverse_steps);
     }
     AddLinear(mesh->hidden, mesh->coefficients);
+  }
+  void AddPatches(format::PatchStageT* stage) {
+    Add(stage->joints, stage->axes, stage->centres, stage->point_joints, stage->point_parts, stage->capsule_joints,
+        stage->capsules, stage->limbs, stage->near, stage->embedding, stage->keep, stage->sources, stage->vertices,
+        stage->group_starts);
+    for (const auto& mix : stage->mix) AddLinear(mix);
+    AddLinear(stage->enter, stage->input_gates, stage->hidden_gates, stage->out, stage->map);
   }
 
   std::vector<format::TensorT*> tensors_;

@@ -25,6 +25,8 @@ bool Bounded(OwnedCloth* cloth, const Numbers& numbers) {
   const auto bounded = [](float h) { return std::abs(h) <= 1 + 0x1p-20f; };
   const ModelSpec& spec = numbers.spec;
   if (spec.skeleton && !std::all_of(inside->coefficients, inside->coefficients + spec.units, bounded)) return false;
+  const float* h = inside->patches.hidden;
+  if (spec.patches != 0 && !std::all_of(h, h + size_t{spec.patches} * spec.patch_width, bounded)) return false;
   if (!spec.skeleton || !spec.mesh) return true;
   const size_t count = spec.layers * kernels::GsgruStateFloats(numbers.n, spec.feature_width);
   return std::all_of(inside->mesh.state, inside->mesh.state + count, bounded);

@@ -18,8 +18,8 @@ struct Variant {
 inline void PrintTo(const Variant& variant, std::ostream* out) { *out << variant.name; }
 
 // Every precision with every set of stages, and two that differ in features, influences and layers, one with integer
-// layers, one with a reduced basis, one with a body, one with parts of it and one that reads the air: 16 models of 3 to
-// 20 KB.
+// layers, one with a reduced basis, one with a body, one with parts of it, one that reads the air, and patches in every
+// precision: 19 models of 3 to 20 KB.
 inline std::vector<Variant> Variants() {
   ModelSpec small;
   small.rings = 3;
@@ -72,6 +72,19 @@ inline std::vector<Variant> Variants() {
   small.body = small.touch = small.parents = false;
   small.root_motion = format::RootMotion_Air;
   variants.push_back({"I8_air", small});
+  small.root_motion = format::RootMotion_Hips;
+  small.coarse = small.texture = small.skeleton = small.mesh = false;
+  small.patches = 2;
+  small.patch_points = 2;
+  small.patch_width = 8;
+  small.patch_neighbours = 1;
+  small.capsules = 3;
+  small.embedding = 1;
+  small.sources = 2;
+  for (const format::DType precision : {format::DType_F32, format::DType_F16, format::DType_I8}) {
+    small.precision = precision;
+    variants.push_back({std::string(format::EnumNameDType(precision)) + "_patches", small});
+  }
   return variants;
 }
 

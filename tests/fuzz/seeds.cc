@@ -94,6 +94,10 @@ std::vector<Seed> BundleSeeds() {
   spec.skeleton = false;
   spec.root_motion = converter::RootMotion::kNone;
   seeds.push_back(SeedOf("static", BuildBundle(spec)));
+  spec.patches = spec.patch_points = spec.sources = spec.embedding = 2;
+  spec.patch_width = 8;
+  spec.patch_neighbours = spec.patch_layers = 1;
+  seeds.push_back(SeedOf("patches", BuildBundle(spec)));
   return seeds;
 }
 

@@ -35,7 +35,8 @@ KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
 KERNELS["nearest"].append("kernels_nearest_cases_test")
 KERNELS["gsgru"].append("kernels_gsgru_i8_test")
 KERNELS["matvec"] = [f"kernels_{kind}_test"
-                     for kind in ("matvec_f32", "matvec_f16", "matvec_i8", "quantize", "reproducible")]
+                     for kind in ("matmul_i8", "matvec_f32", "matvec_f16", "matvec_i8", "quantize",
+                                  "reproducible")]
 VERIFIER = ["attack_ladder_test", "attack_every_tensor_test", "attack_odd_files_test", "engine_diagnostic_test",
             "engine_format_test", "engine_format_body_test", "engine_format_head_test", "engine_scan_test"]
 STATE = ["attack_state_test", "engine_state_test", "engine_state_check_test", "engine_hot_swap_test"]

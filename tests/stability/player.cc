@@ -88,12 +88,20 @@ std::span<float> Player::MeshState() const {
           stage.layer_count * kernels::GsgruStateFloats(cloth->model->vertex_count, stage.feature_width)};
 }
 
-double Player::LargestState() const { return std::max(LargestSkeletonState(), LargestOf(MeshState())); }
+std::span<float> Player::PatchState() const {
+  auto* const cloth = reinterpret_cast<engine::Cloth*>(cloth_);
+  const format::PatchStageView& stage = cloth->model->patch_stage;
+  return {cloth->patches.hidden, size_t{stage.patch_count} * stage.width};
+}
+
+double Player::LargestState() const {
+  return std::max({LargestSkeletonState(), LargestOf(MeshState()), LargestOf(PatchState())});
+}
 
 double Player::LargestSkeletonState() const { return LargestOf(SkeletonState()); }
 
 void Player::FillState(const std::function<float()>& value) {
-  for (const std::span<float> state : {SkeletonState(), MeshState()}) {
+  for (const std::span<float> state : {SkeletonState(), MeshState(), PatchState()}) {
     std::generate(state.begin(), state.end(), value);
   }
 }

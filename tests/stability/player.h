@@ -51,6 +51,7 @@ class Player {
  private:
   std::span<float> SkeletonState() const;
   std::span<float> MeshState() const;
+  std::span<float> PatchState() const;
   dcloth_pose Load(const Pose& pose);
 
   const Garment& garment_;

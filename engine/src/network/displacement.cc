@@ -48,7 +48,8 @@ void MixCoefficients(const kernels::KernelTable& kernels, const ModelView& model
 }
 
 size_t DisplacementFloats(const format::ModelView& model) {
-  return model.displacement.skeleton_rows == 0 ? 0 : kernels::PaddedColumns(model.displacement.basis.columns);
+  const bool moves = model.displacement.skeleton_rows != 0 || model.patch_stage.patch_count != 0;
+  return moves ? kernels::PaddedColumns(size_t{3} * model.vertex_count) : 0;
 }
 
 LinearProduct DisplacementProduct(const format::ModelView& model, uint32_t stages, const float* coefficients,

@@ -27,7 +27,7 @@ const float* BasisCoefficients(const format::ModelView& model, const float* coef
 void MixCoefficients(const kernels::KernelTable& kernels, const format::ModelView& model, uint32_t stages,
                      float* coefficients, int16_t* quantized);
 
-// Floats of a displacement [n, 3], padded to whole panels; 0 without a basis.
+// Floats of a displacement [n, 3], padded to whole panels; 0 where no stage makes one.
 size_t DisplacementFloats(const format::ModelView& model);
 
 // delta = c . basis, one pass over the part of the basis that the running stages use. `stages` is one of

@@ -110,4 +110,33 @@ void ApplyLinear(const kernels::KernelTable& kernels, const LinearProduct& produ
   ApplyPanels(kernels, product, QuantizeInput(kernels, product), 0, kernels::PanelCount(product.linear->columns));
 }
 
+void ApplyBatch(const kernels::KernelTable& kernels, const LinearBatch& batch) {
+  const LinearView& linear = *batch.linear;
+  const size_t panels = kernels::PanelCount(linear.columns), elements = QuantizedElements(linear);
+  const auto input = [&](size_t i) {
+    return LinearProduct{&linear,          batch.x + i * batch.x_stride,   linear.rows,
+                         batch.activation, batch.quantized + i * elements, batch.y + i * batch.y_stride};
+  };
+  if (linear.type == WeightType::kI8) {
+    for (size_t i = 0; i < batch.count; ++i) batch.scales[i] = QuantizeInput(kernels, input(i)).x;
+    kernels::MatmulI8Job job = {};
+    job.x = batch.quantized;
+    job.x_scales = batch.scales;
+    job.weights = static_cast<const int8_t*>(linear.weights);
+    job.column_scales = linear.column_scales;
+    job.bias = linear.bias;
+    job.y = batch.y;
+    job.count = batch.count;
+    job.x_stride = job.panel_rows = job.row_count = elements;
+    job.y_stride = batch.y_stride;
+    job.panel_count = panels;
+    job.relu = batch.activation == Activation::kRelu;
+    kernels.matmul_i8(job);
+    return;
+  }
+  for (size_t panel = 0; panel < panels; ++panel) {
+    for (size_t i = 0; i < batch.count; ++i) ApplyPanels(kernels, input(i), {}, panel, 1);
+  }
+}
+
 }  // namespace dcloth::engine

@@ -59,6 +59,22 @@ void ApplyPanelsTo(const kernels::KernelTable& kernels, const LinearProduct& pro
 // The whole product at once.
 void ApplyLinear(const kernels::KernelTable& kernels, const LinearProduct& product);
 
+// The same layer for `count` inputs, whose rows lie a stride apart: the weights are read once for all of them.
+struct LinearBatch {
+  const format::LinearView* linear;
+  const float* x;  // [count] rows of [rows]
+  size_t x_stride;
+  size_t count;
+  Activation activation;
+  int16_t* quantized;  // [count, QuantizedElements]
+  float* scales;       // [count], with int8 weights
+  float* y;            // [count] rows of all padded columns
+  size_t y_stride;
+};
+
+// The bits are those of ApplyLinear on each input.
+void ApplyBatch(const kernels::KernelTable& kernels, const LinearBatch& batch);
+
 }  // namespace dcloth::engine
 
 #endif  // DCLOTH_ENGINE_SRC_NETWORK_LINEAR_H_

@@ -1,9 +1,11 @@
 #include "engine/src/network/schedule.h"
 
 #include <cstring>
+#include <initializer_list>
 
 #include "engine/src/base/arithmetic.h"
 #include "engine/src/network/displacement.h"
+#include "engine/src/network/patch_stage.h"
 #include "engine/src/network/pose_stages.h"
 
 namespace dcloth::engine {
@@ -15,12 +17,15 @@ using format::ModelView;
 // Picoseconds, fitted to kernels/README.md (one Zen 3 core): products take 21 (int8) to 47 (f32) a byte of
 // weights out of the cache and 68 out of memory, and a game has some of both; hidden layers of 7,964 vertices
 // take 0.253 ms at F = 8 and 1.69 at F = 32, which is 20 ns a vertex and 27 ps a multiply-add, four fifths of it with
-// integer products; skinning takes 0.039 ms for 7,952 vertices.
+// integer products; skinning takes 0.039 ms for 7,952 vertices. Products of all patches at once find their weights in
+// the cache: 28 ps (f32) and 19 (int8) a weight and patch on a Xeon core with AVX2.
 constexpr uint64_t kPerByte = 40;
 constexpr uint64_t kPerLayerVertex = 20000;
 constexpr uint64_t kPerMultiplyAdd = 27, kPerIntegerMultiplyAdd = 21;
 constexpr uint64_t kPerSkinnedVertex = 5000;
 constexpr uint64_t kPerGate = 1000;
+constexpr uint64_t kPerPatchPoint = 80000, kPerPatchGroup = 40000;
+constexpr uint64_t kPerPatchProduct = 30, kPerIntegerPatchProduct = 20;  // of one patch and one weight
 
 struct PartSize {
   uint64_t items;
@@ -64,9 +69,26 @@ void ClearSkeletonState(Cloth* cloth) {
 
 // A stage that rested starts from zero: what it remembers belongs to a motion long past.
 void WakeStages(Cloth* cloth, uint32_t stages) {
-  if (RunsSkeleton(stages) && !RunsSkeleton(cloth->stages)) ClearSkeletonState(cloth);
-  if (RunsMesh(stages) && !RunsMesh(cloth->stages)) ClearMeshState(*cloth->model, cloth->mesh);
+  const ModelView& model = *cloth->model;
+  if (RunsSkeleton(model, stages) && !RunsSkeleton(model, cloth->stages)) ClearSkeletonState(cloth);
+  if (RunsMesh(model, stages) && !RunsMesh(model, cloth->stages)) ClearMeshState(model, cloth->mesh);
+  if (RunsPatches(model, stages) && !RunsPatches(model, cloth->stages)) {
+    ClearPatchState(model.patch_stage, cloth->patches);
+  }
   cloth->stages = stages;
+}
+
+// How a tick finds what its patches remember; `root` and `stages` are of the tick before.
+PatchMotion MotionOf(const Cloth& cloth, const SkinPose& skin, const double (&wind)[3], double elapsed_ticks) {
+  const bool remembers = cloth.root.started && RunsPatches(*cloth.model, cloth.stages);
+  PatchMotion motion = {};
+  for (int r = 0; r < 3; ++r) {
+    motion.hips_way[r] = remembers ? skin.origin[r] - cloth.root.position[r] : 0;
+    motion.wind[r] = wind[r] / static_cast<double>(cloth.model->tick_rate);
+  }
+  motion.elapsed_ticks = elapsed_ticks;
+  motion.carried = !remembers || cloth.root.jumped;
+  return motion;
 }
 
 // Columns of a product that are made by now, without padding.
@@ -97,7 +119,7 @@ constexpr Part kStatic = {
 constexpr Part kSkeletonInput = {
     [](const ModelView& model, uint32_t stages) {
       const LinearView& input = model.skeleton_stage.input;
-      return RunsSkeleton(stages) ? ProductSize(input, input.rows) : PartSize{};
+      return RunsSkeleton(model, stages) ? ProductSize(input, input.rows) : PartSize{};
     },
     nullptr,
     [](const Cloth& cloth) {
@@ -112,7 +134,7 @@ constexpr Part kSkeletonInput = {
 constexpr Part kSkeletonHidden = {
     [](const ModelView& model, uint32_t stages) {
       const format::SkeletonStageView& stage = model.skeleton_stage;
-      return RunsSkeleton(stages) ? ProductSize(stage.hidden, stage.units) : PartSize{};
+      return RunsSkeleton(model, stages) ? ProductSize(stage.hidden, stage.units) : PartSize{};
     },
     nullptr,
     [](const Cloth& cloth) {
@@ -126,7 +148,7 @@ constexpr Part kSkeletonHidden = {
 
 constexpr Part kSkeletonGates = {
     [](const ModelView& model, uint32_t stages) {
-      return RunsSkeleton(stages) ? PartSize{1, model.skeleton_stage.units * kPerGate} : PartSize{};
+      return RunsSkeleton(model, stages) ? PartSize{1, model.skeleton_stage.units * kPerGate} : PartSize{};
     },
     [](Cloth* cloth, size_t, size_t) {
       RunSkeletonGates(ActiveKernels(), cloth->model->skeleton_stage, cloth->skeleton, cloth->coefficients);
@@ -135,14 +157,15 @@ constexpr Part kSkeletonGates = {
 
 constexpr Part kBodyPoints = {
     [](const ModelView& model, uint32_t stages) {
-      return RunsMesh(stages) ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex} : PartSize{};
+      return RunsMesh(model, stages) ? PartSize{MeshBlocks(model), kernels::kGsgruBlock * kPerSkinnedVertex}
+                                     : PartSize{};
     },
     [](Cloth* cloth, size_t begin, size_t count) {
       PoseBodyPoints(ActiveKernels(), *cloth->model, cloth->mesh, begin, count);
     },
     nullptr,
     [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
-      if (at.part > TickPart::kBodyPoints || !RunsMesh(stages)) return;
+      if (at.part > TickPart::kBodyPoints || !RunsMesh(*cloth.model, stages)) return;
       spans->AddRow("body_matrices", cloth.mesh.matrices, size_t{12} * cloth.model->joint_count);
       if (at.part != TickPart::kBodyPoints) return;
       const size_t n = cloth.model->vertex_count, done = at.items_done * kernels::kGsgruBlock;
@@ -152,7 +175,7 @@ constexpr Part kBodyPoints = {
 
 constexpr Part kMeshLayers = {
     [](const ModelView& model, uint32_t stages) {
-      if (!RunsMesh(stages)) return PartSize{};
+      if (!RunsMesh(model, stages)) return PartSize{};
       return PartSize{MeshBlocks(model) * model.mesh_stage.layer_count, LayerBlockCost(model)};
     },
     [](Cloth* cloth, size_t begin, size_t count) {
@@ -180,11 +203,11 @@ constexpr Part kMeshLayers = {
 
 constexpr Part kMeshHidden = {
     [](const ModelView& model, uint32_t stages) {
-      return RunsMesh(stages) ? ProductSize(model.mesh_stage.hidden, model.mesh_stage.hidden.rows) : PartSize{};
+      return RunsMesh(model, stages) ? ProductSize(model.mesh_stage.hidden, model.mesh_stage.hidden.rows) : PartSize{};
     },
     nullptr, [](const Cloth& cloth) { return MeshHidden(cloth.model->mesh_stage, cloth.mesh, cloth.quantized); },
     [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
-      if (at.part > TickPart::kMeshCoefficients || !RunsMesh(stages)) return;
+      if (at.part > TickPart::kMeshCoefficients || !RunsMesh(*cloth.model, stages)) return;
       const size_t columns = cloth.model->mesh_stage.hidden.columns;
       spans->AddRow("mesh_hidden", cloth.mesh.hidden, Made(at, TickPart::kMeshHidden, columns));
     }};
@@ -192,21 +215,21 @@ constexpr Part kMeshHidden = {
 constexpr Part kMeshCoefficients = {
     [](const ModelView& model, uint32_t stages) {
       const LinearView& linear = model.mesh_stage.coefficients;
-      return RunsMesh(stages) ? ProductSize(linear, linear.rows) : PartSize{};
+      return RunsMesh(model, stages) ? ProductSize(linear, linear.rows) : PartSize{};
     },
     nullptr,
     [](const Cloth& cloth) {
       return MeshCoefficients(cloth.model->mesh_stage, cloth.mesh, cloth.quantized, MeshCoefficientsOf(cloth));
     },
     [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
-      if (at.part > TickPart::kHead || !RunsMesh(stages)) return;
+      if (at.part > TickPart::kHead || !RunsMesh(*cloth.model, stages)) return;
       const size_t columns = cloth.model->mesh_stage.coefficients.columns;
       spans->AddRow("mesh_coefficients", MeshCoefficientsOf(cloth), Made(at, TickPart::kMeshCoefficients, columns));
     }};
 
 constexpr Part kHead = {
     [](const ModelView& model, uint32_t stages) {
-      return RunsSkeleton(stages) ? PartSize{1, kPerGate + ProductCost(model.displacement.head)} : PartSize{};
+      return RunsSkeleton(model, stages) ? PartSize{1, kPerGate + ProductCost(model.displacement.head)} : PartSize{};
     },
     [](Cloth* cloth, size_t, size_t) {
       const ModelView& model = *cloth->model;
@@ -214,12 +237,12 @@ constexpr Part kHead = {
     },
     nullptr,
     [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
-      if (at.part <= TickPart::kHead || !RunsSkeleton(stages)) return;
+      if (at.part <= TickPart::kHead || !RunsSkeleton(*cloth.model, stages)) return;
       // Without a head the basis multiplies Q itself; with one, what the head has mixed.
       const LinearView& head = cloth.model->displacement.head;
       if (head.rows != 0) {
         spans->AddRow("mixed_coefficients", cloth.coefficients + MixedCoefficientsAt(*cloth.model), head.columns);
-      } else if (RunsMesh(stages)) {
+      } else if (RunsMesh(*cloth.model, stages)) {
         spans->AddRow("mesh_coefficients", MeshCoefficientsOf(cloth), cloth.model->mesh_stage.coefficients.columns);
       }
     }};
@@ -233,18 +256,88 @@ constexpr Part kBasis = {
     [](const ModelView& model, uint32_t stages) {
       const format::DisplacementView& displacement = model.displacement;
       if (displacement.skeleton_rows == 0) return PartSize{};
-      if (!RunsSkeleton(stages)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
+      if (!RunsSkeleton(model, stages)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
       return ProductSize(displacement.basis,
-                         displacement.skeleton_rows + (RunsMesh(stages) ? displacement.mesh_rows : 0));
+                         displacement.skeleton_rows + (RunsMesh(model, stages) ? displacement.mesh_rows : 0));
     },
     [](Cloth* cloth, size_t begin, size_t count) {
-      if (RunsSkeleton(cloth->stages)) {
+      if (RunsSkeleton(*cloth->model, cloth->stages)) {
         RunPanels(cloth, BasisProduct(*cloth), begin, count);
       } else {
         std::memset(cloth->displacement[NextTick(*cloth)], 0, DisplacementFloats(*cloth->model) * sizeof(float));
       }
     },
     BasisProduct, nullptr};
+
+constexpr Part kPatchInputs = {
+    [](const ModelView& model, uint32_t stages) {
+      const format::PatchStageView& stage = model.patch_stage;
+      return RunsPatches(model, stages) ? PartSize{stage.patch_count, stage.point_count * kPerPatchPoint} : PartSize{};
+    },
+    [](Cloth* cloth, size_t begin, size_t count) { ReadPatches(*cloth->model, cloth->patches, begin, count); }, nullptr,
+    [](const Cloth& cloth, uint32_t stages, const TickWork& at, StateSpans* spans) {
+      const ModelView& model = *cloth.model;
+      if (at.part > TickPart::kPatchLayers || !RunsPatches(model, stages)) return;
+      const format::PatchStageView& stage = model.patch_stage;
+      const PatchMemory& patches = cloth.patches;
+      spans->AddRow("patch_pose", patches.pose, PatchPoseFloats(model));
+      const size_t done = at.part < TickPart::kPatchInputs   ? 0
+                          : at.part > TickPart::kPatchInputs ? stage.patch_count
+                                                             : at.items_done;
+      spans->AddRow("patch_frames", patches.frames, done * PatchFrameFloats(stage.point_count));
+      spans->Add("patch_inputs", patches.rows + stage.width, done, stage.enter.rows, PatchRowFloats(stage),
+                 kLargestSaved);
+    }};
+
+// Items are layers of all patches; an average keeps them alike.
+uint64_t PatchLayerCost(const format::PatchStageView& stage) {
+  uint64_t cost = 0;
+  const auto add = [&](const LinearView& linear) {
+    const bool integers = linear.type == format::WeightType::kI8;
+    cost += uint64_t{linear.rows} * linear.columns * (integers ? kPerIntegerPatchProduct : kPerPatchProduct);
+  };
+  for (const LinearView* linear : {&stage.enter, &stage.input_gates, &stage.hidden_gates, &stage.out}) add(*linear);
+  for (uint32_t l = 0; l < stage.layer_count; ++l) add(stage.mix[l]);
+  return stage.patch_count * (stage.width * kPerGate + cost) / PatchLayerItems(stage);
+}
+
+constexpr Part kPatchLayers = {
+    [](const ModelView& model, uint32_t stages) {
+      const format::PatchStageView& stage = model.patch_stage;
+      return RunsPatches(model, stages) ? PartSize{PatchLayerItems(stage), PatchLayerCost(stage)} : PartSize{};
+    },
+    [](Cloth* cloth, size_t begin, size_t count) {
+      RunPatchLayers(ActiveKernels(), *cloth->model, cloth->patches, begin, count);
+    },
+    nullptr,
+    [](const Cloth& cloth, uint32_t, const TickWork& at, StateSpans* spans) {
+      const format::PatchStageView& stage = cloth.model->patch_stage;
+      // After the gates nothing reads them.
+      if (at.part != TickPart::kPatchLayers || at.items_done == 0 || at.items_done + 1 == PatchLayerItems(stage))
+        return;
+      spans->Add("patch_features", cloth.patches.features, stage.patch_count, stage.width,
+                 kernels::PaddedColumns(stage.width), kLargestSaved);
+    }};
+
+// A level without moving stages has no displacement.
+constexpr Part kPatchMap = {
+    [](const ModelView& model, uint32_t stages) {
+      const format::PatchStageView& stage = model.patch_stage;
+      if (stage.patch_count == 0) return PartSize{};
+      if (!RunsPatches(model, stages)) return PartSize{1, DisplacementFloats(model) * sizeof(float) * kPerByte};
+      return PartSize{PatchMapItems(stage),
+                      ProductCost(stage.map) / PatchMapItems(stage) + kMapPoints * kPerPatchGroup};
+    },
+    [](Cloth* cloth, size_t begin, size_t count) {
+      const ModelView& model = *cloth->model;
+      float* const displacement = cloth->displacement[NextTick(*cloth)];
+      if (RunsPatches(model, cloth->stages)) {
+        MapPatches(ActiveKernels(), model.patch_stage, cloth->patches, begin, count, displacement);
+      } else {
+        std::memset(displacement, 0, DisplacementFloats(model) * sizeof(float));
+      }
+    },
+    nullptr, nullptr};
 
 const Part& RowOf(TickPart part) {
 #define DCLOTH_PART(part, number, name, step) &k##part,
@@ -284,9 +377,11 @@ void BeginTick(Cloth* cloth, const SkinPose& skin, uint32_t stages, double elaps
   const ModelView& model = *cloth->model;
   double wind[3];
   VectorFromHost(cloth->rig.space, cloth->wind, wind);
+  const PatchMotion motion = MotionOf(*cloth, skin, wind, elapsed_ticks);
   UpdateFeatures(model, skin, wind, elapsed_ticks, &cloth->root, cloth->features);
   WakeStages(cloth, stages);
-  if (RunsMesh(stages)) PrepareBodyPoints(model, skin, cloth->root.heading, cloth->mesh);
+  if (RunsPatches(model, stages)) PreparePatches(model, skin, motion, cloth->patches);
+  if (RunsMesh(model, stages)) PrepareBodyPoints(model, skin, cloth->root.heading, cloth->mesh);
   cloth->work = {TickPart::kStatic, 0, {}};
   watch->Lap(DCLOTH_STEP_POSE, "pose");
 }

@@ -12,9 +12,16 @@ namespace dcloth::engine {
 
 using format::TickPart;
 
-// Of a tick of `stages`, one of DCLOTH_STAGES_*.
-inline bool RunsSkeleton(uint32_t stages) { return stages >= DCLOTH_STAGES_SKELETON; }
-inline bool RunsMesh(uint32_t stages) { return stages == DCLOTH_STAGES_MESH; }
+// What a tick of `stages`, one of DCLOTH_STAGES_*, runs of the stages that the model has.
+inline bool RunsSkeleton(const format::ModelView& model, uint32_t stages) {
+  return stages >= DCLOTH_STAGES_SKELETON && model.skeleton_stage.units != 0;
+}
+inline bool RunsMesh(const format::ModelView& model, uint32_t stages) {
+  return stages == DCLOTH_STAGES_MESH && model.mesh_stage.layer_count != 0;
+}
+inline bool RunsPatches(const format::ModelView& model, uint32_t stages) {
+  return stages >= DCLOTH_STAGES_SKELETON && model.patch_stage.patch_count != 0;
+}
 
 // How far the tick in work has come.
 struct TickWork {

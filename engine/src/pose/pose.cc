@@ -177,6 +177,7 @@ void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const 
                     RootMotion* root, float* x) {
   const format::FeaturesView& features = model.features;
   const Heading heading = HeadingOf(skin.joints[model.hips], root->heading);
+  if (ReadsWind(model)) std::memcpy(root->wind, wind, sizeof(root->wind));
   size_t i = 0;
   for (size_t joint = 0; joint < features.joint_count; ++joint) {
     const Affine local = ToHeading(heading, skin.joints[features.joints[joint]]);
@@ -192,7 +193,6 @@ void UpdateFeatures(const format::ModelView& model, const SkinPose& skin, const 
     const bool air = features.root == format::RootKind::kAir;
     double acceleration[3];
     UpdateVelocity(skin, heading, static_cast<double>(model.tick_rate), elapsed_ticks, root, acceleration);
-    if (air) std::memcpy(root->wind, wind, sizeof(root->wind));
     const Affine blown = ToHeading(heading, Translation(root->wind));
     for (int r = 0; r < 3; ++r, ++i)
       x[i] = Standardise(features, i, air ? blown.m[r][3] - root->velocity[r] : root->velocity[r]);

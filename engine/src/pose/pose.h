@@ -68,6 +68,11 @@ struct RootMotion {
   bool jumped = false;   // moved by the host since then, not by its own legs: the velocity stays
 };
 
+// Then a change of the wind moves a cloth that hangs still.
+inline bool ReadsWind(const format::ModelView& model) {
+  return model.features.root == format::RootKind::kAir || model.patch_stage.patch_count != 0;
+}
+
 // H^-1 M for a matrix whose origin is the hips.
 Affine ToHeading(const Heading& heading, const Affine& matrix);
 

@@ -37,6 +37,7 @@ StateHead HeadOf(const Cloth& cloth) {
   head.skeleton_units = model.skeleton_stage.units;
   head.layer_count = model.mesh_stage.layer_count;
   head.feature_width = model.mesh_stage.feature_width;
+  head.patch_shape = PatchShape(model.patch_stage);
   head.tick_rate = model.tick_rate;
   head.tick_count = cloth.tick_count;
   head.stages = cloth.stages;
@@ -76,15 +77,20 @@ void ListKept(const Cloth& cloth, const StatePosition& at, StateSpans* spans) {
   const ModelView& model = *cloth.model;
   const size_t n = model.vertex_count, width = model.mesh_stage.feature_width;
   spans->AddRow("features", cloth.features, model.features.length);
-  if (RunsSkeleton(at.stages)) {
+  if (RunsSkeleton(model, at.stages)) {
     const size_t units = model.skeleton_stage.units;
     spans->Add("skeleton_state", cloth.coefficients, 1, units, units, kLargestHidden);
   }
-  if (RunsMesh(at.stages)) {
+  if (RunsMesh(model, at.stages)) {
     for (size_t layer = 0; layer < model.mesh_stage.layer_count; ++layer) {
       spans->Add("mesh_state", cloth.mesh.state + layer * kernels::GsgruStateFloats(n, width), n, width, width,
                  kLargestHidden);
     }
+  }
+  if (RunsPatches(model, at.stages)) {
+    const size_t hidden = size_t{model.patch_stage.patch_count} * model.patch_stage.width;
+    spans->AddRow("patch_cloth", cloth.patches.cloth, PatchClothFloats(model.patch_stage));
+    spans->Add("patch_hidden", cloth.patches.hidden, 1, hidden, hidden, kLargestHidden);
   }
   if (at.idle_floats != 0) {
     const bool own = at.idle_floats == IdleStartFloats(model);

@@ -34,7 +34,7 @@ struct StateHead {
   double heading[2], position[3], velocity[3], yaw_rate, velocity_age, wind[3];
   uint64_t idle_floats;  // of Cloth::idle_start; 0 where none of the next ticks looks at it
   float contact_seconds;
-  uint32_t unused;  // 0
+  uint32_t patch_shape;  // PatchShape
 };
 
 constexpr size_t kStateSummedFrom = offsetof(StateHead, size);

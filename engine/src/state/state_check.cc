@@ -56,7 +56,6 @@ bool CheckPosition(const StateHead& head, const ModelView& model, Diagnostic* di
     return FailCount(DCLOTH_FIELD(part), head.part, "the number of a part of a tick", diagnostic);
   if (head.contact > (fresh || model.body.vertex_count == 0 ? 0u : kMostCores + 1))
     return FailCount(DCLOTH_FIELD(contact), head.contact, "0 to 25; 0 without a body or a tick", diagnostic);
-  if (head.unused != 0) return FailCount(DCLOTH_FIELD(unused), head.unused, "0", diagnostic);
   if (head.idle_ticks > (fresh ? 0u : kIdleTicks))
     return FailCount(DCLOTH_FIELD(idle_ticks), head.idle_ticks, "0 to 15", diagnostic);
   const bool counting = head.idle_ticks != 0 && head.idle_ticks != kIdleTicks;
@@ -191,6 +190,7 @@ bool CheckStateModel(const StateHead& head, const ModelView& model, bool other_m
       {DCLOTH_FIELD(skeleton_units), head.skeleton_units, model.skeleton_stage.units},
       {DCLOTH_FIELD(layer_count), head.layer_count, model.mesh_stage.layer_count},
       {DCLOTH_FIELD(feature_width), head.feature_width, model.mesh_stage.feature_width},
+      {DCLOTH_FIELD(patch_shape), head.patch_shape, PatchShape(model.patch_stage)},
   };
   for (const Shared& number : shared) {
     if (!CheckShared(number, kFix, diagnostic)) return false;

@@ -27,32 +27,41 @@ bool IsSettled(const Cloth& cloth) {
 
 size_t IncrementCount(const format::ModelView& model) { return size_t{3} * model.static_stage.bone_count; }
 
-// Rows of the basis that the newest tick used.
-size_t RowsUsed(const Cloth& cloth) {
-  return RunsSkeleton(cloth.stages)
-             ? DisplacementProduct(*cloth.model, cloth.stages, cloth.coefficients, nullptr, nullptr).row_count
-             : 0;
+// What a displacement is a linear map of: the basis' coefficients, or how far each patch's points went.
+size_t CauseFloats(const format::ModelView& model) {
+  const format::PatchStageView& patches = model.patch_stage;
+  return patches.patch_count != 0 ? kAxes * patches.patch_count * patches.point_count : model.displacement.basis.rows;
+}
+
+// Of the newest tick; `count` of them, the others are zero.
+const float* CauseOf(const Cloth& cloth, size_t* count) {
+  const format::ModelView& model = *cloth.model;
+  if (RunsPatches(model, cloth.stages)) {
+    *count = CauseFloats(model);
+    return PatchDisplacement(cloth.patches);
+  }
+  const bool skeleton = RunsSkeleton(model, cloth.stages);
+  *count = skeleton ? DisplacementProduct(model, cloth.stages, cloth.coefficients, nullptr, nullptr).row_count : 0;
+  return BasisCoefficients(model, cloth.coefficients);
 }
 
 void RememberStart(Cloth* cloth) {
   const format::ModelView& model = *cloth->model;
-  const size_t increments = IncrementCount(model), rows = RowsUsed(*cloth);
+  const size_t increments = IncrementCount(model);
+  size_t used = 0;
+  const float* now = CauseOf(*cloth, &used);
   std::memcpy(cloth->idle_start, cloth->increments[cloth->newest], increments * sizeof(float));
   float* const c = cloth->idle_start + increments;
-  std::memcpy(c, BasisCoefficients(model, cloth->coefficients), rows * sizeof(float));
-  std::memset(c + rows, 0, (model.displacement.basis.rows - rows) * sizeof(float));
+  std::memcpy(c, now, used * sizeof(float));
+  std::memset(c + used, 0, (CauseFloats(model) - used) * sizeof(float));
 }
 
-// How far c has come, times the basis, a few panels at a time. Spends what was remembered of the start.
-bool DisplacementIsNearStart(Cloth* cloth) {
+// c times the basis, a few panels at a time.
+bool BasisSumIsNear(const format::DisplacementView& view, const float* c, int16_t* quantized) {
   constexpr size_t kPanels = 16;
   const kernels::KernelTable& kernels = ActiveKernels();
-  const format::DisplacementView& view = cloth->model->displacement;
-  const float* now = BasisCoefficients(*cloth->model, cloth->coefficients);
-  float* const c = cloth->idle_start + IncrementCount(*cloth->model);
-  const size_t used = RowsUsed(*cloth), panels = kernels::PanelCount(view.basis.columns);
-  for (size_t row = 0; row < view.basis.rows; ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
-  const LinearProduct product = {&view.basis, c, view.basis.rows, Activation::kNone, cloth->quantized, nullptr};
+  const size_t panels = kernels::PanelCount(view.basis.columns);
+  const LinearProduct product = {&view.basis, c, view.basis.rows, Activation::kNone, quantized, nullptr};
   const InputScales scales = QuantizeInput(kernels, product);
   static constexpr float kOrigin[kPanels * kernels::kPanelColumns] = {};
   for (size_t begin = 0; begin < panels; begin += kPanels) {
@@ -64,6 +73,18 @@ bool DisplacementIsNearStart(Cloth* cloth) {
   return true;
 }
 
+// How far each vertex has come. Spends what was remembered of the start.
+bool DisplacementIsNearStart(Cloth* cloth) {
+  const format::ModelView& model = *cloth->model;
+  float* const c = cloth->idle_start + IncrementCount(model);
+  size_t used = 0;
+  const float* now = CauseOf(*cloth, &used);
+  for (size_t row = 0; row < CauseFloats(model); ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
+  if (model.patch_stage.patch_count != 0)
+    return PatchesAreWithin(ActiveKernels(), model.patch_stage, cloth->patches, c, kSettledMetres);
+  return BasisSumIsNear(model.displacement, c, cloth->quantized);
+}
+
 bool IsNearStart(Cloth* cloth) {
   return AreNear(cloth->increments[cloth->newest], cloth->idle_start, IncrementCount(*cloth->model)) &&
          (cloth->displacement[cloth->newest] == nullptr || DisplacementIsNearStart(cloth));
@@ -71,11 +92,11 @@ bool IsNearStart(Cloth* cloth) {
 
 }  // namespace
 
-size_t IdleStartFloats(const format::ModelView& model) { return IncrementCount(model) + model.displacement.basis.rows; }
+size_t IdleStartFloats(const format::ModelView& model) { return IncrementCount(model) + CauseFloats(model); }
 
 bool IsStill(const Cloth& cloth, const Affine* pose) {
   bool still = true;
-  if (cloth.model->features.root == format::RootKind::kAir) {
+  if (ReadsWind(*cloth.model)) {
     double wind[3];
     VectorFromHost(cloth.rig.space, cloth.wind, wind);
     for (int r = 0; r < 3; ++r) still &= wind[r] == cloth.root.wind[r];

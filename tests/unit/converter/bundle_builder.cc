@@ -77,6 +77,10 @@ class Builder {
     Character();
     Features();
     Static();
+    if (spec_.patches != 0) {
+      Patches();
+      return std::move(file_);
+    }
     if (spec_.skeleton) Skeleton();
     if (spec_.mesh) Mesh();
     return std::move(file_);
@@ -108,10 +112,18 @@ class Builder {
   }
 
   void AddFaces(const std::string& name, const std::vector<int32_t>& corners) {
-    RawTensor tensor{name, SafeType::kI32, {corners.size() / 3, 3}, {}};
-    const auto bytes = std::as_bytes(std::span(corners));
-    tensor.bytes.assign(bytes.begin(), bytes.end());
-    file_.tensors.push_back(std::move(tensor));
+    AddIntegers(name, {corners.size() / 3, 3}, corners);
+  }
+  void AddIntegers(const std::string& name, const Shape& shape, const std::vector<int32_t>& values) {
+    const auto bytes = std::as_bytes(std::span(values));
+    file_.tensors.push_back({name, SafeType::kI32, shape, {bytes.begin(), bytes.end()}});
+  }
+  void AddIndices(const std::string& name, const Shape& shape, uint32_t limit) {
+    std::vector<int32_t> indices;
+    for (const float value : random_.Values(shape, 0.5f))
+      indices.push_back(
+          std::min(static_cast<int32_t>((value + 0.5f) * static_cast<float>(limit)), static_cast<int32_t>(limit) - 1));
+    AddIntegers(name, shape, indices);
   }
 
   std::vector<float> SkinRows(uint64_t rows, uint64_t columns) {
@@ -166,7 +178,7 @@ class Builder {
     }
     Add("template.positions", {n, 3}, positions, false);
     AddFaces("template.faces", corners);
-    if (spec_.mesh) Add("nearest.points", {n, 3}, nearest, false);
+    if (spec_.mesh && spec_.patches == 0) Add("nearest.points", {n, 3}, nearest, false);
   }
 
   void Character() {
@@ -182,7 +194,7 @@ class Builder {
     for (int32_t i = 0; i + 2 < static_cast<int32_t>(b); ++i) corners.insert(corners.end(), {i, i + 1, i + 2});
     AddFaces("body.faces", corners);
     Add("body.joint_weights", {b, spec_.joints}, SkinRows(b, spec_.joints), false);
-    if (spec_.mesh)
+    if (spec_.mesh && spec_.patches == 0)
       Add("nearest.joint_weights", {spec_.vertices, spec_.joints}, SkinRows(spec_.vertices, spec_.joints), false);
   }
 
@@ -240,6 +252,57 @@ class Builder {
     AddLinear("mesh.mlp.0", spec_.mesh_width, spec_.vertices);
     AddLinear("mesh.mlp.2", k, spec_.mesh_width);
     AddRandom("mesh.basis", {k, spec_.vertices, 3}, 0.02f / std::sqrt(static_cast<float>(k)));
+  }
+
+  // Runs of vertices, whose points stand where skinning puts their mean if all were on one joint.
+  void Patches() {
+    const uint64_t n = spec_.vertices, k = spec_.patches, r = spec_.patch_points, points = k * r, m = spec_.sources;
+    const uint64_t inputs = 19 * r + 33 + spec_.embedding, width = spec_.patch_width, s = spec_.patch_neighbours;
+    AddIndices("patch.joints", {k}, spec_.joints);
+    std::vector<float> axes, parts, capsules, keep(r);
+    for (uint64_t patch = 0; patch < k; ++patch) {
+      const Eigen::Vector3f axis(random_.Uniform(0.1f, 1), random_.Uniform(0.1f, 1), random_.Uniform(0.1f, 1));
+      const Eigen::Matrix<float, 3, 3, Eigen::RowMajor> turn =
+          Eigen::AngleAxisf(random_.Uniform(0.5f, 2.5f), axis.normalized()).toRotationMatrix();
+      axes.insert(axes.end(), turn.data(), turn.data() + 9);
+    }
+    Add("patch.axes", {k, 3, 3}, axes, false);
+    Add("patch.centres", {k, 3}, random_.Values({k, 3}, 0.5f), false);
+    AddIndices("patch.point_joints", {k, r, 4}, spec_.joints);
+    for (uint64_t part = 0; part < 4 * points; ++part) {
+      const float weight = part % 4 == 0 ? 0.7f : 0.1f;
+      for (int axis = 0; axis < 3; ++axis) parts.push_back(weight * random_.Uniform(0.1f, 0.9f));
+      parts.push_back(weight);
+    }
+    Add("patch.point_parts", {k, r, 4, 4}, parts, false);
+    AddIndices("patch.capsule_joints", {spec_.capsules}, spec_.joints);
+    for (uint32_t c = 0; c < spec_.capsules; ++c) {
+      for (int coordinate = 0; coordinate < 6; ++coordinate) capsules.push_back(random_.Uniform(0.1f, 0.9f));
+      for (int end = 0; end < 2; ++end) capsules.push_back(random_.Uniform(0.05f, 0.1f));
+    }
+    Add("patch.capsules", {spec_.capsules, 8}, capsules, false);
+    AddIndices("patch.limbs", {k, 2, 2}, spec_.capsules);
+    if (s != 0) AddIndices("patch.near", {spec_.patch_layers, s, k}, spec_.patches);
+    if (spec_.embedding != 0) AddRandom("patch.embedding", {k, spec_.embedding}, 1);
+    AddLinear("patch.enter", width, inputs);
+    for (uint32_t l = 0; l < spec_.patch_layers; ++l)
+      AddLinear("patch.mix." + std::to_string(l), width, (1 + s) * width);
+    const float size = 1 / std::sqrt(static_cast<float>(width));
+    AddRandom("patch.gates.weight_ih", {3 * width, width}, size);
+    AddRandom("patch.gates.weight_hh", {3 * width, width}, size);
+    AddRandom("patch.gates.bias", {3 * width}, size);
+    AddLinear("patch.out", 3 * r, width + inputs);
+    for (float& share : keep) share = random_.Uniform(0.3f, 0.9f);
+    Add("patch.keep", {r}, keep);
+    std::vector<int32_t> sources, groups;
+    for (uint64_t point = 0; point < points; ++point) {
+      for (uint64_t i = 0; i < m; ++i) sources.push_back(static_cast<int32_t>((point + 5 * i) % points));
+    }
+    for (uint64_t v = 0; v < n; ++v) groups.push_back(static_cast<int32_t>(v * 7 % n * points / n));
+    AddIntegers("patch.map.sources", {points, m}, sources);
+    AddIntegers("patch.map.groups", {n}, groups);
+    AddRandom("patch.map.weights", {n, m, 3, 3}, 1 / static_cast<float>(m));
+    AddRandom("patch.map.offsets", {n, 3}, 0.01f);
   }
 
   const BundleSpec& spec_;

@@ -31,6 +31,9 @@ struct BundleSpec {
   uint32_t layers = 2;           // L
   uint32_t mesh_width = 16;      // h
   bool half_weights = false;     // trained weights as F16
+  // Of a patch stage, which then is in place of the skeleton and the mesh stage. 0 patches: none.
+  uint32_t patches = 0, patch_points = 3, patch_width = 16, patch_neighbours = 2, patch_layers = 2;
+  uint32_t capsules = 3, embedding = 5, sources = 4;
   uint64_t seed = 1;
 
   uint32_t features() const {

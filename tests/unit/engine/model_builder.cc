@@ -7,6 +7,7 @@
 
 #include "tests/unit/engine/tensor_writer.h"
 #include "tests/unit/engine/test_body.h"
+#include "tests/unit/engine/test_patches.h"
 
 namespace dcloth::testing {
 namespace {
@@ -238,21 +239,21 @@ std::unique_ptr<format::MeshStageT> MeshStage(const ModelSpec& spec, TensorWrite
 void AddDisplacement(const ModelSpec& spec, TensorWriter* writer, Numbers* numbers, format::ModelT* model) {
   const auto even = [](uint32_t count) { return count + (count & 1u); };
   model->displacement = std::make_unique<format::DisplacementT>();
-  std::set<size_t> pads;
+  LinearKind kind;
   if (spec.rank != 0) {
     numbers->skeleton_rows = spec.rank;
     model->displacement->head = writer->RandomLinear(spec.units, spec.rank, 0.5, 0, &numbers->head);
   } else {
     numbers->skeleton_rows = even(spec.units);
     numbers->mesh_rows = spec.mesh ? even(spec.mesh_basis) : 0;
-    if (spec.units % 2 != 0) pads.insert(spec.units);
-    if (spec.mesh && spec.mesh_basis % 2 != 0) pads.insert(numbers->skeleton_rows + spec.mesh_basis);
+    if (spec.units % 2 != 0) kind.zero_rows.insert(spec.units);
+    if (spec.mesh && spec.mesh_basis % 2 != 0) kind.zero_rows.insert(numbers->skeleton_rows + spec.mesh_basis);
   }
   model->displacement->skeleton_rows = static_cast<uint32_t>(numbers->skeleton_rows);
   model->displacement->mesh_rows = static_cast<uint32_t>(numbers->mesh_rows);
   const auto rows = static_cast<uint32_t>(numbers->skeleton_rows + numbers->mesh_rows);
   model->displacement->basis =
-      writer->RandomLinear(rows, static_cast<uint32_t>(3 * numbers->n), 0.3, 0, &numbers->basis, pads);
+      writer->RandomLinear(rows, static_cast<uint32_t>(3 * numbers->n), 0.3, 0, &numbers->basis, kind);
 }
 
 }  // namespace
@@ -291,7 +292,9 @@ TestModel BuildModel(const ModelSpec& spec) {
   tables.features = std::make_unique<format::FeaturesT>();
   AddFeatures(spec, &writer, &numbers, tables.features.get());
   tables.static_stage = StaticStage(spec, &writer, &numbers);
-  if (spec.skeleton) {
+  if (spec.patches != 0) {
+    tables.patch_stage = PatchStage(spec, &writer, &numbers);
+  } else if (spec.skeleton) {
     const auto d = static_cast<uint32_t>(numbers.d), k = spec.units;
     tables.skeleton_stage = std::make_unique<format::SkeletonStageT>();
     tables.skeleton_stage->input = writer.RandomLinear(d, 3 * k, 2.0, 0.3, &numbers.gru_input);

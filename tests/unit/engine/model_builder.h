@@ -37,6 +37,10 @@ struct ModelSpec {
   uint32_t mesh_width = 37;
   uint32_t mesh_basis = 13;  // k_M
   uint32_t rank = 0;         // of a reduced basis; 0: not reduced
+  // Of a patch stage, which then is in place of the skeleton and the mesh stage; no more patches than segments, and no
+  // more points than rings. 0 patches: none.
+  uint32_t patches = 0, patch_points = 3, patch_width = 24, patch_neighbours = 2, mixes = 2;
+  uint32_t capsules = 5, embedding = 3, sources = 4;
   format::RootMotion root_motion = format::RootMotion_Hips;
   bool skeleton = true;
   bool mesh = true;
@@ -54,7 +58,7 @@ struct Linear {
   size_t rows = 0, columns = 0;
   std::vector<double> weights;     // [rows, columns], exactly what the file holds, scales multiplied in
   std::vector<double> bias;        // [columns]
-  std::vector<double> row_scales;  // [rows] with int8 weights, else empty
+  std::vector<double> row_scales;  // [rows] with int8 weights, ones where the file has none; else empty
 };
 
 struct Layer {
@@ -62,6 +66,16 @@ struct Layer {
   std::vector<double> input_gates, gate_bias, hidden_gates, hidden_candidate, output, output_bias, norm_gain,
       norm_offset;
   double prelu_slope = 0;
+};
+
+// The patch stage, in the view's shapes.
+struct Patches {
+  std::vector<uint8_t> joints, point_joints, capsule_joints, limbs, near;
+  std::vector<double> axes, centres, point_parts, capsules, embedding, keep;
+  Linear enter, input_gates, hidden_gates, out, map;
+  std::vector<Linear> mix;
+  std::vector<uint16_t> sources, vertices;
+  std::vector<uint32_t> group_starts;
 };
 
 // Everything NETWORK.md names, by its name there where that is shorter.
@@ -92,6 +106,7 @@ struct Numbers {
   size_t skeleton_rows = 0, mesh_rows = 0;
   Linear basis;
   Linear head;  // no rows where the basis is not reduced
+  Patches patches;
 };
 
 struct TestModel {

@@ -35,16 +35,17 @@ TensorTable TensorWriter::RandomFloats(std::vector<uint32_t> shape, double low, 
 }
 
 TensorTable TensorWriter::RandomBytes(std::vector<uint32_t> shape, uint32_t limit, std::vector<uint8_t>* kept) {
-  kept->resize(size_t{shape[0]} * shape[1]);
+  kept->resize(size_t{shape[0]} * (shape.size() > 1 ? shape[1] : 1));
   for (uint8_t& value : *kept)
     value = static_cast<uint8_t>(std::uniform_int_distribution<uint32_t>(0, limit - 1)(random_));
   return Add(format::DType_U8, std::move(shape), *kept);
 }
 
-void TensorWriter::AddInt8(const std::vector<float>& weights, format::LinearT* table, Linear* kept) {
+void TensorWriter::AddInt8(const std::vector<float>& weights, bool with_row_scales, format::LinearT* table,
+                           Linear* kept) {
   const size_t rows = kept->rows, columns = kept->columns;
-  std::vector<float> row_scales(rows), column_scales(kernels::PaddedColumns(columns), 1.0f);
-  for (float& scale : row_scales) scale = static_cast<float>(Uniform(0.5, 1));
+  std::vector<float> row_scales(rows, 1.0f), column_scales(kernels::PaddedColumns(columns), 1.0f);
+  for (float& scale : row_scales) scale = with_row_scales ? static_cast<float>(Uniform(0.5, 1)) : 1.0f;
   std::vector<int8_t> values(rows * columns), packed(kernels::PairPanelElements(rows, columns));
   for (size_t c = 0; c < columns; ++c) {
     double largest = 0;
@@ -64,24 +65,25 @@ void TensorWriter::AddInt8(const std::vector<float>& weights, format::LinearT* t
   kernels::PackPairPanelsI8(values.data(), {rows, columns, columns, 1}, packed.data());
   const std::vector<uint32_t> shape = {static_cast<uint32_t>(rows), static_cast<uint32_t>(columns)};
   table->weights = Add(format::DType_I8, shape, packed);
-  table->row_scales = Add(format::DType_F32, {shape[0]}, row_scales);
+  if (with_row_scales) table->row_scales = Add(format::DType_F32, {shape[0]}, row_scales);
   table->column_scales = Add(format::DType_F32, {static_cast<uint32_t>(column_scales.size())}, column_scales);
 }
 
 std::unique_ptr<format::LinearT> TensorWriter::RandomLinear(uint32_t rows, uint32_t columns, double gain, double bias,
-                                                            Linear* kept, const std::set<size_t>& pads) {
+                                                            Linear* kept, const LinearKind& kind) {
   auto table = std::make_unique<format::LinearT>();
   kept->rows = rows;
   kept->columns = columns;
   const double reach = 2 * gain / rows;
   std::vector<float> weights(size_t{rows} * columns);
   for (size_t i = 0; i < weights.size(); ++i) {
-    weights[i] = pads.count(i / columns) != 0 ? 0.0f : static_cast<float>(Uniform(-reach, reach));
+    const bool zero = kind.zero_rows.count(i / columns) != 0 || kind.zero_columns.count(i % columns) != 0;
+    weights[i] = zero ? 0.0f : static_cast<float>(Uniform(-reach, reach));
   }
   kept->weights.assign(weights.begin(), weights.end());
   const kernels::MatrixShape shape = {rows, columns, columns, 1};
   if (precision_ == format::DType_I8) {
-    AddInt8(weights, table.get(), kept);
+    AddInt8(weights, kind.row_scales, table.get(), kept);
   } else if (precision_ == format::DType_F16) {
     std::vector<uint16_t> packed(kernels::PanelElements(rows, columns));
     kernels::PackPanelsF16(weights.data(), shape, packed.data());
@@ -96,7 +98,9 @@ std::unique_ptr<format::LinearT> TensorWriter::RandomLinear(uint32_t rows, uint3
   }
   if (bias != 0) {
     std::vector<float> values(kernels::PaddedColumns(columns), 0.0f);
-    for (size_t c = 0; c < columns; ++c) values[c] = static_cast<float>(Uniform(-bias, bias));
+    for (size_t c = 0; c < columns; ++c) {
+      if (kind.zero_columns.count(c) == 0) values[c] = static_cast<float>(Uniform(-bias, bias));
+    }
     kept->bias.assign(values.begin(), values.begin() + columns);
     table->bias = Add(format::DType_F32, {static_cast<uint32_t>(values.size())}, values);
   } else {

@@ -14,6 +14,12 @@ namespace dcloth::testing {
 
 using TensorTable = std::unique_ptr<format::TensorT>;
 
+// What is not random about a layer.
+struct LinearKind {
+  std::set<size_t> zero_rows = {}, zero_columns = {};
+  bool row_scales = true;  // of int8 weights
+};
+
 class TensorWriter {
  public:
   TensorWriter(format::DType precision, uint32_t seed, std::vector<uint8_t>* weights)
@@ -30,13 +36,13 @@ class TensorWriter {
   TensorTable RandomFloats(std::vector<uint32_t> shape, double low, double high, std::vector<double>* kept);
   TensorTable RandomBytes(std::vector<uint32_t> shape, uint32_t limit, std::vector<uint8_t>* kept);
 
-  // Weights whose magnitudes sum to about `gain` over a column, zero in rows of `pads`; a bias unless its size is 0.
+  // Weights whose magnitudes sum to about `gain` over a column; a bias unless its size is 0.
   std::unique_ptr<format::LinearT> RandomLinear(uint32_t rows, uint32_t columns, double gain, double bias, Linear* kept,
-                                                const std::set<size_t>& pads = {});
+                                                const LinearKind& kind = {});
 
  private:
   TensorTable AddBytes(format::DType dtype, std::vector<uint32_t> shape, const void* values, size_t size);
-  void AddInt8(const std::vector<float>& weights, format::LinearT* table, Linear* kept);
+  void AddInt8(const std::vector<float>& weights, bool with_row_scales, format::LinearT* table, Linear* kept);
 
   format::DType precision_;
   std::mt19937 random_;

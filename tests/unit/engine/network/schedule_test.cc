@@ -129,6 +129,33 @@ TEST(TickPartsTest, ASavedTickKeepsItsOrder) {
   EXPECT_EQ(at(TickPart::kBasis, 0, DCLOTH_STAGES_STATIC), "");
 }
 
+TEST(TickPartsTest, ASavedTickOfPatchesKeepsItsOrder) {
+  ModelSpec spec;
+  spec.patches = 4;
+  const OpenedModel opened(BuildModel(spec));
+  OwnedCloth cloth(opened);
+  const Cloth& inside = *Inside(&cloth);
+  const auto at = [&](engine::TickPart part, uint32_t items_done, uint32_t stages) {
+    engine::StateSpans spans;
+    engine::ListTickSpans(inside, stages, {part, items_done, 1.0f}, &spans);
+    std::string names;
+    for (uint32_t i = 0; i < spans.count; ++i) names += std::string(i == 0 ? "" : " ") + spans.spans[i].name;
+    return names;
+  };
+  using engine::TickPart;
+  for (const uint32_t stages : {DCLOTH_STAGES_MESH, DCLOTH_STAGES_SKELETON}) {
+    EXPECT_EQ(at(TickPart::kStatic, 0, stages), "patch_pose");
+    EXPECT_EQ(at(TickPart::kPatchInputs, 1, stages), "patch_pose patch_frames patch_inputs");
+    EXPECT_EQ(at(TickPart::kPatchLayers, 0, stages), "patch_pose patch_frames patch_inputs");
+    EXPECT_EQ(at(TickPart::kPatchLayers, 1, stages), "patch_pose patch_frames patch_inputs patch_features");
+    EXPECT_EQ(at(TickPart::kPatchLayers, spec.mixes + 1, stages),
+              "patch_pose patch_frames patch_inputs patch_features");
+    EXPECT_EQ(at(TickPart::kPatchLayers, spec.mixes + 2, stages), "patch_pose patch_frames patch_inputs");
+    EXPECT_EQ(at(TickPart::kPatchMap, 1, stages), "");
+  }
+  EXPECT_EQ(at(TickPart::kPatchMap, 0, DCLOTH_STAGES_STATIC), "");
+}
+
 // Numbers in saved states belong to one part each.
 TEST(TickPartsTest, NumbersOfParts) {
   for (size_t p = 0; p <= format::kTickPartCount; ++p) {
