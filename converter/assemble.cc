@@ -24,6 +24,7 @@ Vector Reciprocal(const Vector& values) { return values.cast<double>().cwiseInve
 
 std::vector<uint16_t> Subset(const std::vector<uint32_t>& joints, const JointSubset& subset) {
   std::vector<uint16_t> indices;
+  indices.reserve(joints.size());
   for (const uint32_t joint : joints) indices.push_back(static_cast<uint16_t>(subset.kept[joint]));
   return indices;
 }

@@ -17,6 +17,7 @@ PackedTensor Bytes(const std::string& name, std::vector<uint32_t> shape, const s
 PackedTensor Joints(const std::string& name, std::vector<uint32_t> shape, const std::vector<uint32_t>& joints,
                     const JointSubset& subset) {
   std::vector<uint32_t> kept;
+  kept.reserve(joints.size());
   for (const uint32_t joint : joints) kept.push_back(subset.kept[joint]);
   return Bytes(name, std::move(shape), kept);
 }

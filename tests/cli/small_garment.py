@@ -152,6 +152,43 @@ def bundle_tensors(width=8):
     return {k: v.astype(np.int32 if k.endswith("faces") else np.float32) for k, v in t.items()}
 
 
+def patch_tensors(patches=4, points=3, width=16, layers=2, sources=4):
+    """A patch stage in place of the other two: patches of columns, points of rings, on the hips."""
+    random = np.random.default_rng(2)
+    template, _ = skirt()
+    ring, column = np.divmod(np.arange(VERTICES), COLUMNS)
+    groups = column * patches // COLUMNS * points + ring * points // RINGS
+    means = np.stack([template[groups == g].mean(0) for g in range(patches * points)]).reshape(patches, points, 3)
+    out = means.mean(1) * [1, 0, 1]
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    up = np.tile([0.0, 1, 0], (patches, 1))
+    parts = np.zeros((patches, points, 4, 4))
+    parts[:, :, 0, :3], parts[:, :, 0, 3] = means, 1
+    inputs = 19 * points + 33
+
+    def dense(rows, columns):
+        return random.standard_normal((rows, columns)) / np.sqrt(columns)
+
+    t = {"joints": np.zeros(patches), "axes": np.stack([out, up, np.cross(out, up)], -1), "centres": means.mean(1),
+         "point_joints": np.zeros((patches, points, 4)), "point_parts": parts,
+         "capsule_joints": np.array([JOINTS.index(j) for j in ("thigh_l", "shin_l", "thigh_r", "shin_r")]),
+         "capsules": np.array([[x, y, 0, x, y - 0.4, 0, 0.08, 0.05] for x in (0.1, -0.1) for y in (0.95, 0.53)]),
+         "limbs": np.tile([[0, 1], [2, 3]], (patches, 1, 1)),
+         "near": np.tile(np.roll(np.arange(patches), 1), (layers, 1, 1)),
+         "enter.weight": dense(width, inputs), "enter.bias": np.zeros(width),
+         "gates.weight_ih": dense(3 * width, width), "gates.weight_hh": dense(3 * width, width),
+         "gates.bias": np.zeros(3 * width),
+         "out.weight": 0.1 * dense(3 * points, width + inputs), "out.bias": np.zeros(3 * points),
+         "keep": np.full(points, 0.8), "map.groups": groups,
+         "map.sources": np.stack([(g + np.arange(sources)) % (patches * points) for g in range(patches * points)]),
+         "map.weights": np.eye(3) / sources + 0.05 * random.standard_normal((VERTICES, sources, 3, 3)),
+         "map.offsets": np.zeros((VERTICES, 3))}
+    for layer in range(layers):
+        t[f"mix.{layer}.weight"], t[f"mix.{layer}.bias"] = dense(width, 2 * width), np.zeros(width)
+    integers = ("joints", "point_joints", "capsule_joints", "limbs", "near", "map.groups", "map.sources")
+    return {f"patch.{k}": v.astype(np.int32 if k in integers else np.float32) for k, v in t.items()}
+
+
 def write_bundle(path, drop=(), changes=None, width=8):
     tensors = {k: v for k, v in bundle_tensors(width).items() if not any(k.startswith(p) for p in drop)}
     tensors.update(changes or {})
