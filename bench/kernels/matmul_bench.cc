@@ -120,9 +120,10 @@ void Run(const std::string& name, const std::vector<std::pair<size_t, size_t>>& 
   std::vector<Contestant> contestants;
   const auto padded = [](const Product& p) { return p.padded; };
   for (const KernelTable* table : BestTables()) {
-    contestants.push_back(Enter(table->name, &products, [=](Product& p) { p.Run(*table); }, padded));
-    contestants.push_back(
-        Enter(table->name + std::string(" 1x1"), &products, [=](Product& p) { p.RunOneByOne(*table); }, padded));
+    contestants.push_back(Enter(
+        table->name, &products, [=](Product& p) { p.Run(*table); }, padded));
+    contestants.push_back(Enter(
+        table->name + std::string(" 1x1"), &products, [=](Product& p) { p.RunOneByOne(*table); }, padded));
   }
 #ifdef DCLOTH_BENCH_XNNPACK
   const auto peers = std::make_shared<std::vector<XnnpackDense>>();
@@ -155,6 +156,4 @@ std::vector<Contest> Contests() {
 }  // namespace
 }  // namespace dcloth::kernels
 
-int main(int argc, char** argv) {
-  return dcloth::kernels::RunContests(argc, argv, dcloth::kernels::Contests());
-}
+int main(int argc, char** argv) { return dcloth::kernels::RunContests(argc, argv, dcloth::kernels::Contests()); }

@@ -1,6 +1,6 @@
 // Matrix-vector products y[c] = sum_j x[j] W[j][c] + bias[c] over weights in panels of 32 columns: the displacement
-// basis, the GRU's products and every MLP. Layouts: engine/format/dcloth.fbs ("panels", "pair panels"); packing:
-// matvec_pack.h.
+// basis, the GRU's products and every MLP; and the same for many vectors at once. Layouts: engine/format/dcloth.fbs
+// ("panels", "pair panels"); packing: matvec_pack.h.
 //
 // Contract of all jobs: `weights` and `column_scales` start on 64 bytes, everything else on its element's width.
 // Nothing is read outside the ranges named here and nothing is written outside y. y overlaps no input, except that bias
@@ -65,8 +65,8 @@ struct MatvecI8Job {
 };
 
 // MatvecI8 for `count` inputs at once, with its bits: y[i][c] = (float(sum_j x[i][j] W[j][c]) * x_scales[i]) *
-// column_scales[c] + bias[c]. The weights are read once for all inputs. The rows of x and of y lie x_stride and y_stride
-// elements apart; what lies between them is neither read nor written. bias is not y.
+// column_scales[c] + bias[c]. The weights are read once for all inputs. The rows of x and of y lie x_stride and
+// y_stride elements apart; what lies between them is neither read nor written. bias is not y.
 struct MatmulI8Job {
   const int16_t* x;            // [count] rows of [row_count]
   const float* x_scales;       // [count]

@@ -195,6 +195,9 @@ HWY_INLINE void MatmulPart(const MatmulI8Job& job, const int8_t* part, size_t fi
     x[b] = job.x + input(b) * job.x_stride;
     for (size_t i = 0; i < kPartVectors; ++i) sum[b][i] = spare[b][i] = hn::Zero(di);
   }
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC unroll 2  // fewer moves between registers where there are 16
+#endif
   for (size_t j = 0; j < job.row_count; j += 2) {
     DCLOTH_PREFETCH(reinterpret_cast<const char*>(ahead));
     ahead += step;
