@@ -116,13 +116,27 @@ def _parts(vertices, skin, character, limbs, columns, sleeve_columns):
     return parts
 
 
-def _columns(angle, side, count):
+def _opening(angle, edges):
+    """How many of the members, in the order of their angles, lie before the place that fewest edges [e, 2] cross; of
+    several the widest gap."""
+    order = np.argsort(angle, kind="stable")
+    place = np.empty(len(order), int)
+    place[order] = np.arange(len(order))
+    low, high = np.sort(place[edges], 1).T
+    around = angle[order[high]] - angle[order[low]] > np.pi    # the short way leads over the end of the circle
+    change = np.zeros(len(order) + 1, int)      # of the edges that cross the gap behind each place
+    np.add.at(change, low, np.where(around, -1, 1))
+    np.add.at(change, high, np.where(around, 1, -1))
+    crossing = np.cumsum(change[:-1]) + around.sum()
+    gaps = np.diff(angle[order], append=angle[order[0]] + 2 * np.pi)
+    return 1 + np.lexsort((-gaps, crossing))[0]
+
+
+def _columns(angle, side, count, edges):
     """Column of each member, as many members in each, in the order around the axis: one side's outwards from ahead,
-    then the other's back to it. side: 0 or 1; None: around from the widest gap."""
+    then the other's back to it. side: 0 or 1; None: around from the opening."""
     if side is None:
-        order = np.argsort(angle, kind="stable")
-        gaps = np.diff(angle[order], append=angle[order[0]] + 2 * np.pi)
-        order = np.roll(order, -1 - gaps.argmax())
+        order = np.roll(np.argsort(angle, kind="stable"), -_opening(angle, edges))
         out = np.empty(len(angle), int)
         out[order] = np.arange(len(order)) * 2 * count // len(order)
         return out
@@ -143,7 +157,10 @@ def _cut(part, vertices, faces, rows, symmetric):
     if symmetric:
         x = vertices[part.members, 0]
         side = ((x < 0) & (np.abs(x) >= MIDDLE) if part.limb < 0 else angle < 0).astype(int)
-    column = _columns(angle, side, part.columns)
+    local = np.full(len(vertices), -1)
+    local[part.members] = np.arange(len(part.members))
+    edges = local[np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])]
+    column = _columns(angle, side, part.columns, edges[(edges >= 0).all(1)])
     height = flat @ part.up
     depth = _depth(vertices, faces, part.members, part.members[height >= np.quantile(height, TOP)])
     row, out = np.zeros(len(column), int), []
