@@ -41,7 +41,9 @@ template <class Real>
 struct Geometry {
   const Real *axes, *centres, *points, *capsules;
   Geometry(const patch_bptt_shape& s, const Real* all)
-      : axes(all), centres(axes + 9 * s.patches), points(centres + 3 * s.patches),
+      : axes(all),
+        centres(axes + 9 * s.patches),
+        points(centres + 3 * s.patches),
         capsules(points + 16 * s.patches * s.points) {}
 };
 
@@ -181,7 +183,10 @@ class Inputs {
         const V3<Real> at = poses[0].Place(joint, VecAt(capsule + 3 * end));
         moved[b][end] = at - poses[1].Place(joint, VecAt(capsule + 3 * end)) - back;
         radius[b][end] = capsule[6 + end];
-        if (end == 0) start[b] = at; else way[b] = at - start[b];
+        if (end == 0)
+          start[b] = at;
+        else
+          way[b] = at - start[b];
       }
       squared[b] = std::max(way[b].Dot(way[b]), Real(1e-8));
     }

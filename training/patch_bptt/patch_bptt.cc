@@ -53,8 +53,18 @@ template <class Real>
 class Window {
  public:
   Window(const patch_bptt_shape& s, const Real* geometry, const Real* weights, const Real* poses)
-      : s_(s), at_(s), w_(weights), poses_(poses), inputs_(s, geometry), K_(s.patches), N_(s.streams * s.patches),
-        R_(s.points), W_(s.width), I_(Inputs<Real>::Count(s)), O_(3 * s.points), G_((1 + s.neighbours) * s.width) {}
+      : s_(s),
+        at_(s),
+        w_(weights),
+        poses_(poses),
+        inputs_(s, geometry),
+        K_(s.patches),
+        N_(s.streams * s.patches),
+        R_(s.points),
+        W_(s.width),
+        I_(Inputs<Real>::Count(s)),
+        O_(3 * s.points),
+        G_((1 + s.neighbours) * s.width) {}
 
   static int64_t TickTape(const patch_bptt_shape& s) {
     const int64_t N = static_cast<int64_t>(s.streams) * s.patches;
@@ -164,7 +174,8 @@ class Window {
       by_earlier = by_before;
     }
     Rows<Real> by_keep(gradient + at_.keep, 1, R_);
-    by_keep = by_keep.array() * keep.col(0).head(R_).transpose().array() * (1 - keep.col(0).head(R_).transpose().array());
+    by_keep =
+        by_keep.array() * keep.col(0).head(R_).transpose().array() * (1 - keep.col(0).head(R_).transpose().array());
   }
 
  private:
@@ -173,8 +184,12 @@ class Window {
     Columns<Real> x, rz, q, c, h, u;
     std::vector<Columns<Real>> f;
     Tape(Real* p, const Window& w)
-        : x(p, w.I_, w.N_), rz(p += w.I_ * w.N_, 2 * w.W_, w.N_), q(p += 2 * w.W_ * w.N_, w.W_, w.N_),
-          c(p += w.W_ * w.N_, w.W_, w.N_), h(p += w.W_ * w.N_, w.W_, w.N_), u(p += w.W_ * w.N_, w.O_, w.N_) {
+        : x(p, w.I_, w.N_),
+          rz(p += w.I_ * w.N_, 2 * w.W_, w.N_),
+          q(p += 2 * w.W_ * w.N_, w.W_, w.N_),
+          c(p += w.W_ * w.N_, w.W_, w.N_),
+          h(p += w.W_ * w.N_, w.W_, w.N_),
+          u(p += w.W_ * w.N_, w.O_, w.N_) {
       p += w.O_ * w.N_;
       for (int32_t l = 0; l <= w.s_.layers; ++l, p += w.W_ * w.N_) f.emplace_back(p, w.W_, w.N_);
     }
@@ -278,8 +293,8 @@ EXPORTED int32_t patch_bptt_forward_f32(const patch_bptt_shape* s, const float* 
   return patch_bptt::Forward(s, g, w, p, noise, last, before, hidden, tape, moved);
 }
 EXPORTED int32_t patch_bptt_forward_f64(const patch_bptt_shape* s, const double* g, const double* w, const double* p,
-                                        const double* noise, double* last, double* before, double* hidden,
-                                        double* tape, double* moved) {
+                                        const double* noise, double* last, double* before, double* hidden, double* tape,
+                                        double* moved) {
   return patch_bptt::Forward(s, g, w, p, noise, last, before, hidden, tape, moved);
 }
 EXPORTED int32_t patch_bptt_backward_f32(const patch_bptt_shape* s, const float* g, const float* w, const float* p,

@@ -20,11 +20,11 @@ enum { PATCH_BPTT_INFLUENCES = 4, PATCH_BPTT_LIMBS = 2, PATCH_BPTT_BONES_A_LIMB 
 typedef struct patch_bptt_shape {
   int32_t streams, ticks, joints;
   int32_t patches, points, width, embedding, layers, neighbours; /* K, R, W, E, L, S */
-  const int32_t* patch_joint;     /* [K] whose frame a patch has */
-  const int32_t* point_joints;    /* [K, R, 4] */
-  const int32_t* limbs;           /* [K, 2, 2] capsules, the one at the hips or shoulder first */
-  const int32_t* capsule_joints;  /* [capsules] */
-  const int32_t* near;            /* [L, S, K] neighbours; a patch itself where there is none */
+  const int32_t* patch_joint;                                    /* [K] whose frame a patch has */
+  const int32_t* point_joints;                                   /* [K, R, 4] */
+  const int32_t* limbs;          /* [K, 2, 2] capsules, the one at the hips or shoulder first */
+  const int32_t* capsule_joints; /* [capsules] */
+  const int32_t* near;           /* [L, S, K] neighbours; a patch itself where there is none */
 } patch_bptt_shape;
 
 /* geometry, one array of reals: patch axes [K, 3, 3] (columns out, up, along), centres [K, 3] m at bind, point parts
@@ -40,13 +40,14 @@ int64_t patch_bptt_weights_size(const patch_bptt_shape* shape);
 int64_t patch_bptt_tape_size(const patch_bptt_shape* shape);
 
 int32_t patch_bptt_forward_f32(const patch_bptt_shape*, const float* geometry, const float* weights, const float* poses,
-                               const float* noise, float* last, float* before, float* hidden, float* tape, float* moved);
+                               const float* noise, float* last, float* before, float* hidden, float* tape,
+                               float* moved);
 int32_t patch_bptt_forward_f64(const patch_bptt_shape*, const double* geometry, const double* weights,
                                const double* poses, const double* noise, double* last, double* before, double* hidden,
                                double* tape, double* moved);
 /* gradient [weights_size], of a loss with the gradient by_moved [T, N, 3, R]. */
-int32_t patch_bptt_backward_f32(const patch_bptt_shape*, const float* geometry, const float* weights, const float* poses,
-                                const float* tape, const float* by_moved, float* gradient);
+int32_t patch_bptt_backward_f32(const patch_bptt_shape*, const float* geometry, const float* weights,
+                                const float* poses, const float* tape, const float* by_moved, float* gradient);
 int32_t patch_bptt_backward_f64(const patch_bptt_shape*, const double* geometry, const double* weights,
                                 const double* poses, const double* tape, const double* by_moved, double* gradient);
 
@@ -54,4 +55,4 @@ int32_t patch_bptt_backward_f64(const patch_bptt_shape*, const double* geometry,
 }
 #endif
 
-#endif  /* DCLOTH_TRAINING_PATCH_BPTT_PATCH_BPTT_H_ */
+#endif /* DCLOTH_TRAINING_PATCH_BPTT_PATCH_BPTT_H_ */

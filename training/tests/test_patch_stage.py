@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
-from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patch_cut, patches, reference, safetensors_io,
-                             sequence, synthetic, synthetic_body, train)
+from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patch_cut, patches, reference,
+                             safetensors_io, sequence, synthetic, synthetic_body, train)
 from dcloth_training.rig import Character, mirrored_joints
 
 RINGS, COLUMNS = 12, 40

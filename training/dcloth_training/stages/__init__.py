@@ -51,7 +51,7 @@ STAGES = (
     Stage("patch", PatchStage, "stage 1 and patches", "patches in place of stages 2 and 3", ("patch",), ("static",)),
 )
 NAMES = tuple(stage.name for stage in STAGES)
-FIRST, LAST = STAGES[0], STAGES[-1]
+FIRST, LAST = STAGES[0], STAGES[2]      # of the paper's three, which a training ends with unless told
 
 
 def up_to(name):

@@ -53,7 +53,6 @@ class PatchStage(nn.Module):
     @classmethod
     def fresh(cls, parts, options):
         """None: the patches are cut when stage 1 is trained."""
-        return None
 
     @classmethod
     def shaped_as(cls, state):
