@@ -51,11 +51,11 @@ class Native:
         self.kind = "f32" if dtype == torch.float32 else "f64"
         patches, points = layout.sizes
         layers, neighbours = layout.near.shape[:2]
-        self.counts = dict(joints=joints, patches=patches, points=points, width=width, embedding=embedding,
-                           layers=layers, neighbours=neighbours)
+        self.counts = {"joints": joints, "patches": patches, "points": points, "width": width, "embedding": embedding,
+                       "layers": layers, "neighbours": neighbours}
         self.arrays = {name: np.ascontiguousarray(getattr(layout, name), np.int32) for name in _ARRAYS}
-        self.geometry = torch.as_tensor(np.concatenate([
-            layout.axes.ravel(), layout.centres.ravel(), layout.point_parts.ravel(), layout.capsules.ravel()])).to(dtype)
+        geometry = (layout.axes, layout.centres, layout.point_parts, layout.capsules)
+        self.geometry = torch.as_tensor(np.concatenate([values.ravel() for values in geometry])).to(dtype)
         self.tape, self.ticket = None, 0
         self.size = self.library.patch_bptt_weights_size(ctypes.byref(self._shape(1, 1)))
 

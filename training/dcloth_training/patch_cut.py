@@ -230,7 +230,7 @@ def _near(parts, patch, faces, rows):
 
 
 def make(character, skin, columns=16, rows=8, sleeve_columns=4):
-    """The Layout of a garment; skin [n, J]: weights of stage 1. With a mirror image of the garment, patches have theirs.
+    """The Layout of a garment; skin [n, J]: weights of stage 1. If it has a mirror image, patches have theirs.
 
     columns: on each side of what hangs from the trunk; sleeve_columns: on each side of a limb.
     """

@@ -1,4 +1,4 @@
-"""From a patch stage's points to the garment's vertices: each from the points nearest to its own, fitted to the truth."""
+"""From a patch stage's points to the garment's vertices: each follows the points nearest to its own."""
 import numpy as np
 from scipy.spatial import cKDTree
 

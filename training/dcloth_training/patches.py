@@ -1,6 +1,6 @@
 """A garment cut into patches: strips that hang along the body, each with a few points, a frame and neighbours.
 
-A patch is a column of cloth, such as a gore of a skirt, from its upper rim to its hem; a point is the mean of a piece of
+A patch is a column of cloth, such as a gore of a skirt, from its upper rim to its hem; a point is the mean of a part of
 the column. Weights of the patch stage are shared by all patches, so each sees its cloth and the body in its own frame
 (columns out, up, along). patch_cut makes a Layout; this module is what a Layout is good for.
 """

@@ -14,6 +14,7 @@ from dcloth_training.simulate import crossings
 from dcloth_training.stages import skeleton_stage
 
 PAPER = [stage.name for stage in stages.up_to("mesh")]
+LEVELS = [evaluate.LEVELS[stage] for stage in PAPER]
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +200,7 @@ def test_evaluation_lists_every_level(tiny, files, tmp_path, capsys):
     evaluate.main([str(files / "half"), str(tiny / "dynamic" / "a-held.safetensors"), "-o",
                    str(tmp_path / "e")])
     results = json.loads((tmp_path / "e.json").read_text())
-    assert list(results["a/held"]) == ["truth", evaluate.SCALE, evaluate.PLAIN, *(evaluate.LEVELS[stage] for stage in PAPER)]
+    assert list(results["a/held"]) == ["truth", evaluate.SCALE, evaluate.PLAIN, *LEVELS]
     said = capsys.readouterr().out
     assert "recorded clips" in said and "a/held" in said and "scripted" not in said
     row = results["a/held"]

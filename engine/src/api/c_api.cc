@@ -147,12 +147,10 @@ dcloth_status dcloth_model_open(const void* bytes, size_t size, void* storage, s
     diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null `model`", "a place for the result", "");
     return diagnostic.status();
   }
-  ModelView view;
-  if (!CheckStorage(storage, storage_size, kModelStorage, &diagnostic) ||
-      !dcloth::format::Verify(bytes, size, &view, &diagnostic)) {
-    return diagnostic.status();
-  }
-  *model = reinterpret_cast<dcloth_model*>(new (storage) ModelView(view));
+  if (!CheckStorage(storage, storage_size, kModelStorage, &diagnostic)) return diagnostic.status();
+  auto* view = new (storage) ModelView;  // not on the stack, of which a fibre has little
+  if (!dcloth::format::Verify(bytes, size, view, &diagnostic)) return diagnostic.status();
+  *model = reinterpret_cast<dcloth_model*>(view);
   return DCLOTH_OK;
 }
 

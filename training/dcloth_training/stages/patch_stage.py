@@ -1,7 +1,7 @@
 """The patch stage: a graph GRU on strips of the garment that see their own last cloth and the limbs beside them.
 
-Formulas: engine/format/NETWORK.md, Patch stage. This module plays it and holds what a bundle stores; training/patch_bptt
-computes the same with its gradient.
+Formulas: engine/format/NETWORK.md, Patch stage. This module plays it and holds what a bundle stores;
+training/patch_bptt computes the same with its gradient.
 """
 import numpy as np
 import torch
