@@ -17,7 +17,7 @@ OPTIONS = {
     "patch-sources": (8, 2, "points that a vertex follows, an even number"),
     "patch-epochs": (40, 0, None), "patch-rate": (2e-3, None, None),
     "patch-streams": (16, 1, "clips side by side"), "patch-window": (16, 2, "ticks that a gradient runs back through"),
-    "patch-way": (0.0, 0.0, "weight of the way that points go a tick, beside their places")}
+    "patch-way": (3.0, 0.0, "weight of the way that points go a tick, beside their places")}
 EMBEDDING = 7           # numbers of its own that a patch learns; with eight points the inputs are a multiple of 64
 DECAY = 0.01
 KEEP = 2.2              # logistic(KEEP) of a displacement stays at first
