@@ -139,7 +139,7 @@ def train_stage(run):
     """The patch stage of a training -> {"patch": history}."""
     options, character, static = run.options, run.character, run.net.static
     skin = np.zeros((len(character.template), len(character.joint_names)))
-    skin[:, run.fitted.rig.bones] = static.weights().detach().numpy()
+    skin[:, run.fitted.rig.bones] = static.weights().detach().cpu().numpy()
     layout = patch_cut.make(character, skin, options.patch_columns, options.patch_rows)
     native = patch_bptt.Native(layout, len(character.joint_names), options.patch_width, EMBEDDING)
     training, validation, moments = read(run, layout)

@@ -5,11 +5,11 @@ Without it the same runs in PyTorch, some thirty times as long.
 """
 import ctypes
 import functools
-import os
 
 import torch
 
-_ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
+from . import libraries
+
 _INT = ctypes.POINTER(ctypes.c_int32)
 LANES = 8                    # clips side by side
 WIDTHS = (4, 8, 16, 32)      # F that the library was built for
@@ -22,22 +22,8 @@ class _Shape(ctypes.Structure):
 
 @functools.cache
 def library():
-    """The loaded library; FileNotFoundError names the places looked at."""
-    places = [p for p in (os.environ.get("DCLOTH_MESH_BPTT"), os.path.join(
-        _ROOT, "build", "training", "mesh_bptt", "libdcloth_mesh_bptt.so")) if p]
-    for path in places:
-        if os.path.exists(path):
-            loaded, shape, pointer = ctypes.CDLL(path), ctypes.POINTER(_Shape), ctypes.c_void_p
-            for name in ("weights", "states", "tape", "scratch"):
-                size = getattr(loaded, f"mesh_bptt_{name}_size")
-                size.argtypes, size.restype = [shape], ctypes.c_int64
-            for kind in ("f32", "f64"):
-                for name, pointers in (("forward", 7), ("backward", 6)):
-                    call = getattr(loaded, f"mesh_bptt_{name}_{kind}")
-                    call.argtypes, call.restype = [shape] + [pointer] * pointers, ctypes.c_int32
-            return loaded
-    raise FileNotFoundError(f"mesh_bptt not found at {' or '.join(places)}; build it with "
-                            "scripts/build.sh build -DDCLOTH_BUILD_TESTS=OFF, or set DCLOTH_MESH_BPTT to its path")
+    """The loaded library, see libraries.load."""
+    return libraries.load("mesh_bptt", _Shape, ("weights", "states", "tape", "scratch"), {"forward": 7, "backward": 6})
 
 
 def flat_weights(mesh):

@@ -4,12 +4,12 @@ The library is found at $DCLOTH_PATCH_BPTT or in build/training beside this chec
 """
 import ctypes
 import functools
-import os
 
 import numpy as np
 import torch
 
-_ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
+from . import libraries
+
 _INT = ctypes.POINTER(ctypes.c_int32)
 _COUNTS = ("streams", "ticks", "joints", "patches", "points", "width", "embedding", "layers", "neighbours")
 _ARRAYS = ("patch_joint", "point_joints", "limbs", "capsule_joints", "near")
@@ -21,22 +21,8 @@ class _Shape(ctypes.Structure):
 
 @functools.cache
 def library():
-    """The loaded library; FileNotFoundError names the places looked at."""
-    places = [p for p in (os.environ.get("DCLOTH_PATCH_BPTT"), os.path.join(
-        _ROOT, "build", "training", "patch_bptt", "libdcloth_patch_bptt.so")) if p]
-    for path in places:
-        if os.path.exists(path):
-            loaded, shape, pointer = ctypes.CDLL(path), ctypes.POINTER(_Shape), ctypes.c_void_p
-            for name in ("weights", "tape"):
-                size = getattr(loaded, f"patch_bptt_{name}_size")
-                size.argtypes, size.restype = [shape], ctypes.c_int64
-            for kind in ("f32", "f64"):
-                for name, pointers in (("forward", 9), ("backward", 6)):
-                    call = getattr(loaded, f"patch_bptt_{name}_{kind}")
-                    call.argtypes, call.restype = [shape] + [pointer] * pointers, ctypes.c_int32
-            return loaded
-    raise FileNotFoundError(f"patch_bptt not found at {' or '.join(places)}; build it with "
-                            "scripts/build.sh build -DDCLOTH_BUILD_TESTS=OFF, or set DCLOTH_PATCH_BPTT to its path")
+    """The loaded library, see libraries.load."""
+    return libraries.load("patch_bptt", _Shape, ("weights", "tape"), {"forward": 9, "backward": 6})
 
 
 def _data(tensor):

@@ -23,7 +23,7 @@ constexpr float kLeastAxisSquare = 1e-12f;
 // Places and frames that a wild saved state makes still are what a saved state may hold.
 Vecf Bounded(Vecf v) { return {BoundPlace(v.x), BoundPlace(v.y), BoundPlace(v.z)}; }
 
-// exp(-t) for t >= 0 within 2e-7 of itself down to 2^-64; beyond that 2^-64. Without libm, whose last bit differs from
+// exp(-t) for t >= 0 but for a few roundings of t, and never below 2^-64. Without libm, whose last bit differs from
 // system to system. 2^y = 2^k 2^f: k is y rounded, by adding what leaves no room for a fraction, and goes into the
 // exponent; 2^f on +-1/2 is its Taylor sum.
 float ExpMinus(float t) {

@@ -63,7 +63,8 @@ void PlaceCapsules(const format::PatchStageView& stage, const PatchPose& pose, f
 void MoveCapsules(const format::PatchStageView& stage, const PatchPose& pose, const float* ends_before,
                   CapsuleMotion (&capsules)[format::kMaxCapsules]);
 
-// Fills `frame` and the inputs x [19 R + 33 + E] of patch `k`. Every input is finite and within +-8, whatever the pose.
+// Fills `frame` and the inputs x [19 R + 33 + E] of patch `k`. All but the embedding is
+// finite and within +-8, whatever the pose.
 void ReadPatch(const format::PatchStageView& stage, const PatchPose& pose,
                const CapsuleMotion (&capsules)[format::kMaxCapsules], size_t k, const PatchHistory& history,
                const PatchFrame& frame, float* x);
