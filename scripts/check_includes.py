@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks who includes whom: c_api -> engine -> {format view, kernels}, and who may see which library.
+"""Checks who includes whom: fit -> engine -> {format view, kernels}, and who may see which library.
 
 Usage: check_includes.py REPOSITORY
 """
@@ -17,9 +17,10 @@ EXCEPTIONS_AND_HEAP = re.compile(r"vector|string|memory|map|set|unordered_\w+|io
                                  r"thread|mutex|chrono|cstdlib|stdlib\.h|cstdio|stdio\.h|cassert|assert\.h")
 # What the engine may know of the model file: the view, what fills it, what tells of a fault.
 FORMAT_FOR_ENGINE = {"engine/format/view.h", "engine/format/verify.h", "engine/format/diagnostic.h",
-                     "engine/format/limits.h", "engine/format/checksum.h", "engine/format/tick_parts.h"}
+                     "engine/format/limits.h", "engine/format/checksum.h", "engine/format/tick_parts.h",
+                     "engine/format/fit_file.h", "engine/format/scan.h"}
 PACKING = re.compile(r"kernels/(half|kernels|kernel_list|scalar_math)\.h|kernels/\w+/\w+(?<!-inl)\.h")
-ROOMS = ("engine/", "kernels/", "converter/", "tools/", "platforms/", "tests/", "bench/")
+ROOMS = ("engine/", "fit/", "kernels/", "converter/", "tools/", "platforms/", "tests/", "bench/")
 # The rooms of engine/src, each with those that it may see; "" is what lies in no room, the cloth that is made of them.
 ENGINE_ROOMS = {
     "base": set(),
@@ -27,12 +28,11 @@ ENGINE_ROOMS = {
     "network": {"base", "pose", "time", ""},
     "time": {"base", "pose", "network", ""},
     "draw": {"base", "pose"},
-    "body": {"base", "pose"},
     "contact": {"base", "pose", "draw"},
-    "": {"base", "pose", "network", "time", "draw", "body", "contact"},
+    "": {"base", "pose", "network", "time", "draw", "contact"},
     "state": {"base", "pose", "network", "time", ""},
     "scene": {"base", "network", "time", ""},
-    "api": {"base", "pose", "network", "time", "draw", "body", "contact", "state", "scene", ""},
+    "api": {"base", "pose", "network", "time", "draw", "contact", "state", "scene", ""},
 }
 ENGINE_FILE = re.compile(r"engine/src/(?:(\w+)/)?\w+\.(?:h|cc)")
 
@@ -76,24 +76,26 @@ def fault(path, name):
             return "kernels know nothing above them"
         if EXCEPTIONS_AND_HEAP.fullmatch(name):
             return "kernels never see containers, the heap or input and output"
-    if room(path, "engine/include/"):
+    if room(path, "engine/include/", "fit/include/"):
         if room(name, *ROOMS):
             return "the public headers stand alone"
-    if room(path, "engine/"):
+    if room(path, "engine/", "fit/"):
         if EXCEPTIONS_AND_HEAP.fullmatch(name):
             return "the runtime neither allocates nor prints nor throws"
         if room(name, "converter/", "tools/", "platforms/", "tests/", "bench/"):
             return "the runtime knows nothing of the offline side"
+    if room(path, "engine/") and (room(name, "fit/") or name == "dcloth/dcloth_fit.h"):
+        return "the core knows nothing of the fit"
     if room(path, "engine/format/") and room(name, "engine/src/"):
         return "the format knows nothing of the engine"
-    if room(path, "engine/src/") and name.startswith("engine/format/") and name not in FORMAT_FOR_ENGINE:
+    if room(path, "engine/src/", "fit/") and name.startswith("engine/format/") and name not in FORMAT_FOR_ENGINE:
         return "the engine sees of the format only " + ", ".join(sorted(FORMAT_FOR_ENGINE))
     if engine_fault(path, name):
         return engine_fault(path, name)
-    if room(path, "converter/") and (room(name, "engine/src/", "tools/", "tests/", "bench/") or
+    if room(path, "converter/") and (room(name, "engine/src/", "fit/", "tools/", "tests/", "bench/") or
                                      (name.startswith("kernels/") and not PACKING.fullmatch(name))):
         return "the converter sees the format, the public header, and the kernels' packing and references"
-    if room(path, "tools/") and room(name, "engine/", "kernels/", "tests/", "bench/"):
+    if room(path, "tools/") and room(name, "engine/", "fit/", "kernels/", "tests/", "bench/"):
         return "tools see the converter and the public header"
     if room(path, "platforms/") and room(name, *(r for r in ROOMS if r != "platforms/")):
         return "platforms see the public header only"

@@ -16,7 +16,7 @@ echo "building $folder" >&2
 } >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
 
 find "$folder" -name '*.gcda' -delete
-ctest --test-dir "$folder" --output-on-failure --no-tests=error -j "$(nproc)" -L '^(kernels|engine|attack|abi)$' \
+ctest --test-dir "$folder" --output-on-failure --no-tests=error -j "$(nproc)" -L '^(kernels|engine|fit|attack|abi)$' \
   -E 'attack_stack|attack_bundled_model|fuzz_replay|consumer|abi_symbols|abi_manifest' >"$log" ||
   { cat "$log" >&2; exit 1; }
 tail -n 4 "$log" >&2

@@ -15,7 +15,7 @@ failed=()
 lint_format() {
   local -a files
   # Public headers and the solver of training are aligned by hand.
-  mapfile -t files < <(git ls-files '*.c' '*.cc' '*.cpp' '*.h' | grep -vE '^(engine/include|training|tests/abi/kept)/')
+  mapfile -t files < <(git ls-files '*.c' '*.cc' '*.cpp' '*.h' | grep -vE '^((engine|fit)/include|training|tests/abi/kept)/')
   [ ${#files[@]} -gt 100 ] ||
     { echo "lint: found ${#files[@]} files to format; is this the repository?" >&2; return 1; }
   if [ -n "$fix" ]; then clang-format -i "${files[@]}"; return; fi
@@ -36,8 +36,8 @@ lint_tidy() {
   fi
   # What changed comes first. Vector sources are compiled once a target by macros that clang-tidy does not follow.
   mapfile -t files < <({
-    git diff --name-only --diff-filter=d "$base" -- engine kernels converter tools
-    git ls-files engine/src engine/format kernels | grep '\.cc$' | grep -v '_vector\.cc$' | awk 'NR % 12 == 0' |
+    git diff --name-only --diff-filter=d "$base" -- engine fit kernels converter tools
+    git ls-files engine/src engine/format fit kernels | grep '\.cc$' | grep -v '_vector\.cc$' | awk 'NR % 12 == 0' |
       head -n "$sample"
   } | grep '\.cc$' | grep -v '_vector\.cc$' | awk '!seen[$0]++' | while IFS= read -r file; do
     if grep -qF "/$file\"" "$build/compile_commands.json"; then printf '%s\n' "$file"; fi

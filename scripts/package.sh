@@ -76,14 +76,14 @@ cross() {
 
 # build NAME: a build folder of its own for each; `folder` afterwards.
 build() {
-  local -a options targets=(dcloth)
+  local -a options targets=(dcloth_fit)
   folder=build-package-$1
   case $1 in
     linux-x86_64) options=("${here[@]}") ;;
     linux-aarch64) cross aarch64_linux aarch64; options+=("${static[@]}") ;;
     windows-x86_64) cross x86_64_windows windows ;;
-    windows-x86_64-library) cross x86_64_windows ;;
-    android-arm64-library) cross android_clang; options+=("-DCMAKE_SHARED_LINKER_FLAGS=$(android_linker "$folder")") ;;
+    windows-x86_64-library) cross x86_64_windows; targets+=(dcloth_unity_plugin) ;;
+    android-arm64-library) cross android_clang; targets+=(dcloth_unity_plugin); options+=("-DCMAKE_SHARED_LINKER_FLAGS=$(android_linker "$folder")") ;;
   esac
   [[ $1 = *-library ]] || targets+=(dcloth_cli)
   echo "building $folder" >&2
@@ -199,7 +199,7 @@ archive() {
   quiet "$stage/install.log" cmake --install "build-package-$library" --prefix "$into.part"
   mkdir -p "$into.part/bin"
   "$triple-strip" -o "$into.part/bin/$program" "build-package-$name/$program"
-  [ $system = linux ] || "$triple-strip" "$into.part/bin/dcloth.dll"
+  [ $system = linux ] || "$triple-strip" "$into.part/bin/dcloth.dll" "$into.part/bin/dcloth_fit.dll"
   convert_garments
   mkdir -p "$into.part/share" "$into.part/examples"
   cp -r "$models" "$into.part/share/dcloth"
@@ -261,13 +261,13 @@ package_unity() {
   local plugins=$stage/plugins
   mkdir "$plugins"
   build linux-x86_64
-  g++ -shared -o "$plugins/linux.so" -Wl,--whole-archive "$folder/engine/libdcloth.a" -Wl,--no-whole-archive -lm \
-    -nodefaultlibs -lc -lgcc -Wl,--no-undefined
+  g++ -shared -o "$plugins/linux.so" -Wl,--whole-archive "$folder/engine/libdcloth.a" "$folder/fit/libdcloth_fit.a" \
+    -Wl,--no-whole-archive -lm -nodefaultlibs -lc -lgcc -Wl,--no-undefined
   strip "$plugins/linux.so"
   build windows-x86_64-library
-  x86_64-w64-mingw32-strip -o "$plugins/windows.dll" "$folder/dcloth.dll"
+  x86_64-w64-mingw32-strip -o "$plugins/windows.dll" "$folder/fit/unity/dcloth.dll"
   build android-arm64-library
-  aarch64-linux-gnu-strip -o "$plugins/android.so" "$folder/engine/libdcloth.so"
+  aarch64-linux-gnu-strip -o "$plugins/android.so" "$folder/fit/unity/libdcloth.so"
   licences "$stage/unity" engine windows
   tail -n +1 "$stage"/unity/*.txt >"$stage/notices.md"
   quiet "$stage/unity.log" scripts/package_unity.py "$out/$(package_row unity 2)" "notices=$stage/notices.md" \

@@ -18,9 +18,10 @@ echo "building $folder" >&2
   cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS="$flags" -DCMAKE_CXX_FLAGS="$flags" \
     -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DDCLOTH_SANITIZE=undefined -DDCLOTH_BUILD_TOOLS=OFF -DDCLOTH_BUILD_TESTS=ON \
     -DDCLOTH_GOOGLETEST_SOURCE=/usr/src/googletest -DPython3_EXECUTABLE="$PWD/.venv/bin/python3"
-  cmake --build "$folder" --target tests/unit/kernels/all tests/unit/engine/all tests/abi/all attack_without_converter
+  cmake --build "$folder" --target tests/unit/kernels/all tests/unit/engine/all tests/unit/fit/all tests/abi/all \
+    attack_without_converter
 } >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
 
 # Costs a byte are those of 64-bit builds without sanitizers.
 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ctest --test-dir "$folder" --output-on-failure --no-tests=error \
-  -j "$(nproc)" -R "${*:-^(abi_|attack_|kernels_|engine_)}" -E "abi_symbols|attack_bundled"
+  -j "$(nproc)" -R "${*:-^(abi_|attack_|kernels_|engine_|fit_)}" -E "abi_symbols|attack_bundled"

@@ -16,7 +16,8 @@ echo "building $folder" >&2
     -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DDCLOTH_BUILD_TOOLS=OFF -DDCLOTH_BUILD_TESTS=ON \
     -DDCLOTH_SANITIZE=undefined,integer \
     -DCMAKE_CXX_FLAGS="-fsanitize-ignorelist=$PWD/scripts/integers.ignore" -DPython3_EXECUTABLE="$PWD/.venv/bin/python3"
-  cmake --build "$folder" --target tests/unit/kernels/all tests/unit/engine/all attack_without_converter
+  cmake --build "$folder" --target tests/unit/kernels/all tests/unit/engine/all tests/unit/fit/all \
+    attack_without_converter
 } >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ctest --test-dir "$folder" --output-on-failure --no-tests=error \
-  -j "$(nproc)" -R "${*:-^(attack_|kernels_|engine_)}" -E "attack_bundled"
+  -j "$(nproc)" -R "${*:-^(attack_|kernels_|engine_|fit_)}" -E "attack_bundled"

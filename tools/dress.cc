@@ -45,7 +45,7 @@ struct Options {
 
 struct Fitted {
   dcloth_fit fit{};
-  converter::AlignedBytes storage;  // what the cloth uses from now on
+  converter::AlignedBytes storage;  // begins with the fit, which the cloth uses from now on
 };
 
 // What a .glb holds of its one clip.
@@ -392,8 +392,7 @@ int Dress(const Options& options) {
       const std::string bytes = GlbBytes(SceneOf(hero, model, clips.front(), recording));
       converter::WriteFileAtomically(output, std::as_bytes(std::span(bytes)));
     } else {
-      const std::string text = DumpJson(json) + "\n";
-      converter::WriteFileAtomically(output, std::as_bytes(std::span(text)));
+      converter::WriteFileAtomically(output, std::as_bytes(std::span(fitted.storage).first(fitted.fit.file_bytes)));
     }
     std::fprintf(stderr, "%s: %zu clip%s\n", converter::PathText(output).c_str(), clips.size(),
                  clips.size() == 1 ? "" : "s");
@@ -419,7 +418,7 @@ void AddDress(CLI::App& app, int& exit_code) {
       ->add_option(
           "-o,--output", options->outputs,
           "OUT.html: a page with the character in the garment; OUT.glb: the same as an animation (first clip);\n"
-          "OUT.dcloth-fit: what --json prints. May be repeated")
+          "OUT.dcloth-fit: the fit, which games read with dcloth_cloth_set_fit. May be repeated")
       ->required()
       ->allow_extra_args(false);
   command->add_flag("--json", options->json, "print the fit as one JSON object");

@@ -40,6 +40,7 @@ size_t PlaceCloth(const ModelView& model, void* storage, Cloth** out) {
   auto* cloth = arena.Take<Cloth>(1);
   Cloth placed = {};
   placed.model = placed.trained = &model;
+  placed.fitted_model = arena.Take<ModelView>(1);
   placed.rig = {Space(), model.joint_count, arena.Take<uint32_t>(model.joint_count),
                 arena.Take<Affine>(model.joint_count), false};
   placed.skin_joints = arena.Take<Affine>(model.joint_count);

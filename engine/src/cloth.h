@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "engine/format/diagnostic.h"
+#include "engine/format/fit_file.h"
 #include "engine/src/base/stopwatch.h"
 #include "engine/src/contact/contact.h"
 #include "engine/src/network/mesh_stage.h"
@@ -25,12 +26,13 @@ constexpr uint32_t kTickSlots = 3;
 constexpr double kFastestWind = 100;  // m/s
 
 struct Cloth {
-  const format::ModelView* model;    // what is drawn: `trained`, or its cut moved onto another body (fit.h)
+  const format::ModelView* model;    // what is drawn: `trained`, or `fitted_model`
   const format::ModelView* trained;  // as created
-  bool fitted;                       // to a character; `rig` and `model` are then that fit's
-  Space told_space;                  // of a fitted cloth, without the character's scale
-  HostRig rig;                       // outlives resets
-  float wind[3];                     // the host's units a second along its axes; outlives resets
+  format::ModelView* fitted_model;   // its cut moved onto another body (fit.h)
+  const format::FitJoint* fit;  // [joint_count], to a character; null without. `rig` and `model` are then the fit's
+  Space told_space;             // of a fitted cloth, without the character's scale
+  HostRig rig;                  // outlives resets
+  float wind[3];                // the host's units a second along its axes; outlives resets
   RootMotion root;
   FrameClock clock;
   TickWork work;
@@ -59,6 +61,9 @@ struct Cloth {
   float work_done;                  // by the last update, 1 for a whole tick
   double older_step;                // ticks from pose_older to pose_before; 0 where one motion does not hold both
 };
+
+// As the host told it.
+inline const Space& ToldSpace(const Cloth& cloth) { return cloth.fit != nullptr ? cloth.told_space : cloth.rig.space; }
 
 // Slot of the complete tick `back` before the newest one, or of the oldest there is.
 uint32_t SlotBefore(const Cloth& cloth, uint32_t back);

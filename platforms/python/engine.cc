@@ -192,6 +192,17 @@ class Cloth {
     Call([&](dcloth_error* error) { return dcloth_cloth_set_wind(cloth_, wind.data(), error); });
   }
 
+  // The bytes are copied to memory that the cloth uses from now on.
+  void SetFit(const Bytes& bytes) {
+    Storage fit(bytes.size());
+    std::memcpy(fit.data(), bytes.data(), bytes.size());
+    Call([&](dcloth_error* error) {
+      const dcloth_status status = dcloth_cloth_set_fit(cloth_, fit.data(), fit.size(), error);
+      if (status == DCLOTH_OK) fit_storage_ = std::move(fit);
+      return status;
+    });
+  }
+
   // `roles` is empty or has one for each joint.
   nb::dict Fit(const std::vector<std::string>& names, const Matrices& binds, bool column_major,
                const std::vector<uint32_t>& roles, const std::optional<Body>& body) {
@@ -439,6 +450,7 @@ NB_MODULE(_engine, m) {
           arg("body_weights").noconvert().none(), arg("body_triangles").noconvert().none())
       .def("reset", &Cloth::Reset)
       .def("save", &Cloth::Save)
+      .def("set_fit", &Cloth::SetFit, arg("fit"))
       .def("restore", &Cloth::Restore, arg("state"), arg("other_model"))
       .def("update", &Cloth::Update, arg("joint_matrices").noconvert(), arg("column_major"), arg("seconds"),
            arg("stages"), arg("flags"), arg("output_flags"), arg("positions").noconvert().none(),

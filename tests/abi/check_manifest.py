@@ -2,9 +2,9 @@
 """Checks the C ABI against its manifest: every function with its signature, every struct with sizes and offsets, every
 constant with its value, every symbol of the library. Every function's comment says Memory, Thread, Errors and Cost.
 
-Usage: check_manifest.py FOLDER MANIFEST CC [--symbols NM LIBRARY] [--write | --faults]
+Usage: check_manifest.py MANIFEST CC --headers FOLDER... [--symbols NM LIBRARY...] [--write | --faults]
 
-FOLDER holds the public headers, every *.h: parsed for what they declare, compiled with CC as C99, each also alone, for
+FOLDERs hold the public headers, every *.h: parsed for what they declare, compiled with CC as C99, each also alone, for
 what that means in bytes. --write makes the manifest anew: a change of the ABI is then a change in its diff. --faults
 seeds faults into copies of the headers, each of which must be found. Bindings in other languages are checked against
 the same file. Offsets are those of 64-bit targets.
@@ -177,23 +177,24 @@ def contract_faults(headers):
             yield f"{name}: its comment lacks {', '.join(lacks)}"
 
 
-def symbol_faults(functions, nm, library):
-    listing = subprocess.run([nm, "-g", library], check=True, capture_output=True, text=True).stdout
+def symbol_faults(functions, nm, *libraries):
+    listing = subprocess.run([nm, "-g", *libraries], check=True, capture_output=True, text=True).stdout
     defined = set(re.findall(r"^[0-9a-fA-F]+ [TDRBV] (dcloth_\w+)$", listing, re.MULTILINE))
-    return ([f"{name}: declared, not in {library}" for name in sorted(set(functions) - defined)] +
-            [f"{name}: in {library}, not declared" for name in sorted(defined - set(functions))])
+    return ([f"{name}: declared, in no library" for name in sorted(set(functions) - defined)] +
+            [f"{name}: in a library, not declared" for name in sorted(defined - set(functions))])
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
     parser.add_argument("manifest", type=Path)
     parser.add_argument("cc")
-    parser.add_argument("--symbols", nargs=2, metavar=("NM", "LIBRARY"))
+    parser.add_argument("--headers", nargs="+", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument("--symbols", nargs="+", metavar=("NM", "LIBRARY"))
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--faults", action="store_true")
     options = parser.parse_args()
-    headers = {path.name: path.read_text(encoding="utf-8") for path in sorted(options.folder.glob("*.h"))}
+    paths = sorted((path for folder in options.headers for path in folder.glob("*.h")), key=lambda path: path.name)
+    headers = {path.name: path.read_text(encoding="utf-8") for path in paths}
     found = describe(headers, options.cc)
     if options.write:
         options.manifest.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

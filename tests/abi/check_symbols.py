@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Checks what a static library asks of its host: nothing that allocates, aborts, throws, prints or runs before main.
+"""Checks what static libraries ask of their host: nothing that allocates, aborts, throws, prints or runs before main.
 
-Usage: check_symbols.py NM LIBRARY
+Usage: check_symbols.py NM LIBRARY...
 Allowed is a closed list; whatever else is undefined fails, so that a new dependency is a decision.
 """
 import re
@@ -18,9 +18,10 @@ FORBIDDEN_DEFINITIONS = re.compile(r"_GLOBAL__sub_I_|__cxx_global_var_init")
 
 
 def main():
-    if len(sys.argv) != 3:
+    if len(sys.argv) < 3:
         sys.exit(__doc__)
-    listing = subprocess.run([sys.argv[1], "-g", "-a", sys.argv[2]], check=True, capture_output=True, text=True).stdout
+    listing = subprocess.run([sys.argv[1], "-g", "-a", *sys.argv[2:]], check=True, capture_output=True,
+                             text=True).stdout
     objects, defined, undefined, initialisers = 0, set(), {}, []
     current = ""
     for line in listing.splitlines():
@@ -40,7 +41,7 @@ def main():
                 initialisers.append(f"{current}: {name}")
     outside = {name: where for name, where in undefined.items() if name not in defined}
     bad = {name: where for name, where in outside.items() if name not in ALLOWED and not TOOLCHAIN.fullmatch(name)}
-    print(f"{sys.argv[2]}: {objects} objects, {len(defined)} symbols, asks for "
+    print(f"{', '.join(sys.argv[2:])}: {objects} objects, {len(defined)} symbols, asks for "
           f"{', '.join(sorted(outside)) or 'nothing'}")
     for name, where in sorted(bad.items()):
         print(f"error: {where} uses {name}, which is not on the list in {sys.argv[0]}", file=sys.stderr)

@@ -112,8 +112,8 @@ static int run_fit(const dcloth_model* model, dcloth_cloth* cloth, const float* 
   character.bind_matrices = matrices;
   return dcloth_role_of_name(names[0]) != DCLOTH_ROLE_LEFT_UPPER_LEG ||
          strcmp(dcloth_role_name(DCLOTH_ROLE_LEFT_UPPER_LEG), "left upper leg") != 0 ||
-         dcloth_fit_storage_size(model, &character) != 0 ||
-         dcloth_cloth_fit(cloth, &character, NULL, 0, &fit, &error) != DCLOTH_ERROR_JOINTS || error.text[0] == 0;
+         dcloth_fit_storage_size(model, &character) == 0 ||
+         dcloth_cloth_fit(cloth, &character, NULL, 0, &fit, &error) != DCLOTH_ERROR_ARGUMENT || error.text[0] == 0;
 }
 
 /* The same frames, as planned by a scene of one character whose every tick fits. */

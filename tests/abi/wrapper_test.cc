@@ -62,15 +62,7 @@ int Run(const char* path) {
                       cloth.SetWind({0, 101, 0}) == dcloth::Status::kArgument &&
                       cloth.Update(pose, dcloth::MakeFrame(0.01f, stages), &output) == dcloth::Status::kOk &&
                       cloth.Describe().tick_share == 1.0f;
-  dcloth_character character = {};
-  character.struct_size = sizeof(character);
-  character.joint_count = 1;
-  character.joint_names = &first;
-  character.bind_matrices = pose.joint_matrices;
-  const bool fitted = dcloth::Cloth::FitStorageSize(model, character) == 0 &&
-                      dcloth::RoleOfName("LeftUpLeg") == DCLOTH_ROLE_LEFT_UPPER_LEG &&
-                      cloth.Fit(character, nullptr, 0, nullptr, &error) == dcloth::Status::kJoints &&
-                      error.text[0] != '\0';
+  const bool fitted = cloth.SetFit(bytes, sizeof(void*), &error) == dcloth::Status::kFormat && error.text[0] != '\0';
   if (!fitted) return 1;
   const size_t state_size = cloth.StateSize();
   void* state = std::malloc(state_size);

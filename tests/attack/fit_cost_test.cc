@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/src/fit.h"
+#include "fit/make_fit.h"
 #include "tests/attack/corruption.h"
 #include "tests/unit/engine/cloth_fixture.h"
 #include "tests/unit/engine/figure.h"
@@ -100,9 +100,13 @@ class FitCostTest : public ::testing::Test {
     format::Diagnostic diagnostic(&error);
     uint64_t left = budget;
     const std::clock_t begin = std::clock();
-    engine::FitCloth(character, storage_.data(), size, &left, reinterpret_cast<engine::Cloth*>(cloth_.get()), &report,
-                     &diagnostic);
+    fit::MakeFit(*reinterpret_cast<const format::ModelView*>(opened_.get()), engine::Space(), character,
+                 storage_.data(), size, &left, &report, &diagnostic);
     const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+    if (diagnostic.status() == DCLOTH_OK) {
+      EXPECT_EQ(dcloth_cloth_set_fit(cloth_.get(), storage_.data(), report.file_bytes, &error), DCLOTH_OK)
+          << error.text;
+    }
     return {diagnostic.status(), error.text, budget - left, seconds};
   }
 
@@ -241,8 +245,8 @@ TEST_F(DenseFitCostTest, NorDoesOneBesideAGarmentInOnePlace) {
 TEST_F(PersonFitCostTest, AHeroOfAHundredThousandTrianglesIsFitted) {
   const Skin skin = FineSkin(230);
   ASSERT_GT(skin.triangles.size() / 3, 100000u);
-  const Outcome outcome = Fit(skin, engine::kFitWork);
-  std::cout << skin.triangles.size() / 3 << " triangles: " << outcome.work << " of " << engine::kFitWork
+  const Outcome outcome = Fit(skin, fit::kFitWork);
+  std::cout << skin.triangles.size() / 3 << " triangles: " << outcome.work << " of " << fit::kFitWork
             << " units of work\n";
   EXPECT_EQ(outcome.status, DCLOTH_OK) << outcome.text;
 }
@@ -250,7 +254,7 @@ TEST_F(PersonFitCostTest, AHeroOfAHundredThousandTrianglesIsFitted) {
 // Into the same memory as the fit before, which the cloth wears on.
 TEST_F(FitCostTest, RefusedItSaysWhatToDoAndLeavesTheFitBefore) {
   const Skin own = OwnSkin(1, 1.15);
-  ASSERT_EQ(Fit(own, engine::kFitWork).status, DCLOTH_OK);
+  ASSERT_EQ(Fit(own, fit::kFitWork).status, DCLOTH_OK);
   const auto drawn = [&] {
     std::vector<float> positions(3 * model_.numbers.n);
     dcloth_output output = FloatOutput(model_.numbers.n, positions.data(), 12, nullptr);
@@ -278,7 +282,7 @@ TEST_F(FitCostTest, RefusedItSaysWhatToDoAndLeavesTheFitBefore) {
           << outcome.text;
       EXPECT_EQ(drawn(), before) << budget;
     }
-    Fit(own, engine::kFitWork);
+    Fit(own, fit::kFitWork);
   }
 }
 

@@ -57,7 +57,7 @@ def check_pkg_config(prefix, work, model):
     tool = os.environ.get("PKG_CONFIG", "pkg-config")
 
     def ask(*what):
-        return shlex.split(run(tool, *what, "dcloth", env=environment))
+        return shlex.split(run(tool, *what, "dcloth_fit", env=environment))
 
     version = ask("--modversion")[0]
     program = work / "game"

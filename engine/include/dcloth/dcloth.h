@@ -65,7 +65,7 @@ enum {
   DCLOTH_ERROR_POSE = 7,       /* NaN, infinity, a value over 1e9 (1e12 m after a bind pose), a wrong joint count, or a
                                   bind pose without inverse; nothing changes */
   DCLOTH_ERROR_JOINTS = 8,     /* the host's skeleton lacks joints of the model */
-  DCLOTH_ERROR_MODEL = 9       /* a saved state of another model */
+  DCLOTH_ERROR_MODEL = 9       /* a saved state or a fit of another model */
 };
 
 /* What went wrong, in words: the field, what was found, what is allowed, how to mend it. Written only on failure. The
@@ -73,7 +73,7 @@ enum {
 typedef struct dcloth_error {
   uint32_t struct_size;   /* set to sizeof(dcloth_error) before the call */
   dcloth_status status;
-  uint64_t offset_bytes;  /* place in the model's or state's bytes; UINT64_MAX where there is none */
+  uint64_t offset_bytes;  /* place in the bytes of the model, state or fit; UINT64_MAX where there is none */
   char text[240];         /* always terminated */
   /* The parts of `text`: where each starts and how many bytes it has; size 0 means that the part is absent. `what` is
    * a field, a tensor or a joint. A long text may be cut, and then lacks its last parts. Since 0.2 */
@@ -462,7 +462,7 @@ DCLOTH_API dcloth_status dcloth_cloth_create(const dcloth_model* model, void* st
                                              dcloth_cloth** cloth, dcloth_error* error);
 
 /* Finds the model's joints by name in the host's skeleton. Poses then hold one matrix per name. The binding outlives
- * resets.
+ * resets. A cloth with a fit looks for the names of the fit's character instead.
  *   names  [count] names of the host's joints; matched exactly, the first of equal names counts. They are not kept
  *   count  1 or more
  *   error  receives the reason of a failure, with the joints that are missing; or null
@@ -492,6 +492,21 @@ DCLOTH_API dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dclot
  * Errors: ARGUMENT, POSE; the previous bind pose stays.
  * Cost: 0.1 us a joint; in each frame after it 0.04 us a joint. */
 DCLOTH_API dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose* bind, dcloth_error* error);
+
+/* Lays the garment onto another character than that of training, by the bytes of a .dcloth-fit file. `dcloth dress` and
+ * the library of dcloth_fit.h make them for one skeleton and garment, in any precision. Poses then hold all joints of
+ * that character in its own order; dcloth_cloth_bind_joints after it chooses others. The joints have the axes and the
+ * bind pose of the character's file, converted to the host's space, which is set before. A cloth with a fit refuses
+ * dcloth_cloth_set_space and dcloth_cloth_set_bind_pose. A fit outlives resets.
+ *   fit    the whole file, on DCLOTH_ALIGNMENT. It is used in place, by any number of cloths: it must outlive them or
+ *          their next fit, and must not change
+ *   size   bytes of the file
+ *   error  receives the reason of a failure; or null
+ * Memory: none.
+ * Thread: owner.
+ * Errors: ARGUMENT, ALIGNMENT, FORMAT, VERSION, SEMANTICS; MODEL for a fit of another garment. The fit before stays.
+ * Cost: a checksum, a check of each number and, with a skin, what dcloth_cloth_create costs. */
+DCLOTH_API dcloth_status dcloth_cloth_set_fit(dcloth_cloth* cloth, const void* fit, size_t size, dcloth_error* error);
 
 /* Sets the wind: the velocity of the air relative to the ground. It counts for ticks that start from now on. It is 0
  * until it is set, and outlives resets; saved states do not hold it. A change wakes a cloth that

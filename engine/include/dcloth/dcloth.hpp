@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "dcloth/dcloth_fit.h"
 #include "dcloth/dcloth_scene.h"
 
 namespace dcloth {
@@ -76,9 +75,6 @@ inline dcloth_space MakeSpace(uint32_t left, uint32_t up, uint32_t forward, floa
   return {sizeof(dcloth_space), left, up, forward, metres_per_unit, DCLOTH_JOINT_FRAMES_CONVERTED};
 }
 
-// DCLOTH_ROLE_* of a joint with this name.
-inline uint32_t RoleOfName(const char* name) { return dcloth_role_of_name(name); }
-
 // A view of model bytes. Copies are further views of the same model.
 class Model {
  public:
@@ -146,15 +142,9 @@ class Cloth {
     return static_cast<Status>(dcloth_cloth_set_bind_pose(cloth_, &bind, error));
   }
 
-  // Bytes of storage for Fit; 0 without a body.
-  static size_t FitStorageSize(const Model& model, const dcloth_character& character) {
-    return dcloth_fit_storage_size(model.get(), &character);
-  }
-
-  // To a character that the garment was not trained on; see dcloth_cloth_fit. `fit` may be null.
-  Status Fit(const dcloth_character& character, void* storage, size_t storage_size, dcloth_fit* fit = nullptr,
-             dcloth_error* error = nullptr) {
-    return static_cast<Status>(dcloth_cloth_fit(cloth_, &character, storage, storage_size, fit, error));
+  // The bytes of a .dcloth-fit; see dcloth_cloth_set_fit.
+  Status SetFit(const void* fit, size_t size, dcloth_error* error = nullptr) {
+    return static_cast<Status>(dcloth_cloth_set_fit(cloth_, fit, size, error));
   }
 
   // See dcloth_cloth_set_wind.

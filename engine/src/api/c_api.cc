@@ -13,6 +13,7 @@
 #include "engine/src/base/lent_memory.h"
 #include "engine/src/cloth.h"
 #include "engine/src/draw/output.h"
+#include "engine/src/fit.h"
 #include "engine/src/network/schedule.h"
 #include "engine/src/pose/host_rig.h"
 #include "engine/src/state/state.h"
@@ -112,8 +113,8 @@ bool ReadFrame(const dcloth_frame& given, const ModelView& model, dcloth_frame* 
 // A fit has decided what the call would change.
 bool RefuseFitted(Diagnostic* diagnostic) {
   const Path path = {nullptr, "cloth"};
-  return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, "a cloth that dcloth_cloth_fit has fitted",
-                          "one that is not fitted", "make this call before dcloth_cloth_fit");
+  return diagnostic->Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, "a cloth with a fit", "one without",
+                          "make this call before dcloth_cloth_set_fit or dcloth_cloth_fit");
 }
 
 }  // namespace
@@ -254,15 +255,8 @@ dcloth_status dcloth_cloth_bind_joints(dcloth_cloth* cloth, const char* const* n
                     "a cloth and the names of the host's joints", "");
     return diagnostic.status();
   }
-  if (ClothOf(cloth)->fitted) {
-    RefuseFitted(&diagnostic);
-    return diagnostic.status();
-  }
-  dcloth::engine::HostRig& rig = ClothOf(cloth)->rig;
-  if (!dcloth::engine::MatchJoints(*ClothOf(cloth)->model, names, count, rig.joint_map, &diagnostic))
-    return diagnostic.status();
-  rig.host_joint_count = count;
-  return DCLOTH_OK;
+  dcloth::engine::BindJoints(names, count, ClothOf(cloth), &diagnostic);
+  return diagnostic.status();
 }
 
 dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* space, dcloth_error* error) {
@@ -271,7 +265,7 @@ dcloth_status dcloth_cloth_set_space(dcloth_cloth* cloth, const dcloth_space* sp
   dcloth_space described;
   if (cloth == nullptr) {
     Refuse("cloth", nullptr, "a null pointer", "a cloth", &diagnostic);
-  } else if (ClothOf(cloth)->fitted) {
+  } else if (ClothOf(cloth)->fit != nullptr) {
     RefuseFitted(&diagnostic);
   } else if (Read(space, "space", &described, &diagnostic)) {
     dcloth::engine::MakeSpace(described, &ClothOf(cloth)->rig.space, &diagnostic);
@@ -285,11 +279,22 @@ dcloth_status dcloth_cloth_set_bind_pose(dcloth_cloth* cloth, const dcloth_pose*
   dcloth_pose pose;
   if (cloth == nullptr) {
     Refuse("cloth", nullptr, "a null pointer", "a cloth", &diagnostic);
-  } else if (ClothOf(cloth)->fitted) {
+  } else if (ClothOf(cloth)->fit != nullptr) {
     RefuseFitted(&diagnostic);
   } else if (ReadPose(bind, &pose, &diagnostic)) {
     dcloth::engine::TakeBindPose(*ClothOf(cloth)->model, pose, &ClothOf(cloth)->rig, &diagnostic);
   }
+  return diagnostic.status();
+}
+
+dcloth_status dcloth_cloth_set_fit(dcloth_cloth* cloth, const void* fit, size_t size, dcloth_error* error) {
+  const FloatEnvironment environment;
+  Diagnostic diagnostic(error);
+  if (cloth == nullptr || fit == nullptr) {
+    diagnostic.Fail(DCLOTH_ERROR_ARGUMENT, kNoOffset, nullptr, "a null pointer", "a cloth and the bytes of a fit", "");
+    return diagnostic.status();
+  }
+  dcloth::engine::WearFit(fit, size, ClothOf(cloth), &diagnostic);
   return diagnostic.status();
 }
 

@@ -21,14 +21,14 @@ uint32_t Find(const char* name, const char* const* names, uint32_t count) {
 }
 
 // "2 of 6 joints missing: 'hips', 'chest'", as many names as fit.
-void ListMissing(const format::ModelView& model, const char* const* names, uint32_t count, uint32_t missing, char* text,
-                 size_t size) {
+void ListMissing(const char* const* wanted, uint32_t wanted_count, const char* const* names, uint32_t count,
+                 uint32_t missing, char* text, size_t size) {
   constexpr size_t kRoomForRest = 20;  // ", and 255 more"
   format::Text out(text, size);
-  out.Add(uint64_t{missing}).Add(" of ").Add(uint64_t{model.joint_count}).Add(" joints missing:");
+  out.Add(uint64_t{missing}).Add(" of ").Add(uint64_t{wanted_count}).Add(" joints missing:");
   uint32_t listed = 0;
-  for (uint32_t j = 0; j < model.joint_count; ++j) {
-    const char* name = format::JointName(model, j);
+  for (uint32_t j = 0; j < wanted_count; ++j) {
+    const char* name = wanted[j];
     if (Find(name, names, count) != kMissing) continue;
     if (std::strlen(text) + std::strlen(name) + 4 + kRoomForRest > size) break;
     out.Add(listed == 0 ? " '" : ", '").AddName(name).Add("'");
@@ -89,19 +89,19 @@ Affine FromBindPose(const format::ModelView& model, const HostRig& rig, size_t j
   return FromHost(world, host * rig.inverse_bind[joint]) * bind;
 }
 
-bool MatchJoints(const format::ModelView& model, const char* const* names, uint32_t count, uint32_t* joint_map,
-                 format::Diagnostic* diagnostic) {
+bool MatchJoints(const char* const* wanted, uint32_t wanted_count, const char* const* names, uint32_t count,
+                 uint32_t* joint_map, format::Diagnostic* diagnostic) {
   uint32_t missing = 0;
-  for (uint32_t j = 0; j < model.joint_count; ++j) {
-    if (Find(format::JointName(model, j), names, count) == kMissing) ++missing;
+  for (uint32_t j = 0; j < wanted_count; ++j) {
+    if (Find(wanted[j], names, count) == kMissing) ++missing;
   }
   if (missing != 0) {
     char found[150];
-    ListMissing(model, names, count, missing, found, sizeof(found));
+    ListMissing(wanted, wanted_count, names, count, missing, found, sizeof(found));
     return diagnostic->Fail(DCLOTH_ERROR_JOINTS, format::kNoOffset, nullptr, found, "every joint of the model",
                             "name the skeleton's joints as in training");
   }
-  for (uint32_t j = 0; j < model.joint_count; ++j) joint_map[j] = Find(format::JointName(model, j), names, count);
+  for (uint32_t j = 0; j < wanted_count; ++j) joint_map[j] = Find(wanted[j], names, count);
   return true;
 }
 

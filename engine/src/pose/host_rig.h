@@ -28,10 +28,10 @@ bool BindMatrix(const format::ModelView& model, size_t joint, Affine* bind);
 // G_j in the model's space from the host's, by D_j.
 Affine FromBindPose(const format::ModelView& model, const HostRig& rig, size_t joint, const Affine& host);
 
-// Writes the host's index of every joint of the model into `joint_map`, [joint_count]; of equal names the
-// first. False where some are missing: the text names them, and `joint_map` is untouched.
-bool MatchJoints(const format::ModelView& model, const char* const* names, uint32_t count, uint32_t* joint_map,
-                 format::Diagnostic* diagnostic);
+// Writes the host's index of each of the `wanted` joints into `joint_map`, [wanted_count]; of equal names the first.
+// False where some are missing: the text names them, and `joint_map` is untouched.
+bool MatchJoints(const char* const* wanted, uint32_t wanted_count, const char* const* names, uint32_t count,
+                 uint32_t* joint_map, format::Diagnostic* diagnostic);
 
 }  // namespace dcloth::engine
 

@@ -60,6 +60,15 @@ Affine FromHost(const Space& space, const Affine& host) {
   return matrix;
 }
 
+Affine JointToHost(const Space& space, const Affine& matrix) {
+  Affine host;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) host.m[space.axis[r]][space.axis[c]] = space.sign[r] * space.sign[c] * matrix.m[r][c];
+    host.m[space.axis[r]][3] = space.sign[r] * matrix.m[r][3] / space.metres_per_unit;
+  }
+  return host;
+}
+
 void VectorFromHost(const Space& space, const float (&host)[3], double (&vector)[3]) {
   for (int r = 0; r < 3; ++r)
     vector[r] = space.sign[r] * static_cast<double>(host[space.axis[r]]) * space.metres_per_unit;

@@ -28,6 +28,9 @@ bool MakeSpace(const dcloth_space& described, Space* space, format::Diagnostic* 
 // A joint's matrix as the host gives it, in the model's space. Exact but for the unit.
 Affine FromHost(const Space& space, const Affine& host);
 
+// The way back, for a host whose joint frames are converted with the world. Exact but for the unit.
+Affine JointToHost(const Space& space, const Affine& matrix);
+
 // A vector of the host's in the model's space, metres for units.
 void VectorFromHost(const Space& space, const float (&host)[3], double (&vector)[3]);
 

@@ -146,7 +146,7 @@ class Cloth:
         joint_roles    joint name -> role (`role_names()`), for joints whose names do not tell
         body           the character's skin; with it the cut is moved onto the skin, which takes 0.2 to 0.8 s
 
-        Call `set_space` before. A fitted cloth refuses `bind_joints`, `set_bind_pose` and `set_space`.
+        Call `set_space` before. A fitted cloth refuses `set_bind_pose` and `set_space`.
 
         Raises Error: JOINTS where the skeleton lacks parts that the garment needs; POSE for a bind pose that would
         crumple the garment; ARGUMENT.
@@ -164,6 +164,16 @@ class Cloth:
                                  role_numbers(names, joint_roles), *arrays)
         fit = Fit(**values)
         return replace(fit, warnings=FitWarning(fit.warnings))
+
+    def set_fit(self, fit: bytes | bytearray | memoryview) -> None:
+        """Lays the garment onto another character, by a file of `dcloth dress HERO -o HERO.dcloth-fit`.
+
+        Poses then have one matrix per joint of that character, in its own order; `bind_joints` after it chooses others.
+        Call `set_space` before. A fitted cloth refuses `set_bind_pose` and `set_space`.
+
+        Raises Error: MODEL for the fit of another garment; FORMAT, VERSION or SEMANTICS for damaged bytes.
+        """
+        self._cloth.set_fit(np.frombuffer(fit, np.uint8))
 
     def reset(self) -> None:
         """Forgets all motion. Call it after a cut or a spawn."""

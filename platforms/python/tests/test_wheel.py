@@ -246,6 +246,8 @@ def test_fit_onto_a_skin(skirt, walk):
     print(fit)
     assert fit.waist_ratio == pytest.approx(1, abs=0.05) and fit.hips_ratio == pytest.approx(1, abs=0.05)
     play(cloth, walk, 4)
+    with pytest.raises(dcloth.Error, match="different bytes at the start"):
+        cloth.set_fit(bytes(200))
     with pytest.raises(dcloth.Error, match="body_joints and body_weights"):
         cloth.fit(walk.names, binds, body=dcloth.Body(positions, strongest[:, :2], weights[:, :4]))
 

@@ -10,12 +10,22 @@ fn main() {
         return;
     }
     match env::var_os("DCLOTH_LIB_DIR") {
-        Some(folder) => link(Path::new(&folder), "DCLOTH_LIB_DIR"),
-        None => link(&build(), "the build of the repository"),
+        Some(folder) => {
+            link("dcloth_fit", Path::new(&folder), "DCLOTH_LIB_DIR");
+            link("dcloth", Path::new(&folder), "DCLOTH_LIB_DIR");
+        }
+        None => {
+            let built = build();
+            link("dcloth_fit", &library_folder(&built.join("fit")), "the build of the repository");
+            link("dcloth", &library_folder(&built.join("engine")), "the build of the repository");
+        }
+    }
+    if env::var("CARGO_CFG_TARGET_FAMILY").is_ok_and(|family| family == "unix") {
+        println!("cargo:rustc-link-lib=m");
     }
 }
 
-/// Builds the static library and returns its folder.
+/// Builds the static libraries and returns the folder of the build.
 fn build() -> PathBuf {
     let crate_folder = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR"));
     let repository = crate_folder.join("../../..");
@@ -26,7 +36,7 @@ fn build() -> PathBuf {
             repository.display()
         );
     }
-    for part in ["CMakeLists.txt", "cmake", "engine", "kernels"] {
+    for part in ["CMakeLists.txt", "cmake", "engine", "fit", "kernels"] {
         println!("cargo:rerun-if-changed={}", repository.join(part).display());
     }
     let built = cmake::Config::new(&repository)
@@ -36,29 +46,30 @@ fn build() -> PathBuf {
         .define("DCLOTH_BUILD_MAPPED_FILE", "OFF")
         .define("DCLOTH_BUILD_TESTS", "OFF")
         .define("DCLOTH_BUILD_CLOTH_SOLVER", "OFF")
-        .build_target("dcloth")
+        .build_target("dcloth_fit")
         .build();
-    let folder = built.join("build/engine");
-    let release = folder.join("Release"); // where generators with many configurations put it
-    if release.is_dir() { release } else { folder }
+    built.join("build")
 }
 
-fn link(folder: &Path, from: &str) {
-    let holds = |names: &[&str]| names.iter().any(|name| folder.join(name).is_file());
-    let kind = if holds(&["libdcloth.a", "dcloth.lib"]) {
+/// Generators with many configurations put libraries into a folder more.
+fn library_folder(folder: &Path) -> PathBuf {
+    let release = folder.join("Release");
+    if release.is_dir() { release } else { folder.into() }
+}
+
+fn link(library: &str, folder: &Path, from: &str) {
+    let holds = |names: &[String]| names.iter().any(|name| folder.join(name).is_file());
+    let kind = if holds(&[format!("lib{library}.a"), format!("{library}.lib")]) {
         "static"
-    } else if holds(&["libdcloth.so", "libdcloth.dylib", "dcloth.dll"]) {
+    } else if holds(&[format!("lib{library}.so"), format!("lib{library}.dylib"), format!("{library}.dll")]) {
         "dylib"
     } else {
         panic!(
-            "dcloth: found no library in {} ({from}); allowed: a folder with libdcloth.a, libdcloth.so, \
-             libdcloth.dylib or dcloth.lib",
+            "dcloth: found no library {library} in {} ({from}); allowed: a folder with lib{library}.a, \
+             lib{library}.so, lib{library}.dylib or {library}.lib",
             folder.display()
         );
     };
     println!("cargo:rustc-link-search=native={}", folder.display());
-    println!("cargo:rustc-link-lib={kind}=dcloth");
-    if env::var("CARGO_CFG_TARGET_FAMILY").is_ok_and(|family| family == "unix") {
-        println!("cargo:rustc-link-lib=m");
-    }
+    println!("cargo:rustc-link-lib={kind}={library}");
 }

@@ -81,7 +81,7 @@ namespace DCloth
             character.Check(model.Name);
             dcloth_error error = ClothException.NewError();
             var fit = new dcloth_fit { struct_size = (uint)sizeof(dcloth_fit) };
-            AlignedMemory needed = null;
+            AlignedMemory needed;
             int status;
             using (AlignedMemory names = Utf8.Table(character.BoneNames))
             fixed (float* bind = character.BindMatrices, positions = character.BodyPositions,
@@ -104,17 +104,33 @@ namespace DCloth
                     body_influences = character.BodyCount == 0 ? 0 : (uint)character.BodyInfluences,
                     body_triangle_count = triangles == null ? 0 : (uint)character.BodyTriangles.Length / 3,
                 };
-                var size = (long)(ulong)Native.dcloth_fit_storage_size(model.Handle, &told);
-                if (size > 0) needed = new AlignedMemory(size);
-                status = Native.dcloth_cloth_fit(Handle, &told, needed == null ? null : needed.Start,
-                                                 (UIntPtr)(ulong)size, &fit, &error);
+                UIntPtr size = Native.dcloth_fit_storage_size(model.Handle, &told);
+                needed = new AlignedMemory((long)(ulong)size);
+                status = Native.dcloth_cloth_fit(Handle, &told, needed.Start, size, &fit, &error);
             }
-            GC.KeepAlive(this);
-            if (status != Native.DCLOTH_OK) needed?.Dispose();
-            ClothException.ThrowUnlessOk(status, &error, model.Name);
-            fitStorage?.Dispose(); // of the fit before
-            fitStorage = needed;
+            KeepFit(needed, status, &error);
             return fit;
+        }
+
+        /// <summary>Lays the garment onto another character, by the bytes of a file of `dcloth dress HERO -o
+        /// HERO.dcloth-fit`; set the space before. The pose then holds that character's joints in its own order;
+        /// BindJoints after it chooses others. Errors: Model for the fit of another garment, Format, Version,
+        /// Semantics; the cloth is then as it was.</summary>
+        public void SetFit(byte[] fit)
+        {
+            dcloth_error error = ClothException.NewError();
+            AlignedMemory bytes = AlignedMemory.CopyOf(fit);
+            int status = Native.dcloth_cloth_set_fit(Handle, bytes.Start, (UIntPtr)(ulong)bytes.Size, &error);
+            KeepFit(bytes, status, &error);
+        }
+
+        private void KeepFit(AlignedMemory fit, int status, dcloth_error* error)
+        {
+            GC.KeepAlive(this);
+            if (status != Native.DCLOTH_OK) fit.Dispose();
+            ClothException.ThrowUnlessOk(status, error, model.Name);
+            fitStorage?.Dispose(); // of the fit before
+            fitStorage = fit;
         }
 
         /// <summary>In host units a second along the host's axes, at most 100 m/s; for ticks from now on. Models

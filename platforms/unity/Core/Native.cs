@@ -77,6 +77,10 @@ namespace DCloth
                                                             dcloth_error* error);
 
         [DllImport(Library, CallingConvention = C)]
+        public static extern int dcloth_cloth_set_fit(dcloth_cloth* cloth, void* fit, UIntPtr size,
+                                                      dcloth_error* error);
+
+        [DllImport(Library, CallingConvention = C)]
         public static extern int dcloth_cloth_set_wind(dcloth_cloth* cloth, float* wind, dcloth_error* error);
 
         [DllImport(Library, CallingConvention = C)]

@@ -213,5 +213,6 @@ namespace DCloth
         public uint stand_in_role;
         public fixed float ratios[Native.DCLOTH_FIT_ROLES];
         public fixed int joints[Native.DCLOTH_FIT_ROLES];
+        public ulong file_bytes;
     }
 }

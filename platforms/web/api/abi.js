@@ -137,7 +137,7 @@ export const dcloth_error = Object.freeze({
 });
 
 export const dcloth_fit = Object.freeze({
-  bytes: 304,
+  bytes: 312,
   struct_size: 0,
   warnings: 4,
   scale: 8,
@@ -152,6 +152,7 @@ export const dcloth_fit = Object.freeze({
   stand_in_role: 44,
   ratios: 48,
   joints: 176,
+  file_bytes: 304,
 });
 
 export const dcloth_frame = Object.freeze({
@@ -289,6 +290,7 @@ export const dcloth_timer = Object.freeze({
  * @property {(cloth: number, state: number, size: number, flags: number, error: number) => number} dcloth_cloth_restore
  * @property {(cloth: number, state: number, size: number, error: number) => number} dcloth_cloth_save
  * @property {(cloth: number, bind: number, error: number) => number} dcloth_cloth_set_bind_pose
+ * @property {(cloth: number, fit: number, size: number, error: number) => number} dcloth_cloth_set_fit
  * @property {(cloth: number, space: number, error: number) => number} dcloth_cloth_set_space
  * @property {(cloth: number, wind: number, error: number) => number} dcloth_cloth_set_wind
  * @property {(cloth: number, pose: number, blend: number, output: number, timer: number) => number} dcloth_cloth_skin

@@ -49,7 +49,7 @@ const WARNINGS = ["stand_in", "proportions", "stance", "girth", "gap", "penetrat
  * @param {number} cloth its address
  * @param {Character} character
  * @param {boolean} columnMajor
- * @returns {{ fit: Fit, storage: number }} storage: lent, to be given back after the cloth; 0 without a body
+ * @returns {{ fit: Fit, storage: number }} storage: lent, to be given back after the cloth
  */
 export function fitCloth(model, cloth, character, columnMajor) {
   const { engine } = model;
@@ -95,11 +95,11 @@ export function fitCloth(model, cloth, character, columnMajor) {
     put(at.body_triangle_count, (body?.triangles?.length ?? 0) / 3);
     memory.u32[(fit + abi.dcloth_fit.struct_size) / 4] = abi.dcloth_fit.bytes;
     const size = exports.dcloth_fit_storage_size(model.address, told);
-    const storage = size === 0 ? 0 : memory.lend(size);
+    const storage = memory.lend(size);
     try {
       memory.check(model.name, (error) => exports.dcloth_cloth_fit(cloth, told, storage, size, fit, error));
     } catch (error) {
-      if (storage !== 0) memory.giveBack(storage);
+      memory.giveBack(storage);
       throw error;
     }
     return { fit: read(engine, fit), storage };

@@ -129,8 +129,8 @@ impl Cloth {
     }
 
     /// Fits the garment to a character that it was not trained on. Poses then have one matrix for each joint of the
-    /// character. Set the space before. A fitted cloth refuses [`Cloth::bind_joints`], [`Cloth::set_bind_pose`] and
-    /// [`Cloth::set_space`]; it may be fitted again.
+    /// character. Set the space before. A fitted cloth refuses [`Cloth::set_bind_pose`] and [`Cloth::set_space`]; it may
+    /// be fitted again.
     ///
     /// ```
     /// # std::env::set_current_dir(std::env::var("DCLOTH_RUST_DATA")?)?;
@@ -156,14 +156,29 @@ impl Cloth {
         character.with_raw(|raw| {
             // SAFETY: both are whole structs; only counts are read.
             let size = unsafe { dcloth_fit_storage_size(self.model.raw(), raw) };
-            let memory = if size > 0 { Some(Memory::new(size)?) } else { None };
-            let address = memory.as_ref().map_or(null_mut(), Memory::address);
+            let memory = Memory::new(size)?;
             let mut fit = dcloth_fit::new();
             // SAFETY: slices of the counts in `raw`, which the engine does not keep. The memory has this size.
-            call(|error| unsafe { dcloth_cloth_fit(self.cloth.as_ptr(), raw, address, size, &mut fit, error) })?;
-            self.fit_memory = memory; // only now may that of the fit before go
+            call(|error| unsafe {
+                dcloth_cloth_fit(self.cloth.as_ptr(), raw, memory.address(), size, &mut fit, error)
+            })?;
+            self.fit_memory = Some(memory); // only now may that of the fit before go
             Ok(Fit::of(&fit))
         })
+    }
+
+    /// Lays the garment onto another character, by the bytes of a file of `dcloth dress HERO -o HERO.dcloth-fit`. Poses
+    /// then have one matrix for each joint of that character, in its own order; [`Cloth::bind_joints`] after it chooses
+    /// others. Set the space before.
+    ///
+    /// Errors: [`Status::Model`] for the fit of another garment, [`Status::Format`], [`Status::Version`],
+    /// [`Status::Semantics`], [`Status::Memory`].
+    pub fn set_fit(&mut self, fit: &[u8]) -> Result<(), Error> {
+        let memory = Memory::copy_of(fit)?;
+        // SAFETY: so many bytes, which live as long as the cloth or its next fit.
+        call(|error| unsafe { dcloth_cloth_set_fit(self.cloth.as_ptr(), memory.address(), fit.len(), error) })?;
+        self.fit_memory = Some(memory);
+        Ok(())
     }
 
     /// Forgets all motion. Call it after a cut or a spawn. Joints, space, bind pose, wind and fit stay.

@@ -195,6 +195,7 @@ structs! {
         stand_in_role: u32,
         ratios: [f32; DCLOTH_FIT_ROLES],
         joints: [i32; DCLOTH_FIT_ROLES],
+        file_bytes: u64,
     }
 }
 
@@ -287,6 +288,8 @@ functions! {
                               error: *mut dcloth_error) -> dcloth_status;
     fn dcloth_cloth_set_bind_pose(cloth: *mut dcloth_cloth, bind: *const dcloth_pose,
                                   error: *mut dcloth_error) -> dcloth_status;
+    fn dcloth_cloth_set_fit(cloth: *mut dcloth_cloth, fit: *const c_void, size: usize,
+                            error: *mut dcloth_error) -> dcloth_status;
     fn dcloth_cloth_set_wind(cloth: *mut dcloth_cloth, wind: *const f32, error: *mut dcloth_error) -> dcloth_status;
     fn dcloth_cloth_reset(cloth: *mut dcloth_cloth) -> dcloth_status;
     fn dcloth_cloth_state_size(cloth: *const dcloth_cloth) -> usize;

@@ -1,5 +1,5 @@
 // The surface that stands for a character's body, where pushes along normals have folded it.
-#include "engine/src/body/body_fit.h"
+#include "fit/body_fit.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 
 #include "tests/unit/engine/test_body.h"
 
-namespace dcloth::engine {
+namespace dcloth::fit {
 namespace {
 
 using testing::EggBody;
@@ -96,4 +96,4 @@ TEST_F(UntangleTest, LaysCrossedWallsAmongTheirNeighbours) {
 }
 
 }  // namespace
-}  // namespace dcloth::engine
+}  // namespace dcloth::fit

@@ -1,13 +1,13 @@
 // What a joint moves, told by its name.
-#ifndef DCLOTH_ENGINE_SRC_POSE_JOINT_ROLES_H_
-#define DCLOTH_ENGINE_SRC_POSE_JOINT_ROLES_H_
+#ifndef DCLOTH_FIT_JOINT_ROLES_H_
+#define DCLOTH_FIT_JOINT_ROLES_H_
 
 #include <cstddef>
 #include <cstdint>
 
 #include "dcloth/dcloth_fit.h"
 
-namespace dcloth::engine {
+namespace dcloth::fit {
 
 constexpr uint32_t kRoleCount = DCLOTH_ROLE_RIGHT_TOES + 1;
 
@@ -33,6 +33,6 @@ size_t SizeOfPrefix(const char* name, size_t most);
 // The role on the other side of the body; the role itself in the middle.
 uint32_t OtherSide(uint32_t role);
 
-}  // namespace dcloth::engine
+}  // namespace dcloth::fit
 
-#endif  // DCLOTH_ENGINE_SRC_POSE_JOINT_ROLES_H_
+#endif  // DCLOTH_FIT_JOINT_ROLES_H_

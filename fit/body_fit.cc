@@ -1,12 +1,16 @@
-#include "engine/src/body/body_fit.h"
+#include "fit/body_fit.h"
 
 #include <cmath>
 #include <cstring>
 #include <initializer_list>
 
-namespace dcloth::engine {
+#include "kernels/kernels.h"
+
+namespace dcloth::fit {
 namespace {
 
+using engine::kMaxPoseMagnitude;
+using engine::StoreFloats;
 using format::Diagnostic;
 using format::kNoOffset;
 using format::ModelView;
@@ -40,7 +44,6 @@ constexpr double kTurned = 0.3;  // cosine between a face and its vertices, unde
 constexpr int kUntangleSteps = 30, kFillSteps = 40, kSmoothSteps = 3, kMostClothSteps = 64;
 // Heights of slices over the hip joints on the figure; and how far around them girth needs the skin.
 constexpr double kWaist[2] = {0.15, 0.22}, kHips[2] = {-0.03, 0.05}, kAroundSlices = 0.1;
-constexpr float kFittedClearance = 0.005f;  // at least: posed, another body's skin is not where its surface is
 constexpr double kMostGirth = 1.18, kLeastGirth = 0.85;  // that the scale takes up; the rest is moved
 
 enum Region : uint8_t { kTrunkRegion, kLeftArm, kRightArm, kLeftLeg, kRightLeg };
@@ -374,8 +377,8 @@ void FindSkinOver(const dcloth_character& character, const Space& space, const u
   for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = OutsideOf(layers[v], near_sides[v]);
 }
 
-void ComputeNormals(const kernels::KernelTable& kernels, const float* positions, const uint16_t* faces,
-                    uint32_t face_count, uint32_t count, float* normals) {
+void ComputeNormals(const float* positions, const uint16_t* faces, uint32_t face_count, uint32_t count,
+                    float* normals) {
   kernels::NormalsJob job = {};
   job.positions = positions;
   job.position_stride_bytes = job.normal_stride_bytes = 3 * sizeof(float);
@@ -383,7 +386,7 @@ void ComputeNormals(const kernels::KernelTable& kernels, const float* positions,
   job.normals = normals;
   job.vertices = count;
   job.triangle_count = face_count;
-  kernels.normals(job);
+  kernels::scalar::Normals(job);
 }
 
 // The joints that hold a vertex of body or garment.
@@ -543,12 +546,12 @@ void PlaceAll(const ModelView& model, const RigFit& fit, double scale, const Bod
 
 // The body at `scale` in the character's bind pose, and how far each vertex is from its skin. `girth_alone`: only of
 // vertices around those that GirthRatio reads, in less time.
-void WrapBody(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
-              const RigFit& fit, double scale, bool girth_alone, const BodyFitMemory& memory) {
+void WrapBody(const ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
+              bool girth_alone, const BodyFitMemory& memory) {
   uint8_t regions[format::kMaxJoints];
   PlaceAll(model, fit, scale, memory, regions);
   PlaceVertices(model.body.positions, BodyHolds(model), memory.places, regions, memory.body);
-  ComputeNormals(kernels, memory.body.positions, model.body.faces, model.body.face_count, model.body.vertex_count,
+  ComputeNormals(memory.body.positions, model.body.faces, model.body.face_count, model.body.vertex_count,
                  memory.body.normals);
   Space space = fit.space;
   space.metres_per_unit /= scale;
@@ -722,8 +725,8 @@ void HoldAsSkin(const ModelView& model, const dcloth_character& character, const
   for (size_t v = 0; v < body.vertex_count; ++v) memory.pushes[v] += rises[v];
   Untangle(TangleOf(body, memory));
   const uint32_t influences = body.influences;
-  std::memcpy(memory.made.body_joints, body.joints, size_t{influences} * body.vertex_count);
-  std::memcpy(memory.made.body_weights, body.weights, size_t{influences} * body.vertex_count * sizeof(float));
+  std::memcpy(memory.body_joints, body.joints, size_t{influences} * body.vertex_count);
+  std::memcpy(memory.body_weights, body.weights, size_t{influences} * body.vertex_count * sizeof(float));
   for (size_t v = 0; v < body.vertex_count; ++v) {
     uint8_t joints[kernels::kMaxInfluences];
     float weights[kernels::kMaxInfluences];
@@ -739,9 +742,9 @@ void HoldAsSkin(const ModelView& model, const dcloth_character& character, const
     }
     for (size_t a = 0; a < 3; ++a) at[a] = static_cast<double>(memory.body.positions[3 * v + a]);
     if (!Solve(blended, at, bound)) continue;
-    for (size_t a = 0; a < 3; ++a) memory.made.body_positions[3 * v + a] = static_cast<float>(bound[a]);
-    std::memcpy(memory.made.body_joints + v * influences, joints, influences);
-    std::memcpy(memory.made.body_weights + v * influences, weights, influences * sizeof(float));
+    for (size_t a = 0; a < 3; ++a) memory.body_positions[3 * v + a] = static_cast<float>(bound[a]);
+    std::memcpy(memory.body_joints + v * influences, joints, influences);
+    std::memcpy(memory.body_weights + v * influences, weights, influences * sizeof(float));
     memory.skin[v].squared = kHeld;
   }
 }
@@ -813,17 +816,17 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
       }
     }
   }
-  for (size_t i = 0; i < 3 * n; ++i) memory.made.template_positions[i] = model.template_positions[i] + moves[i];
+  for (size_t i = 0; i < 3 * n; ++i) memory.template_positions[i] = model.template_positions[i] + moves[i];
 }
 
 // Distance of the garment as it was cut to the skin. `on_skin` [n] holds distances to the figure's skin in training.
-void MeasureGarment(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
-                    const RigFit& fit, double scale, const BodyFitMemory& memory, dcloth_fit* report) {
+void MeasureGarment(const ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
+                    const BodyFitMemory& memory, dcloth_fit* report) {
   for (size_t g = 0; g < model.vertex_count; ++g) memory.sums[g] = memory.garment.heights[g];
   uint8_t regions[format::kMaxJoints];
   PlaceAll(model, fit, scale, memory, regions);
-  PlaceVertices(memory.made.template_positions, GarmentHolds(model), memory.places, regions, memory.garment);
-  ComputeNormals(kernels, memory.garment.positions, model.faces, model.triangle_count, model.vertex_count,
+  PlaceVertices(memory.template_positions, GarmentHolds(model), memory.places, regions, memory.garment);
+  ComputeNormals(memory.garment.positions, model.faces, model.triangle_count, model.vertex_count,
                  memory.garment.normals);
   Space space = fit.space;
   space.metres_per_unit /= scale;
@@ -896,13 +899,10 @@ void Untangle(const Tangle& tangle) {
 BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Arena* arena) {
   const uint32_t n = model.vertex_count, b = model.body.vertex_count, larger = n > b ? n : b;
   BodyFitMemory memory = {};
-  memory.view = arena->Take<ModelView>(1);
-  for (FittedArrays* arrays : {&memory.kept, &memory.made}) {
-    arrays->template_positions = arena->Take<float>(size_t{3} * n);
-    arrays->body_positions = arena->Take<float>(size_t{3} * b);
-    arrays->body_joints = arena->Take<uint8_t>(size_t{model.body.influences} * b);
-    arrays->body_weights = arena->Take<float>(size_t{model.body.influences} * b);
-  }
+  memory.template_positions = arena->Take<float>(size_t{3} * n);
+  memory.body_positions = arena->Take<float>(size_t{3} * b);
+  memory.body_joints = arena->Take<uint8_t>(size_t{model.body.influences} * b);
+  memory.body_weights = arena->Take<float>(size_t{model.body.influences} * b);
   memory.joint_regions = arena->Take<uint8_t>(host_joint_count);
   memory.joint_movers = arena->Take<uint16_t>(host_joint_count);
   memory.turned = arena->Take<uint8_t>(b);
@@ -944,11 +944,11 @@ bool CheckBody(const dcloth_character& character, Diagnostic* diagnostic) {
   return true;
 }
 
-bool FitBody(const kernels::KernelTable& kernels, const ModelView& model, const dcloth_character& character,
-             const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report) {
+bool FitBody(const ModelView& model, const dcloth_character& character, const RigFit& fit, const BodyFitMemory& memory,
+             double* scale, dcloth_fit* report) {
   FindRegions(character, fit, memory.joint_regions);
   if (model.body.vertex_count != 0) {
-    WrapBody(kernels, model, character, fit, *scale, true, memory);
+    WrapBody(model, character, fit, *scale, true, memory);
     const double waist = GirthRatio(fit, *scale, memory, kWaist);
     const double hips = GirthRatio(fit, *scale, memory, kHips);
     report->waist_ratio = static_cast<float>(waist);
@@ -963,41 +963,25 @@ bool FitBody(const kernels::KernelTable& kernels, const ModelView& model, const 
       *scale *= taken < kLeastGirth ? kLeastGirth : taken > kMostGirth ? kMostGirth : taken;
       report->scale = static_cast<float>(*scale);
     }
-    WrapBody(kernels, model, character, fit, *scale, false, memory);
+    WrapBody(model, character, fit, *scale, false, memory);
     HoldAsSkin(model, character, fit, *scale, memory);
     // Regions of the garment, then the normals of the figure's skin at bind in place of the character's.
     uint8_t regions[format::kMaxJoints];
     PlaceAll(model, fit, *scale, memory, regions);
     PlaceVertices(model.template_positions, GarmentHolds(model), memory.places, regions, memory.garment);
-    ComputeNormals(kernels, model.body.positions, model.body.faces, model.body.face_count, model.body.vertex_count,
+    ComputeNormals(model.body.positions, model.body.faces, model.body.face_count, model.body.vertex_count,
                    memory.body.normals);
     MoveGarment(model, memory);
     for (size_t i = 0; i < size_t{3} * model.body.vertex_count; ++i) {
       if (memory.skin[i / 3].squared == kHeld) continue;
-      memory.made.body_positions[i] = model.body.positions[i] + memory.pushes[i / 3] * memory.body.normals[i];
+      memory.body_positions[i] = model.body.positions[i] + memory.pushes[i / 3] * memory.body.normals[i];
     }
   } else {
-    std::memcpy(memory.made.template_positions, model.template_positions,
-                size_t{3} * model.vertex_count * sizeof(float));
+    std::memcpy(memory.template_positions, model.template_positions, size_t{3} * model.vertex_count * sizeof(float));
     for (size_t g = 0; g < model.vertex_count; ++g) memory.garment.heights[g] = 1;
   }
-  MeasureGarment(kernels, model, character, fit, *scale, memory, report);
-  if (*memory.work_left == 0) return false;
-  const size_t n = model.vertex_count, b = model.body.vertex_count, influences = model.body.influences;
-  std::memcpy(memory.kept.template_positions, memory.made.template_positions, 3 * n * sizeof(float));
-  *memory.view = model;
-  memory.view->template_positions = memory.kept.template_positions;
-  if (b == 0) return true;
-  std::memcpy(memory.kept.body_positions, memory.made.body_positions, 3 * b * sizeof(float));
-  std::memcpy(memory.kept.body_joints, memory.made.body_joints, influences * b);
-  std::memcpy(memory.kept.body_weights, memory.made.body_weights, influences * b * sizeof(float));
-  format::BodyView& body = memory.view->body;
-  body.positions = memory.kept.body_positions;
-  body.joints = memory.kept.body_joints;
-  body.weights = memory.kept.body_weights;
-  body.clearance = body.clearance < kFittedClearance ? kFittedClearance : body.clearance;
-  body.reach = body.reach < body.clearance ? body.clearance : body.reach;
-  return true;
+  MeasureGarment(model, character, fit, *scale, memory, report);
+  return *memory.work_left != 0;
 }
 
-}  // namespace dcloth::engine
+}  // namespace dcloth::fit

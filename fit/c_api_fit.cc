@@ -5,24 +5,26 @@
 #include "dcloth/dcloth_fit.h"
 #include "engine/src/base/arithmetic.h"
 #include "engine/src/base/host_struct.h"
-#include "engine/src/fit.h"
-#include "engine/src/pose/joint_roles.h"
+#include "engine/src/cloth.h"
+#include "fit/joint_roles.h"
+#include "fit/make_fit.h"
 
 namespace {
 
 using dcloth::engine::Cloth;
 using dcloth::engine::FloatEnvironment;
 using dcloth::engine::IsWhole;
-using dcloth::engine::kRoleCount;
 using dcloth::engine::ReadStruct;
+using dcloth::fit::kRoleCount;
 using dcloth::format::Diagnostic;
+using dcloth::format::kMaxHostJoints;
 using dcloth::format::kNoOffset;
 using dcloth::format::ModelView;
 using dcloth::format::Path;
 
 static_assert(kRoleCount <= DCLOTH_FIT_ROLES, "a role more has its place in the report");
 
-constexpr uint32_t kMostJoints = 4096, kMostInfluences = 16;
+constexpr uint32_t kMostInfluences = 16;
 constexpr uint32_t kMostVertices = 1u << 24, kMostTriangles = 1u << 25;
 
 bool Refuse(const char* field, int64_t index, const char* found, const char* allowed, Diagnostic* diagnostic) {
@@ -35,9 +37,17 @@ bool IsAligned(const T* pointer) {
   return reinterpret_cast<uintptr_t>(pointer) % alignof(T) == 0;
 }
 
+// The two libraries share the layout of a cloth and of a model's view.
+bool CheckLibrary(Diagnostic* diagnostic) {
+  if (dcloth_version_number() == DCLOTH_VERSION_NUMBER) return true;
+  const Path path = {nullptr, "dcloth_version_number"};
+  return diagnostic->FailCount(DCLOTH_ERROR_ARGUMENT, kNoOffset, &path, dcloth_version_number(), "",
+                               "that of the fit library's release", "load both libraries from one release");
+}
+
 bool CheckCounts(const dcloth_character& c, Diagnostic* diagnostic) {
   constexpr int64_t kNone = Path::kNoIndex;
-  if (c.joint_count == 0 || c.joint_count > kMostJoints)
+  if (c.joint_count == 0 || c.joint_count > kMaxHostJoints)
     return Refuse("joint_count", kNone, "0 or a number above 4096", "1 to 4096", diagnostic);
   if (c.bind_matrices == nullptr || !IsAligned(c.bind_matrices))
     return Refuse("bind_matrices", kNone, "a null or misaligned pointer", "a pointer to floats, aligned to 4 bytes",
@@ -77,17 +87,18 @@ extern "C" {
 
 uint32_t dcloth_role_of_name(const char* name) {
   uint32_t rank = 0;
-  const uint32_t role = dcloth::engine::RoleOf(name, false, 0, &rank);
-  return role != DCLOTH_ROLE_NONE ? role : dcloth::engine::RoleOf(name, false, 1, &rank);
+  const uint32_t role = dcloth::fit::RoleOf(name, false, 0, &rank);
+  return role != DCLOTH_ROLE_NONE ? role : dcloth::fit::RoleOf(name, false, 1, &rank);
 }
 
-const char* dcloth_role_name(uint32_t role) { return dcloth::engine::RoleName(role); }
+const char* dcloth_role_name(uint32_t role) { return dcloth::fit::RoleName(role); }
 
 size_t dcloth_fit_storage_size(const dcloth_model* model, const dcloth_character* character) {
-  if (model == nullptr || !IsWhole(character)) return 0;
+  Diagnostic ignored(nullptr);
+  if (model == nullptr || !IsWhole(character) || !CheckLibrary(&ignored)) return 0;
   const dcloth_character read = ReadStruct(*character);
-  if (read.joint_count == 0 || read.joint_count > kMostJoints) return 0;
-  return dcloth::engine::FitStorageSize(*reinterpret_cast<const ModelView*>(model), read);
+  if (read.joint_count == 0 || read.joint_count > kMaxHostJoints) return 0;
+  return dcloth::fit::FitStorageSize(*reinterpret_cast<const ModelView*>(model), read);
 }
 
 dcloth_status dcloth_cloth_fit(dcloth_cloth* cloth, const dcloth_character* character, void* storage,
@@ -99,16 +110,18 @@ dcloth_status dcloth_cloth_fit(dcloth_cloth* cloth, const dcloth_character* char
            "a cloth, a character with its size, and null or a fit with its size", &diagnostic);
     return diagnostic.status();
   }
+  if (!CheckLibrary(&diagnostic)) return diagnostic.status();
+  const Cloth& worn = *reinterpret_cast<const Cloth*>(cloth);
   const dcloth_character read = ReadStruct(*character);
   dcloth_fit report = {};
-  uint64_t work_left = dcloth::engine::kFitWork;
-  if (CheckCounts(read, &diagnostic) &&
-      dcloth::engine::FitCloth(read, storage, storage_size, &work_left, reinterpret_cast<Cloth*>(cloth), &report,
-                               &diagnostic) &&
-      fit != nullptr) {
-    dcloth::engine::WriteStruct(report, fit);
+  uint64_t work_left = dcloth::fit::kFitWork;
+  if (!CheckCounts(read, &diagnostic) || !dcloth::fit::MakeFit(*worn.trained, ToldSpace(worn), read, storage,
+                                                               storage_size, &work_left, &report, &diagnostic)) {
+    return diagnostic.status();
   }
-  return diagnostic.status();
+  const dcloth_status status = dcloth_cloth_set_fit(cloth, storage, static_cast<size_t>(report.file_bytes), error);
+  if (status == DCLOTH_OK && fit != nullptr) dcloth::engine::WriteStruct(report, fit);
+  return status;
 }
 
 }  // extern "C"

@@ -5,18 +5,22 @@
 // one scale. F_j takes the figure's bind pose to the character's: a turn C_j between the two stances about the joint,
 // then its place there. In a pose G_j of the character's joint with bind pose P_j, the garment's joint has moved by G_j
 // P_j^-1 F_j.
-#ifndef DCLOTH_ENGINE_SRC_POSE_RIG_FIT_H_
-#define DCLOTH_ENGINE_SRC_POSE_RIG_FIT_H_
+#ifndef DCLOTH_FIT_RIG_FIT_H_
+#define DCLOTH_FIT_RIG_FIT_H_
 
 #include <cstdint>
 
 #include "dcloth/dcloth_fit.h"
 #include "engine/format/diagnostic.h"
+#include "engine/format/fit_file.h"
 #include "engine/format/view.h"
-#include "engine/src/pose/joint_roles.h"
 #include "engine/src/pose/pose.h"
+#include "fit/joint_roles.h"
 
-namespace dcloth::engine {
+namespace dcloth::fit {
+
+using engine::Affine;
+using engine::Space;
 
 struct Vector {
   double x, y, z;
@@ -60,13 +64,13 @@ struct PlacedJoint {
 };
 PlacedJoint PlaceJoint(const format::ModelView& model, const RigFit& fit, double scale, uint32_t joint);
 
-// Takes the fit into the rig; it cannot fail. `rig->space` gets the scale as part of its unit.
-void TakeFit(const format::ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
-             HostRig* rig);
+// Fills `joints`, [joint_count] of the model; it cannot fail.
+void WriteJoints(const format::ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
+                 format::FitJoint* joints);
 
 // The host's matrix `joint` in the bind pose.
 Affine CharacterBind(const dcloth_character& character, size_t joint);
 
-}  // namespace dcloth::engine
+}  // namespace dcloth::fit
 
-#endif  // DCLOTH_ENGINE_SRC_POSE_RIG_FIT_H_
+#endif  // DCLOTH_FIT_RIG_FIT_H_

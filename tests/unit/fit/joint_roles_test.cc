@@ -1,5 +1,5 @@
 // Names of the joints of well-known skeletons mean the roles that they have there.
-#include "engine/src/pose/joint_roles.h"
+#include "fit/joint_roles.h"
 
 #include <gtest/gtest.h>
 
@@ -103,7 +103,7 @@ const std::vector<Naming>& Namings() {
 
 uint32_t Role(const std::string& name) {
   uint32_t rank = 99;
-  const uint32_t role = engine::RoleOf(name.c_str(), false, 0, &rank);
+  const uint32_t role = fit::RoleOf(name.c_str(), false, 0, &rank);
   EXPECT_EQ(role == DCLOTH_ROLE_NONE, rank == 99);
   return role;
 }
@@ -124,9 +124,9 @@ TEST(JointRolesTest, KnowsTheNamings) {
     for (size_t i = 0; i < 3; ++i) expect(naming.hips_neck_head[i], kMiddle[i]);
     for (size_t i = 0; i < 8; ++i) {
       expect(naming.left[i], kLeft[i]);
-      expect(naming.right[i], engine::OtherSide(kLeft[i]));
+      expect(naming.right[i], fit::OtherSide(kLeft[i]));
     }
-    for (const std::string& name : naming.trunk) EXPECT_TRUE(engine::IsTrunkName(name.c_str(), false)) << name;
+    for (const std::string& name : naming.trunk) EXPECT_TRUE(fit::IsTrunkName(name.c_str(), false)) << name;
   }
   EXPECT_GT(names, 180u);
 }
@@ -161,14 +161,14 @@ TEST(JointRolesTest, LeavesOtherJointsAlone) {
                            "handslot.r"}) {
     EXPECT_EQ(Role(name), uint32_t{DCLOTH_ROLE_NONE}) << name;
   }
-  EXPECT_EQ(engine::RoleOf(nullptr, false, 0, nullptr), uint32_t{DCLOTH_ROLE_NONE});
+  EXPECT_EQ(fit::RoleOf(nullptr, false, 0, nullptr), uint32_t{DCLOTH_ROLE_NONE});
   for (const char* name : {"spine_ik_l", "Spine_L", "neck", "hips", "chestplate", "spinetwist"})
-    EXPECT_FALSE(engine::IsTrunkName(name, false)) << name;
+    EXPECT_FALSE(fit::IsTrunkName(name, false)) << name;
 }
 
 TEST(JointRolesTest, PrefixesEndInASeparator) {
   const auto prefix = [](const std::string& name, size_t most = 64) {
-    return name.substr(0, engine::SizeOfPrefix(name.c_str(), most));
+    return name.substr(0, fit::SizeOfPrefix(name.c_str(), most));
   };
   EXPECT_EQ(prefix("Hero_Rig:LeftArm"), "Hero_Rig:");
   EXPECT_EQ(prefix("Hero_Rig:LeftArm", 8), "Hero_");
@@ -192,16 +192,16 @@ TEST(JointRolesTest, TakesAnyBytes) {
 }
 
 TEST(JointRolesTest, SidesAndNamesBelongTogether) {
-  for (uint32_t role = 0; role < engine::kRoleCount; ++role) {
-    const std::string name = engine::RoleName(role), other = engine::RoleName(engine::OtherSide(role));
-    EXPECT_EQ(engine::OtherSide(engine::OtherSide(role)), role);
+  for (uint32_t role = 0; role < fit::kRoleCount; ++role) {
+    const std::string name = fit::RoleName(role), other = fit::RoleName(fit::OtherSide(role));
+    EXPECT_EQ(fit::OtherSide(fit::OtherSide(role)), role);
     if (name.rfind("left ", 0) == 0) {
       EXPECT_EQ(other, "right " + name.substr(5));
     } else if (name.rfind("right ", 0) != 0) {
       EXPECT_EQ(other, name);
     }
   }
-  EXPECT_EQ(engine::RoleName(engine::kRoleCount), nullptr);
+  EXPECT_EQ(fit::RoleName(fit::kRoleCount), nullptr);
 }
 
 }  // namespace

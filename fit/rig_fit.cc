@@ -1,4 +1,4 @@
-#include "engine/src/pose/rig_fit.h"
+#include "fit/rig_fit.h"
 
 #include <cmath>
 #include <cstring>
@@ -6,9 +6,14 @@
 
 #include "engine/src/pose/host_rig.h"
 
-namespace dcloth::engine {
+namespace dcloth::fit {
 namespace {
 
+using engine::AngleOf;
+using engine::BindMatrix;
+using engine::Invert;
+using engine::JointMatrix;
+using engine::kMaxPoseMagnitude;
 using format::Diagnostic;
 using format::kNoOffset;
 using format::ModelView;
@@ -656,9 +661,12 @@ PlacedJoint PlaceJoint(const ModelView& model, const RigFit& fit, double scale, 
   return placed;
 }
 
-void TakeFit(const ModelView& model, const dcloth_character& character, const RigFit& fit, double scale, HostRig* rig) {
+void WriteJoints(const ModelView& model, const dcloth_character& character, const RigFit& fit, double scale,
+                 format::FitJoint* joints) {
   Space space = fit.space;
   space.metres_per_unit /= scale;
+  Space world = fit.space;
+  world.converts_joints = true;
   for (uint32_t j = 0; j < model.joint_count; ++j) {
     PlacedJoint placed = PlaceJoint(model, fit, scale, j);
     if (FigureRole(fit, j) == DCLOTH_ROLE_NONE) {
@@ -668,21 +676,17 @@ void TakeFit(const ModelView& model, const dcloth_character& character, const Ri
         break;
       }
     }
-    // F_j with the host's axes and unit on both sides.
-    Affine place;
-    for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c)
-        place.m[space.axis[r]][space.axis[c]] = space.sign[r] * space.sign[c] * placed.place.m[r][c];
-      place.m[space.axis[r]][3] = space.sign[r] * placed.place.m[r][3] / space.metres_per_unit;
-    }
     Affine inverse = {};
     Invert(CharacterBind(character, placed.host), &inverse);
-    rig->joint_map[j] = placed.host;
-    rig->inverse_bind[j] = inverse * place;
+    const Affine motion = FromHost(world, inverse * JointToHost(space, placed.place));
+    format::FitJoint joint = {};
+    std::memcpy(joint.motion, motion.m, sizeof(joint.motion));
+    joint.host = placed.host;
+    const char* const name = character.joint_names != nullptr ? character.joint_names[placed.host] : nullptr;
+    if (name != nullptr && std::memchr(name, 0, sizeof(joint.name)) != nullptr)
+      std::memcpy(joint.name, name, std::strlen(name));
+    joints[j] = joint;
   }
-  rig->space = space;
-  rig->host_joint_count = character.joint_count;
-  rig->has_bind_pose = true;
 }
 
-}  // namespace dcloth::engine
+}  // namespace dcloth::fit

@@ -7,15 +7,16 @@
 // Rejected: the outermost sample. On the figure's own skin that took toes to the far side of the next toe and the
 // crotch through a buttock, by up to 103 mm. Rejected: the character's own triangles as the surface of the push-out,
 // whose number has no bound and whose parts no class of the garment is known for.
-#ifndef DCLOTH_ENGINE_SRC_BODY_BODY_FIT_H_
-#define DCLOTH_ENGINE_SRC_BODY_BODY_FIT_H_
+#ifndef DCLOTH_FIT_BODY_FIT_H_
+#define DCLOTH_FIT_BODY_FIT_H_
 
 #include "engine/format/diagnostic.h"
 #include "engine/src/base/lent_memory.h"
-#include "engine/src/pose/rig_fit.h"
-#include "kernels/kernels.h"
+#include "fit/rig_fit.h"
 
-namespace dcloth::engine {
+namespace dcloth::fit {
+
+using engine::Arena;
 
 // Skin over a vertex of the surface, along its normal: [low, high] of up to kMostLayers, which lie apart. An empty one
 // has low above high.
@@ -41,22 +42,14 @@ struct SkinPoint {
   float squared;  // distance
 };
 
-// What a fit puts in place of the model's own.
-struct FittedArrays {
+struct BodyFitMemory {
+  uint64_t* work_left;  // of the caller's kFitWork
+  // What takes the place of the model's own.
   float* template_positions;  // [n, 3]
   float* body_positions;      // [b, 3]
   uint8_t* body_joints;       // [b, influences]
   float* body_weights;        // [b, influences]
-};
-
-struct BodyFitMemory {
-  // The model with `kept` in place of its own. Written last: the fit before may lie there, and stays where this one is
-  // refused.
-  format::ModelView* view;
-  FittedArrays kept;
-  uint64_t* work_left;  // of the caller's kFitWork
   // Scratch of the fit.
-  FittedArrays made;
   uint8_t* joint_regions;  // [host joints]
   uint16_t* joint_movers;  // [host joints], the model's joint that goes with each; kNoMover
   uint8_t* turned;         // [b] 1: of a face that turned over
@@ -91,11 +84,11 @@ void Untangle(const Tangle& tangle);
 // Numbers, indices and weights of the character's body.
 bool CheckBody(const dcloth_character& character, format::Diagnostic* diagnostic);
 
-// Fills memory's view, which leads into `memory`, `scale` and the report's fields that a body decides. False, and the
-// view as it was, where *memory.work_left, which it counts down, reaches 0. Cost: some nanoseconds for each.
-bool FitBody(const kernels::KernelTable& kernels, const format::ModelView& model, const dcloth_character& character,
-             const RigFit& fit, const BodyFitMemory& memory, double* scale, dcloth_fit* report);
+// Fills memory's first arrays, `scale` and the report's fields that a body decides. False where *memory.work_left,
+// which it counts down, reaches 0. Cost: some nanoseconds for each.
+bool FitBody(const format::ModelView& model, const dcloth_character& character, const RigFit& fit,
+             const BodyFitMemory& memory, double* scale, dcloth_fit* report);
 
-}  // namespace dcloth::engine
+}  // namespace dcloth::fit
 
-#endif  // DCLOTH_ENGINE_SRC_BODY_BODY_FIT_H_
+#endif  // DCLOTH_FIT_BODY_FIT_H_

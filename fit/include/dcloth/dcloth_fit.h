@@ -1,4 +1,6 @@
-/* dcloth: fits a garment to a character that it was not trained on. Part of the C ABI, valid C99.
+/* dcloth: fits a garment to a character that it was not trained on. Part of the C ABI, valid C99, in a library of its
+ * own (dcloth_fit) beside that of dcloth.h, of the same release. Link it where characters are dressed at run time;
+ * `dcloth dress HERO -o HERO.dcloth-fit` makes the same fit before, and dcloth_cloth_set_fit reads that.
  *
  * A garment is trained on one figure. Other characters have bones of other lengths, joints with axes of their own,
  * another bind pose (T or A) and another girth. dcloth_cloth_fit reads all of that once: the joints in the bind pose
@@ -95,6 +97,8 @@ typedef struct dcloth_fit {
   uint32_t stand_in_role;  /* first role that DCLOTH_FIT_STAND_IN speaks of; NONE without it */
   float ratios[DCLOTH_FIT_ROLES];   /* by role: bone from this joint to the next over the scaled figure's; 0 unknown */
   int32_t joints[DCLOTH_FIT_ROLES]; /* by role: the character's joint; -1 without one */
+  uint64_t file_bytes;     /* of the fit, with which `storage` begins: save them as a .dcloth-fit, or copy them to other
+                              memory, call dcloth_cloth_set_fit with that and take `storage` back */
 } dcloth_fit;
 
 /* Returns the role of a joint with this name, or DCLOTH_ROLE_NONE for a name that is not known and for null. Joints of
@@ -114,22 +118,22 @@ DCLOTH_API uint32_t dcloth_role_of_name(const char* name);
  * Cost: none. */
 DCLOTH_API const char* dcloth_role_name(uint32_t role);
 
-/* Returns how many bytes of storage dcloth_cloth_fit needs for this character; 0 without a body.
+/* Returns how many bytes of storage dcloth_cloth_fit needs for this character.
  *   model      the model of the cloth
  *   character  only the counts are read
  * Memory: none.
  * Thread: any.
- * Errors: 0 for null.
+ * Errors: 0 for null, for a wrong joint_count, and where dcloth.h's library is of another release.
  * Cost: none. */
 DCLOTH_API size_t dcloth_fit_storage_size(const dcloth_model* model, const dcloth_character* character);
 
 /* Fits the cloth to a character; see the top of this header. Poses then hold character->joint_count matrices in the
  * character's order. If there is a body, the cut of the garment and the surface of DCLOTH_OUTPUT_OUTSIDE_BODY are moved
- * onto that skin. Set the space before. The fit replaces dcloth_cloth_bind_joints and dcloth_cloth_set_bind_pose; a
- * fitted cloth refuses these and dcloth_cloth_set_space. It may be fitted again. A fit outlives resets.
+ * onto that skin. Set the space before; what dcloth_cloth_set_fit says holds here. It may be fitted again. The same
+ * character gives the same fit on every processor.
  *   cloth         the garment
  *   character     the skeleton, its bind pose and its skin; nothing of it is kept
- *   storage       memory on DCLOTH_ALIGNMENT that outlives the cloth or its next fit; null is allowed without a body
+ *   storage       memory on DCLOTH_ALIGNMENT that outlives the cloth or its next fit
  *   storage_size  at least dcloth_fit_storage_size
  *   fit           receives how the garment fits; or null
  *   error         receives the reason of a failure; or null

@@ -1,9 +1,9 @@
-#include "engine/src/pose/joint_roles.h"
+#include "fit/joint_roles.h"
 
 #include <cstddef>
 #include <cstring>
 
-namespace dcloth::engine {
+namespace dcloth::fit {
 namespace {
 
 constexpr const char* kNames[kRoleCount] = {"none",
@@ -263,4 +263,4 @@ bool IsTrunkName(const char* name, bool numbered) {
   return false;
 }
 
-}  // namespace dcloth::engine
+}  // namespace dcloth::fit
