@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, loop, patch_bptt, patch_cut, patch_map, patch_streams, shards, unskin
+from . import dataset, loop, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards, unskin
 from .stages.patch_stage import GEOMETRY, INDICES, PatchStage, inputs_of
 
 # Its options of train: (default, least, what).
@@ -52,15 +52,27 @@ def fresh_weights(counts, generator):
     return torch.cat(parts)
 
 
+def shared(stage):
+    """The parameters of a PatchStage that lie in flat weights as they are, in their order."""
+    parts = [stage.embedding, stage.enter.weight, stage.enter.bias]
+    parts += [p for layer in stage.mix for p in (layer.weight, layer.bias)]
+    return parts + [stage.gates[name] for name in ("weight_ih", "weight_hh", "bias")]
+
+
+@torch.no_grad()
+def flat(stage):
+    """The flat weights of a PatchStage: what fill puts into it."""
+    of_state, of_inputs = stage.out.weight.split([stage.enter.out_features, stage.enter.in_features], 1)
+    parts = [*shared(stage), of_state, stage.out.bias, of_inputs, torch.logit(stage.keep, 1e-6)]
+    return torch.cat([part.flatten() for part in parts])
+
+
 @torch.no_grad()
 def fill(stage, weights):
     """Puts flat weights into a PatchStage of the same sizes."""
     width, out = stage.enter.out_features, stage.out.out_features
-    parts = [stage.embedding, stage.enter.weight, stage.enter.bias]
-    parts += [p for layer in stage.mix for p in (layer.weight, layer.bias)]
-    parts += [stage.gates[name] for name in ("weight_ih", "weight_hh", "bias")]
     at = 0
-    for part in parts:
+    for part in shared(stage):
         part.copy_(weights[at:at + part.numel()].reshape(part.shape))
         at += part.numel()
     inputs = stage.enter.in_features
@@ -68,21 +80,6 @@ def fill(stage, weights):
     stage.out.weight.copy_(torch.cat([of_state.reshape(out, width), of_inputs.reshape(out, inputs)], 1))
     stage.out.bias.copy_(bias)
     stage.keep.copy_(torch.sigmoid(keep))
-
-
-def lengths(vectors):
-    """[..., K, 3, R] -> [..., K, R]."""
-    return (vectors.square().sum(-2) + 1e-8).sqrt()
-
-
-def loss_of(moved, truth, counts, way):
-    """Mean distance of points in m, and `way` times that of their ways a tick. [T, B, K, 3, R]; counts [T, B]."""
-    total = counts.sum().clamp(min=1)
-    loss = (lengths(moved - truth).mean((-1, -2)) * counts).sum() / total
-    if way:
-        off = (moved[1:] - moved[:-1]) - (truth[1:] - truth[:-1])
-        loss = loss + way * (lengths(off).mean((-1, -2)) * counts[1:] * counts[:-1]).sum() / total
-    return loss
 
 
 @torch.no_grad()
@@ -100,7 +97,8 @@ def errors(layout, clips, played):
     rows = []
     for clip, moved in zip(clips, played):
         truth = clip.truth(layout, slice(WARM_UP, None))
-        rows.append((clip.name, *(float(lengths(v).mean()) for v in (moved[WARM_UP:] - truth, truth - truth.mean(0)))))
+        off, motion = (float(patch_losses.lengths(v).mean()) for v in (moved[WARM_UP:] - truth, truth - truth.mean(0)))
+        rows.append((clip.name, off, motion))
     return rows
 
 
@@ -135,6 +133,19 @@ def stage_of(layout, width, vertices, sources):
     return PatchStage(arrays, width, EMBEDDING, vertices, sources)
 
 
+def refuse_another_cut(run, layout):
+    """A stage of --start that reads other patches, or other limbs."""
+    stage, options = run.before.patch, run.options
+    found = (*stage.sizes, stage.enter.out_features, stage.embedding.shape[1])
+    wanted = (*layout.sizes, options.patch_width, EMBEDDING)
+    alike = found == wanted and all(
+        np.array_equal(getattr(stage, name), getattr(layout, "patch_joint" if name == "joints" else name))
+        for name in INDICES)
+    if not alike:
+        raise ValueError(f"--start {options.start}: found patches, points, width and embedding {found}; expected "
+                         f"{wanted} in this garment's cut; give the options and the data it was trained with")
+
+
 def train_stage(run):
     """The patch stage of a training -> {"patch": history}."""
     options, character, static = run.options, run.character, run.net.static
@@ -143,8 +154,12 @@ def train_stage(run):
     layout = patch_cut.make(character, skin, options.patch_columns, options.patch_rows)
     native = patch_bptt.Native(layout, len(character.joint_names), options.patch_width, EMBEDDING)
     training, validation, moments = read(run, layout)
+    if run.before:
+        refuse_another_cut(run, layout)
     run.log(f"patch: {layout.sizes[0]} patches of {layout.sizes[1]} points, {native.size} weights")
-    learner = Learner(native, options.seed)
+    learner, body = Learner(native, options.seed), patch_losses.Body(layout)
+    if run.before:
+        learner.weights.data.copy_(flat(run.before.patch))
     window = options.patch_streams * options.patch_window
     steps = max(1, sum(map(len, training)) // window)
 
@@ -158,7 +173,7 @@ def train_stage(run):
             noise = patch_streams.JITTER * streams.noise(options.patch_window, streams.count)
             moved = patch_bptt.window(learner.weights, native, poses, streams.last, streams.before, streams.hidden,
                                       noise)
-            yield loss_of(moved, truth, counts, options.patch_way)
+            yield patch_losses.loss_of(moved, truth, counts, options.patch_way, body, poses[:, 2:])
 
     def validate():
         rows = errors(layout, validation, play(native, learner.weights.detach(), validation))

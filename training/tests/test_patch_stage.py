@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
-from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patch_cut, patches, reference,
-                             safetensors_io, sequence, synthetic, synthetic_body, train)
+from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patch_cut, patch_losses, patches,
+                             reference, safetensors_io, sequence, synthetic, synthetic_body, train)
 from dcloth_training.rig import Character, mirrored_joints
 
 RINGS, COLUMNS = 12, 40
@@ -252,6 +252,14 @@ def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
     off = [float((v - torch.from_numpy(item.truth)).norm(dim=-1)[12:].mean()) for v in (played, bolted)]
     assert off[0] < 0.8 * off[1]
 
+    on = trained(data, tmp_path / "on", "--start", str(path), "--patch-epochs", "0", "--patch-sources", "4")[0]
+    for name, value in net.patch.named_parameters():
+        assert torch.allclose(value, on.patch.state_dict()[name], atol=1e-6), name
+    with pytest.raises(ValueError, match=r"--start.*found patches.*\(8, 3, 16, 7\); expected \(8, 2, 16, 7\)"):
+        trained(data, tmp_path / "other", "--start", str(path), "--patch-epochs", "0", "--patch-rows", "2")
+    with pytest.raises(ValueError, match="--start.*found patches; it goes on with --stages patch"):
+        trained(data, tmp_path / "third", "--start", str(path), "--stages", "skeleton", "--window", "32")
+
 
 def test_a_stopped_training_goes_on_to_the_same_bits(data, tmp_path):
     whole = trained(data, tmp_path / "whole", "--patch-epochs", "4", "--validate-every", "2")[0]
@@ -269,3 +277,51 @@ def test_a_stopped_training_goes_on_to_the_same_bits(data, tmp_path):
     again = trained(data, tmp_path / "stopped", "--patch-epochs", "4", "--validate-every", "2")[0]
     for name, value in whole.patch.state_dict().items():
         assert torch.equal(value, again.patch.state_dict()[name]), name
+
+
+def test_the_losses_see_the_limbs_where_the_stage_sees_them(worn, layout):
+    made, _, _ = stage(layout, len(worn.template))
+    poses, body = poses_of(worn, 5), patch_losses.Body(layout)
+    moved = 0.05 * torch.randn(5, layout.sizes[0], 3, layout.sizes[1], generator=torch.Generator().manual_seed(4))
+    axes, bases, ends = body.places(poses.float())
+    at = bases + axes @ moved
+    # The stage tells of the nearer capsule of each limb; limbs are [K, 2, 2] there.
+    found = body.distances(at, ends).unflatten(2, (2, 2)).amin(3)
+    for t, pose in enumerate(poses):
+        matrices = pose[:-6].reshape(-1, 3, 4)
+        frames, _, rest = made.frames(matrices)
+        there = rest + (frames @ moved[t].double()).transpose(1, 2)
+        told = made.beside(frames, there, made.ends(matrices), made.ends(matrices))[:, :, 3]
+        expected = (10 * found[t]).clamp(-1.0, 3.0).double()
+        assert float((at[t].transpose(1, 2) - there).abs().max()) < 1e-5
+        assert float((told - expected).abs().max()) < 1e-4
+
+
+def test_a_point_in_a_limb_costs_what_it_is_deeper_than_the_truth(worn, layout):
+    poses, body = poses_of(worn, 2).float(), patch_losses.Body(layout)
+    axes, bases, ends = body.places(poses)
+    truth = torch.zeros(2, 1, layout.sizes[0], 3, layout.sizes[1])
+    counts = torch.ones(2, 1)
+    # The point that is nearest to a limb, moved to that limb's axis and as far the other way.
+    distances = body.distances(bases, ends)[0]
+    k, limb, r = (int(i) for i in np.unravel_index(int(distances.argmin()), distances.shape))
+    start, end = ends[0, body.limbs[k, limb]]
+    along = ((bases[0, k, :, r] - start) @ (end - start) / (end - start).square().sum()).clamp(0, 1)
+    step = axes[0, k].T @ (start + along * (end - start) - bases[0, k, :, r])
+
+    def cost(moved, of):
+        return float(patch_losses.loss_of(moved, truth, counts, 0.0, of, None if of is None else poses[None]))
+
+    def apart(way):
+        moved = truth.clone()
+        moved[:, 0, k, :, r] = way * step
+        return cost(moved, body) - cost(moved, None)
+
+    assert cost(truth, body) == pytest.approx(cost(truth, None), abs=1e-7)
+    with pytest.MonkeyPatch.context() as only:
+        only.setattr(patch_losses, "STRETCH", 0.0)
+        assert apart(-1.0) == pytest.approx(0, abs=1e-7)
+        kept = min(float(distances[k, limb, r]), patch_losses.MARGIN)
+        radius = float(distances[k, limb, r] - step.norm())     # of the limb there, negative
+        expected = patch_losses.COLLISION * (kept - radius) / (2 * layout.sizes[0] * layout.sizes[1])
+        assert apart(1.0) >= 0.9 * expected > 0
