@@ -99,7 +99,8 @@ class Scene:
         folders = [self.data] + ([self.more_data] if self.more_data else [])
         paths = [p for folder in folders for p in dataset.find(folder, "dynamic", self.held_out)]
         found = {safetensors_io.read(p, ())[1].get("clip", "") for p in paths}
-        return found - set(self.options.validation.split(","))
+        chosen = self.options.validation.split(",")
+        return {name for name in found if not dataset.named(name, chosen) and dataset.role(name) != "validation"}
 
     def pose(self, item, path):
         """What a tick reads of a sequence, in float32."""
