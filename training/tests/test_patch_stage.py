@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 import torch
 
-from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patch_cut, patch_losses, patches,
+from dcloth_training import (bundle, features, fit_patch, make, network, patch_bptt, patch_cut, patch_losses, patches,
                              reference, safetensors_io, sequence, synthetic, synthetic_body, train)
 from dcloth_training.rig import Character, mirrored_joints
+from dcloth_training.truth.errors import TruthError
 
 RINGS, COLUMNS = 12, 40
 WIDTH = 16
@@ -233,6 +234,23 @@ def trained(data, out, *more):
         "--data", str(data), "--out", str(out), "--validation", "a/held", "--stages", "patch", "--static-base", "rigid",
         "--root-motion", "air", "--threads", "1", "--patch-columns", "4", "--patch-rows", "3", "--patch-width", "16",
         "--patch-streams", "4", "--patch-window", "8", "--static-width", "8", *more]))
+
+
+def test_make_cuts_what_the_garment_has_vertices_for_and_trains_patches(data, tmp_path):
+    path = data / "character.safetensors"
+    tensors, metadata = safetensors_io.read(path)
+    assert make.columns_of(str(path)) == 4      # 480 vertices
+    (tmp_path / "lost").mkdir()
+    lost = str(tmp_path / "lost" / "character.safetensors")
+    of_hips = np.zeros_like(tensors["body_weights"])
+    of_hips[:, 0] = 1
+    safetensors_io.write(lost, {**tensors, "body_weights": of_hips}, metadata)
+    with pytest.raises(TruthError, match="no limb among the joints.*--stages mesh"):
+        make.columns_of(lost)
+    options = make.arguments(["--character", "h.glb", "--garment", "d.obj", "--out", str(tmp_path)])
+    assert options.stages == "patch"
+    asked = train.arguments(["--data", "d", "--out", "o", *make.of_stages(options, {"columns": 2})])
+    assert (asked.stages, asked.static_base, asked.root_motion, asked.patch_columns) == ("patch", "hung", "air", 2)
 
 
 def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
