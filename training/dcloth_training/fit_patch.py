@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, loop, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards, unskin
+from . import dataset, loop, metrics, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards, unskin
 from .stages.patch_stage import GEOMETRY, INDICES, PatchStage, inputs_of
 
 # Its options of train: (default, least, what).
@@ -24,6 +24,9 @@ KEEP = 2.2              # logistic(KEEP) of a displacement stays at first
 WARM_UP = 12            # ticks of a rollout that are not measured
 MAP_EVERY = 8           # frames
 MAP_FRAMES = 6000       # at most
+LIVELY_EVERY = 4        # frames
+GAIN_STEPS = 2          # a map of few points gives less than it is asked for
+MOST_GAIN = 2
 
 
 class Learner(nn.Module):
@@ -184,12 +187,39 @@ def train_stage(run):
                        shards=options.shards, log=run.log)
     stage = stage_of(layout, options.patch_width, len(character.template), options.patch_sources)
     fill(stage, learner.weights.detach())
-    groups = patch_map.groups_of(layout, character.template)
-    sources = patch_map.sources_of(layout, character.template, options.patch_sources)
-    weights, offsets = patch_map.fit(moments, groups, sources)
-    with torch.no_grad():
-        stage.map["weights"].copy_(torch.from_numpy(weights))
-        stage.map["offsets"].copy_(torch.from_numpy(offsets))
-    stage.groups, stage.sources = (torch.from_numpy(v.astype(np.int64)) for v in (groups, sources))
+    stage.groups, stage.sources = (torch.from_numpy(v.astype(np.int64)) for v in (
+        patch_map.groups_of(layout, character.template),
+        patch_map.sources_of(layout, character.template, options.patch_sources)))
+    played = play(native, learner.weights.detach(), validation)
+    fit_map(run, stage, moments, metrics.Mesh(character.faces, character.template), played)
     run.net.patch = stage
     return {"patch": history}
+
+
+@torch.no_grad()
+def draw_with(stage, moments):
+    """Fits the stage's map."""
+    weights, offsets = patch_map.fit(moments, stage.groups.numpy(), stage.sources.numpy())
+    stage.map["weights"].copy_(torch.from_numpy(weights))
+    stage.map["offsets"].copy_(torch.from_numpy(offsets))
+
+
+def fit_map(run, stage, moments, mesh, played):
+    """The map whose wrinkles on validation clips, played [T, K, 3, R] each, are as large as the truth's."""
+    gains = np.ones(2)
+    for _ in range(GAIN_STEPS):
+        draw_with(stage, moments.livelier(mesh, gains))
+        gains *= liveliness(run, stage, mesh, played).wanting()
+    run.log(f"patch: wrinkles times {gains[0]:.2f} (middle) and {gains[1]:.2f} (fine)")
+    draw_with(stage, moments.livelier(mesh, gains.clip(1, MOST_GAIN)))
+
+
+@torch.no_grad()
+def liveliness(run, stage, mesh, played):
+    """patch_map.Liveliness of what the stage draws on validation clips, every LIVELY_EVERY-th frame."""
+    found, frames = patch_map.Liveliness(mesh), slice(WARM_UP, None, LIVELY_EVERY)
+    for clip, moved in zip((c for c in run.validation if not c.mirrored), played):
+        truth = dataset.load_truth(clip.path, False, None)[frames]
+        wanted = unskin.residual(run.net.static, run.net.standardise, clip.pose.at(frames), truth)
+        found.add(np.stack([stage.displacement(u.flatten()).numpy() for u in moved[frames]]), wanted)
+    return found

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
-from dcloth_training import (bundle, features, fit_patch, make, network, patch_bptt, patch_cut, patch_losses, patches,
-                             reference, safetensors_io, sequence, synthetic, synthetic_body, train)
+from dcloth_training import (bundle, features, fit_patch, make, metrics, network, patch_bptt, patch_cut, patch_losses,
+                             patch_map, patches, reference, safetensors_io, sequence, synthetic, synthetic_body, train)
 from dcloth_training.rig import Character, mirrored_joints
 from dcloth_training.truth.errors import TruthError
 
@@ -122,6 +122,41 @@ def test_garments_and_characters_that_cannot_be_cut_are_told(worn):
     bare.parents = None
     with pytest.raises(ValueError, match="no parents of joints"):
         patch_cut.make(bare, on_hips(bare))
+
+
+def test_wrinkles_that_are_known_in_part_are_drawn_in_full_size(worn, layout):
+    """Truth: what points tell, and as much again that they do not tell."""
+    numbers, points, n = np.random.default_rng(3), int(np.prod(layout.sizes)), len(worn.template)
+    mesh = metrics.Mesh(worn.faces, worn.template)
+    told = numbers.standard_normal((3 * points, 3 * n)).astype(np.float32) * 0.02
+
+    def frames(count):
+        moved = 0.05 * numbers.standard_normal((count, layout.sizes[0], 3, layout.sizes[1])).astype(np.float32)
+        rows = moved.transpose(0, 1, 3, 2).reshape(count, -1)
+        own = rows @ told
+        return moved, (0.1 + own + own.std() * numbers.standard_normal(own.shape)).reshape(count, n, 3)
+
+    groups = patch_map.groups_of(layout, worn.template)
+    sources = patch_map.sources_of(layout, worn.template, points)
+    moments, (moved, truth) = patch_map.Moments(points, n), frames(2000)
+    moments.add(moved, truth.astype(np.float32))
+    moved, truth = frames(200)
+    made = fit_patch.stage_of(layout, WIDTH, n, points)
+    made.groups, made.sources = torch.from_numpy(groups.astype(np.int64)), torch.from_numpy(sources.astype(np.int64))
+
+    def drawn(of):
+        fit_patch.draw_with(made, of)
+        shapes = torch.stack([made.displacement(torch.from_numpy(u).flatten()) for u in moved]).detach().numpy()
+        found = patch_map.Liveliness(mesh)
+        found.add(shapes, truth)
+        return found, np.linalg.norm(shapes - truth, axis=-1).mean(), shapes
+
+    flat, error, still = drawn(moments)
+    assert (flat.drawn < 0.7 * flat.wanted).all() and (flat.wanting() > 1.05).all()
+    lively, more, shapes = drawn(moments.livelier(mesh, flat.wanting()))
+    assert np.sqrt(lively.drawn / lively.wanted) == pytest.approx(patch_map.LIVELY, abs=0.05)
+    assert more < 1.15 * error
+    assert np.abs(shapes.mean(0) - still.mean(0)).max() < 0.02     # the mean shape is that of the truth
 
 
 def stage(layout, vertices, seed=2):
