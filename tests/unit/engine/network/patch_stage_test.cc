@@ -86,6 +86,11 @@ class PatchReference {
     }
     for (size_t i = 0; i < ends.size(); ++i)
       ends[i] = Place(joints[p_.capsule_joints[i / 2]], At(&p_.capsules[8 * (i / 2) + 3 * (i % 2)]));
+    for (size_t i = 0; i < ends.size() / 2; ++i) {
+      for (size_t j = 0; j < ends.size() / 2; ++j) {
+        if (At(&p_.capsules[8 * i + 3]) == At(&p_.capsules[8 * j])) ends[2 * i + 1] = ends[2 * j];
+      }
+    }
     if (!started_) {
       u_.assign(points, V3{});
       x1_ = x2_ = b;
