@@ -10,6 +10,7 @@ from .simulate import clips
 # Behind the feature joints' names, by a bundle's metadata "root_motion".
 _ROOT_MOTION = {"false": "", "true": " and root motion", "air": " and the air around the hips"}
 
+_CMU = "the CMU Graphics Lab motion capture database, mocap.cs.cmu.edu, created with funding from NSF EIA-0196217"
 # Where motion is from and what it may be used for, by the group that a clip's name begins with.
 SOURCES = {
     "procedural": "scripted here",
@@ -18,9 +19,8 @@ SOURCES = {
     "cmu": "the history of the AnimatedDrawings project (MIT)",
     "child": "the history of the AnimatedDrawings project (MIT)",
     "evaluation": "the history of the AnimatedDrawings project; measured on, never trained on",
-    "cmu_db": "the CMU Graphics Lab motion capture database, mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
-    "validation": "the CMU Graphics Lab motion capture database, mocap.cs.cmu.edu, created with funding from NSF "
-                  "EIA-0196217",
+    "cmu_db": _CMU,
+    "validation": _CMU,
     "snu": "HumanFoot of Seoul National University (Apache-2.0)",
     "mesh2motion": "Mesh2Motion (CC0)"}
 
