@@ -40,6 +40,11 @@ def test_every_precision_is_stored_and_measured(dcloth, files, bundle):
         assert all(c is None for c in costs) if precision == "fp32" else all(c["max"] > 0 for c in costs)
         seen = run(dcloth, "inspect", model)
         assert seen["format"] == "1.8" and seen["stages"] == ["static", "skeleton", "mesh"]
+        found = seen["patches"]
+        assert [found[key] for key in ("patches", "points", "width", "sources")] == [4, 3, 16, 4]
+        assert 0 < found["weight_bytes"] < seen["model_bytes"] and seen["tick_multiply_adds"] > 4 * 16 * (16 + 6 * 16)
+        text = dcloth("inspect", model).stdout
+        assert "patches    4 of 3 points, 16 features; a vertex follows 4 points" in text
         sizes.append(seen["model_bytes"])
     assert sizes == sorted(set(sizes), reverse=True)
 

@@ -36,8 +36,8 @@ def arguments(argv=None):
     add("--start", help="bundle or folder of a finished training to go on from: its features and stage 1 stay, stage 2 "
                         "or the patch stage learns on")
     add("--export", help="bundle to write at the end")
-    add("--validation", default=",".join(dataset.VALIDATION + dataset.VALIDATION_TAKES),
-        help="clips or takes that choose the epoch, comma separated")
+    add("--validation", default=",".join((*dataset.VALIDATION, *dataset.VALIDATION_TAKES, "validation/")),
+        help="clips, takes or groups (validation/) that choose the epoch, comma separated")
     add("--held-out", default=",".join(dataset.HELD_OUT),
         help="clips to measure the network on, never read here, comma separated; the bundle names them")
     add("--seed", type=int, default=1)

@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 import torch
 
-from dcloth_training import (bundle, features, fit_patch, metrics, network, patch_bptt, patch_cut, patch_losses,
+from dcloth_training import (bundle, features, fit_patch, make, metrics, network, patch_bptt, patch_cut, patch_losses,
                              patch_map, patches, reference, safetensors_io, sequence, synthetic, synthetic_body, train)
+from dcloth_training.compare import __main__ as compare
 from dcloth_training.rig import Character, mirrored_joints
+from dcloth_training.truth.errors import TruthError
 
 RINGS, COLUMNS = 12, 40
 WIDTH = 16
@@ -270,6 +272,23 @@ def trained(data, out, *more):
         "--patch-streams", "4", "--patch-window", "8", "--static-width", "8", *more]))
 
 
+def test_make_cuts_what_the_garment_has_vertices_for_and_trains_patches(data, tmp_path):
+    path = data / "character.safetensors"
+    tensors, metadata = safetensors_io.read(path)
+    assert make.columns_of(str(path)) == 4      # 480 vertices
+    (tmp_path / "lost").mkdir()
+    lost = str(tmp_path / "lost" / "character.safetensors")
+    of_hips = np.zeros_like(tensors["body_weights"])
+    of_hips[:, 0] = 1
+    safetensors_io.write(lost, {**tensors, "body_weights": of_hips}, metadata)
+    with pytest.raises(TruthError, match="no limb among the joints.*--stages mesh"):
+        make.columns_of(lost)
+    options = make.arguments(["--character", "h.glb", "--garment", "d.obj", "--out", str(tmp_path)])
+    assert options.stages == "patch"
+    asked = train.arguments(["--data", "d", "--out", "o", *make.of_stages(options, {"columns": 2})])
+    assert (asked.stages, asked.static_base, asked.root_motion, asked.patch_columns) == ("patch", "hung", "air", 2)
+
+
 def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
     net, fitted, whole, provenance = trained(data, tmp_path / "run", "--patch-epochs", "60", "--patch-sources", "4")
     with open(tmp_path / "run" / "log.json") as file:
@@ -294,6 +313,35 @@ def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
         trained(data, tmp_path / "other", "--start", str(path), "--patch-epochs", "0", "--patch-rows", "2")
     with pytest.raises(ValueError, match="--start.*found patches; it goes on with --stages patch"):
         trained(data, tmp_path / "third", "--start", str(path), "--stages", "skeleton", "--window", "32")
+
+
+def test_the_comparison_names_patches_beside_the_stages(data, tmp_path):
+    full, given = tmp_path / "full", tmp_path / "given.safetensors"
+    small = ["--data", str(data), "--validation", "a/two", "--held-out", "a/held", "--root-motion", "air",
+             "--static-base", "rigid", "--static-width", "8", "--threads", "1"]
+    train.run(train.arguments([*small, "--out", str(full), "--stages", "skeleton", "--skeleton-epochs", "1",
+                               "--settle-epochs", "0", "--skeleton-size", "8", "--skeleton-rank", "4", "--window", "30",
+                               "--patch-columns", "4", "--patch-rows", "3", "--patch-width", "16"]))
+    of_patches = train.run(train.arguments([
+        *small, "--out", str(tmp_path / "given"), "--stages", "patch", "--patch-columns", "4", "--patch-rows", "3",
+        "--patch-width", "16", "--patch-epochs", "1", "--patch-sources", "4"]))
+    bundle.write(given, *of_patches, half=False)
+
+    def compared(out, rows, *more):
+        found = compare.run(compare.arguments(["--data", str(data), "--full", str(full), "--out", str(tmp_path / out),
+                                               "--rows", rows, "--epochs", "1", *more]))
+        return {row["key"]: row for row in found["rows"]}
+
+    here = compared("here", "stages_1_2,patches")
+    assert list(here) == ["stages_1_2", "patches"] and here["patches"]["fits"]["patch"]["epochs"] == 1
+    assert here["patches"]["group"] == "patches" and here["patches"]["parameters"] > 10000
+    there = compared("there", "patches", "--patches", str(given))["patches"]
+    item = sequence.read(data / "dynamic" / "a-held.safetensors")
+    played = of_patches[0].run(network.pose_of(item.joint_matrices, of_patches[1].rig, torch.float32)).numpy()
+    off = float(np.linalg.norm(played - item.truth, axis=-1)[12:].mean())     # from a reset, metrics skip them
+    assert there["clips"]["a/held"]["position_mm"]["mean"] == pytest.approx(1e3 * off, rel=1e-3)
+    with pytest.raises(ValueError, match="--patches .*no patches; expected patches over Hips"):
+        compared("wrong", "patches", "--patches", str(full))
 
 
 def test_a_stopped_training_goes_on_to_the_same_bits(data, tmp_path):

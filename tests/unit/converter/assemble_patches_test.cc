@@ -59,8 +59,8 @@ TEST(AssemblePatchesTest, EveryPrecisionOpens) {
     const ModelParts parts = Parts(bundle, precision);
     for (const PackedLinear* layer : Layers(*parts.patches)) {
       // What reads and what moves the cloth is small, and its rounding comes back every tick.
-      const bool integers = precision == Precision::kInt8, halves = layer == &parts.patches->enter ||
-                                                                    layer == &parts.patches->out;
+      const bool integers = precision == Precision::kInt8,
+                 halves = layer == &parts.patches->enter || layer == &parts.patches->out;
       const StoredType type = integers && halves ? StoredType::kF16 : kTypes[static_cast<size_t>(precision)];
       EXPECT_EQ(layer->weights.type, type) << layer->weights.report.name;
       EXPECT_FALSE(layer->row_scales) << layer->weights.report.name;

@@ -62,12 +62,13 @@ Affine RandomFrame(std::mt19937* random, double scale) {
 
 class FitTest : public ::testing::Test {
  protected:
-  // With rings, an egg of as many rings and segments is the figure's body.
-  explicit FitTest(uint32_t rings = 0, uint32_t segments = 0)
+  // With rings, an egg of as many rings and segments is the figure's body; with patches, a patch stage moves the cloth.
+  explicit FitTest(uint32_t rings = 0, uint32_t segments = 0, uint32_t patches = 0)
       : model_([&] {
           ModelSpec spec;
           spec.skeleton_joints = Figure();
           spec.joints = spec.bones = static_cast<uint32_t>(spec.skeleton_joints.size());
+          spec.patches = patches;
           TestModel model = BuildModel(spec);
           if (rings != 0) egg_ = AddBody(&model, rings, segments);
           return model;
@@ -159,6 +160,14 @@ class FitTest : public ::testing::Test {
   AlignedBytes storage_{1};
 };
 
+// Of so many patches: 0 are the paper's stages.
+class NetworkFitTest : public FitTest, public ::testing::WithParamInterface<uint32_t> {
+ protected:
+  NetworkFitTest() : FitTest(0, 0, GetParam()) {}
+};
+INSTANTIATE_TEST_SUITE_P(Every, NetworkFitTest, ::testing::Values(0u, 6u),
+                         [](const auto& test) { return test.param == 0 ? "Stages" : "Patches"; });
+
 // The same body under each naming, with joints of any axes and scale, in any order: the garment of the figure.
 TEST_F(FitTest, AnyNamingWearsTheSameGarment) {
   const std::vector<std::string> unreal = {
@@ -223,7 +232,7 @@ TEST_F(FitTest, AnyNamingWearsTheSameGarment) {
 }
 
 // Unreal's axes and centimetres, 1.3 times the size, bound while it faced another way: the figure's garment, 1.3 times.
-TEST_F(FitTest, AnotherSizeAnotherSpaceAnotherWayToFace) {
+TEST_P(NetworkFitTest, AnotherSizeAnotherSpaceAnotherWayToFace) {
   const dcloth_space space = {sizeof(space), DCLOTH_AXIS_MINUS_Y,          DCLOTH_AXIS_Z, DCLOTH_AXIS_X,
                               0.01f,         DCLOTH_JOINT_FRAMES_CONVERTED};
   constexpr double kSize = 1.3;
@@ -264,7 +273,7 @@ TEST_F(FitTest, AnotherSizeAnotherSpaceAnotherWayToFace) {
 }
 
 // Bound with hanging arms and legs apart: the figure's T-pose is made of it.
-TEST_F(FitTest, AStanceOfItsOwn) {
+TEST_P(NetworkFitTest, AStanceOfItsOwn) {
   std::vector<float> bind = Training(), moved;
   for (size_t j = 0; j < joints(); ++j) {
     const std::string& name = names_[j];
