@@ -172,11 +172,12 @@ def train_stage(run):
         streams = patch_streams.Streams(training, layout, -(-options.patch_streams // shard.count),
                                         options.patch_window, options.patch_width, numbers)
         for _ in range(steps):
-            poses, truth, counts = streams.next()
-            noise = patch_streams.JITTER * streams.noise(options.patch_window, streams.count)
+            poses, truth, counts, rests = streams.next()
+            last = streams.last.clone()
             moved = patch_bptt.window(learner.weights, native, poses, streams.last, streams.before, streams.hidden,
-                                      noise)
-            yield patch_losses.loss_of(moved, truth, counts, options.patch_way, body, poses[:, 2:])
+                                      streams.jitter(options.patch_window))
+            yield patch_losses.loss_of(moved, truth, counts, options.patch_way, body, poses[:, 2:]) + \
+                patch_losses.rest_of(moved, last, rests)
 
     def validate():
         rows = errors(layout, validation, play(native, learner.weights.detach(), validation))

@@ -1,15 +1,17 @@
-"""What the patch stage learns from: where its points are, the way they go, how far apart they are, and the limbs."""
+"""What the patch stage learns from: where its points are, the way they go, how far apart they are, the limbs, and that
+cloth rests where a pose is held."""
 import numpy as np
 import torch
 
 COLLISION = 8.0         # weight of a point's depth, beside its distance from the truth
 MARGIN = 0.010          # m: a point is a mean of cloth, so it keeps this far off a limb if the truth does
 STRETCH = 1.0           # weight of errors of distances between neighbouring points
+REST = 30.0             # weight of the way a tick where cloth is to rest
 
 
-def lengths(vectors):
-    """[..., K, 3, R] -> [..., K, R]."""
-    return (vectors.square().sum(-2) + 1e-8).sqrt()
+def lengths(vectors, least=1e-4):
+    """[..., K, 3, R] -> [..., K, R]; below `least` m the gradient fades."""
+    return (vectors.square().sum(-2) + least * least).sqrt()
 
 
 class Body:
@@ -60,8 +62,8 @@ def loss_of(moved, truth, counts, way, body=None, poses=None):
     if way:
         off = (moved[1:] - moved[:-1]) - (truth[1:] - truth[:-1])
         loss = loss + way * (lengths(off).mean((-1, -2)) * counts[1:] * counts[:-1]).sum() / total
-    if body is not None:
-        some = counts.flatten() > 0
+    some = counts.flatten() > 0
+    if body is not None and some.any():
         axes, bases, ends = body.places(poses.transpose(0, 1).flatten(0, 1)[some])
         down, around, at = body.stretches(moved.flatten(0, 1)[some], axes, bases)
         with torch.no_grad():
@@ -71,3 +73,10 @@ def loss_of(moved, truth, counts, way, body=None, poses=None):
         loss = loss + COLLISION * deep.mean() + STRETCH * ((down - true_down).abs().mean() +
                                                            (around - true_around).abs().mean())
     return loss
+
+
+def rest_of(moved, last, rests):
+    """REST times the mean way a tick of points where they are to rest. moved [T, B, K, 3, R] after last [B, K, 3, R];
+    rests [T, B]."""
+    way = lengths(moved - torch.cat([last[None], moved[:-1]]), 1e-6).mean((-1, -2))
+    return REST * (way * rests).sum() / rests.sum().clamp(min=1)

@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from dcloth_training import (bundle, features, fit_patch, make, metrics, network, patch_bptt, patch_cut, patch_losses,
-                             patch_map, patches, reference, safetensors_io, sequence, synthetic, synthetic_body, train)
+                             patch_map, patch_streams, patches, reference, safetensors_io, sequence, synthetic,
+                             synthetic_body, train)
 from dcloth_training.compare import __main__ as compare
 from dcloth_training.rig import Character, mirrored_joints
 from dcloth_training.truth.errors import TruthError
@@ -342,6 +343,40 @@ def test_the_comparison_names_patches_beside_the_stages(data, tmp_path):
     assert there["clips"]["a/held"]["position_mm"]["mean"] == pytest.approx(1e3 * off, rel=1e-3)
     with pytest.raises(ValueError, match="--patches .*no patches; expected patches over Hips"):
         compared("wrong", "patches", "--patches", str(full))
+
+
+def test_where_a_pose_is_held_cloth_is_to_rest(worn, layout):
+    item = sequence.Sequence(synthetic_body.motion(60, 30.0, 3), None, worn.joint_names, 30.0, "a/one", "dynamic")
+    relative = features.relative(item.joint_matrices, worn.bind)
+    truth = patches.displacements(layout, relative, cloth(worn, item.joint_matrices)).astype(np.float16)
+    clip = patch_streams.Clip("a/one", patches.poses(relative, item.joint_matrices[:, 0, :3, 3], None), truth)
+    streams = patch_streams.Streams([clip], layout, 6, 16, WIDTH, np.random.default_rng(4))
+    seen = []
+    for window in range(20):
+        poses, _, counts, rests = streams.next()
+        noise = streams.jitter(16)
+        for k in range(6):
+            if streams.held[k] is None:
+                assert not rests[:, k].any() and counts[:, k].any() and noise[:, k].any()
+                continue
+            assert not counts[:, k].any() and not noise[:, k].any()
+            assert (poses[k, 2:] == poses[k, 2]).all() and not poses[k, 2, -6:].any()
+            seen.append((int(streams.at[k]), rests[:, k].tolist()))
+    assert seen
+    for end, rests in seen:
+        ticks = np.arange(end - 16, end)
+        assert end <= patch_streams.HELD_TICKS
+        np.testing.assert_allclose(rests, ((ticks - 45) / 30).clip(0, 1), atol=1e-6)
+
+    still, moving = torch.zeros(16, 2, *layout.sizes[:1], 3, layout.sizes[1]), torch.zeros(16, 2)
+    moving[:, 1] = 1
+    swinging = still + 0.001 * torch.arange(1.0, 17.0)[:, None, None, None, None]
+    assert float(patch_losses.rest_of(still, still[0], moving)) < 1e-4
+    assert float(patch_losses.rest_of(swinging, still[0], moving)) == pytest.approx(30 * 0.001 * 3 ** 0.5, rel=1e-3)
+    assert float(patch_losses.rest_of(swinging, still[0], torch.zeros(16, 2))) == 0
+    alone = patch_losses.loss_of(still, still, torch.zeros(16, 2), 3.0, patch_losses.Body(layout),
+                                 torch.zeros(2, 16, 12 * 52 + 6))
+    assert float(alone) == 0                            # a window in which all poses are held
 
 
 def test_a_stopped_training_goes_on_to_the_same_bits(data, tmp_path):
