@@ -199,6 +199,11 @@ FoldedBundle FoldBundle(const Bundle& bundle, uint32_t influences, uint32_t body
 
 bool IsLayer(const std::string& matrix) { return matrix.starts_with("mesh_stage.layers."); }
 
+// Small matrices that int8 would save little of and cost much: what patches read and move by is fed back every tick.
+bool KeepsHalves(const std::string& matrix) {
+  return matrix.starts_with("static_stage.") || matrix == "patch_stage.enter" || matrix == "patch_stage.out";
+}
+
 Precision FormatOf(const PrecisionPlan& plan, const std::string& matrix) {
   const std::string tensor = matrix + ".weights";
   if (!plan.only.empty() && plan.only != tensor) return Precision::kFp32;
@@ -206,7 +211,7 @@ Precision FormatOf(const PrecisionPlan& plan, const std::string& matrix) {
   const Precision format = named == plan.formats.end() ? plan.precision : named->second;
   if (matrix == "displacement.head") return HeadPrecision(format);
   if (IsLayer(matrix)) return format == Precision::kInt8 ? format : Precision::kFp32;  // halves would save 20 KB
-  return matrix.starts_with("static_stage.") && format == Precision::kInt8 ? Precision::kFp16 : format;
+  return KeepsHalves(matrix) && format == Precision::kInt8 ? Precision::kFp16 : format;
 }
 
 ModelParts Assemble(const Bundle& bundle, const FoldedBundle& folded, const PrecisionPlan& plan) {

@@ -215,4 +215,10 @@ ModelWork CountWork(std::span<const std::byte> bytes) {
 #undef DCLOTH_PART
 }
 
+PatchSizes PatchSizesOf(std::span<const std::byte> bytes) {
+  const format::PatchStage* stage = format::GetModel(bytes.data())->patch_stage();
+  if (stage == nullptr) return {};
+  return {stage->patches(), stage->points(), stage->width(), static_cast<uint32_t>(Extent(stage->sources(), 1))};
+}
+
 }  // namespace dcloth::converter

@@ -38,6 +38,14 @@ int StepOf(WorkPart part);
 // nothing is verified here. Counts per element are in the source, each with what it counts.
 ModelWork CountWork(std::span<const std::byte> model);
 
+// Of a patch stage; zeros where the model has none.
+struct PatchSizes {
+  uint32_t patches = 0, points = 0;  // points a patch
+  uint32_t width = 0;                // features
+  uint32_t sources = 0;              // points that a vertex follows
+};
+PatchSizes PatchSizesOf(std::span<const std::byte> model);
+
 }  // namespace dcloth::converter
 
 #endif  // DCLOTH_CONVERTER_MODEL_WORK_H_

@@ -19,7 +19,7 @@ The bundled garments, converted to fp32, fp16 and int8, driven through the publi
   cache, and other work on the machine shows in the 99th percentile.
 - **Farthest vertex**: over every drawn frame, from the hips, in units of the garment's size (its farthest vertex
   in the bind pose); allowed is 2. A position that is not finite counts as infinity.
-- **Deviation** is the vertex distance to an undisturbed run, the mean over vertices. Allowed is one hundredth of its
+- **Deviation** is the vertex distance to an undisturbed run, the mean over vertices. Allowed is a twentieth of its
   largest value, one second after the disturbance and for half a second. E_d cannot change by more.
 - **p** of a slope: Student's t-test over 200 samples (20 for *old against fresh*); below 0.001 the test fails.
   *Old against fresh* compares a garment that never restarted with one that started three seconds before, on the

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "converter/error.h"
+#include "converter/model_work.h"
 #include "tools/commands.h"
 #include "tools/json_output.h"
 #include "tools/playback.h"
@@ -27,7 +28,30 @@ Json JointParents(const converter::OpenModel& model) {
   return parents;
 }
 
+// Of all stages.
+uint64_t TickMultiplyAdds(const converter::ModelWork& work) {
+  uint64_t flops = 0;
+  for (size_t part = 0; part < format::kTickPartCount; ++part) flops += work[part].flops;
+  return flops / 2;
+}
+
+// Null where the model has the paper's stages.
+Json Patches(const converter::OpenModel& model, const converter::ModelWork& work) {
+  using converter::WorkPart;
+  const converter::PatchSizes sizes = converter::PatchSizesOf(model.bytes());
+  if (sizes.patches == 0) return nullptr;
+  uint64_t bytes = 0;
+  for (const WorkPart part : {WorkPart::kPatchInputs, WorkPart::kPatchLayers, WorkPart::kPatchMap})
+    bytes += work[static_cast<size_t>(part)].weight_bytes;
+  return {{"patches", sizes.patches},
+          {"points", sizes.points},
+          {"width", sizes.width},
+          {"sources", sizes.sources},
+          {"weight_bytes", bytes}};
+}
+
 Json Describe(const converter::OpenModel& model, const Options& options) {
+  const converter::ModelWork work = converter::CountWork(model.bytes());
   const dcloth_model_info& info = model.info();
   Json stages = Json::array();
   for (uint32_t s : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
@@ -47,6 +71,8 @@ Json Describe(const converter::OpenModel& model, const Options& options) {
           {"coarse_triangles", info.coarse_triangle_count},
           {"textured_vertices", info.textured_vertex_count},
           {"stages", stages},
+          {"patches", Patches(model, work)},
+          {"tick_multiply_adds", TickMultiplyAdds(work)},
           {"joints", model.joint_names()},
           {"joint_parents", JointParents(model)}};
 }
@@ -78,7 +104,16 @@ int Inspect(const Options& options) {
   std::printf("  tick rate  %g Hz\n", TickRate(model));
   std::printf("  stages    ");
   for (const Json& stage : json["stages"]) std::printf(" %s", stage.get<std::string>().c_str());
-  std::printf("\n  joints     %zu:", model.joint_names().size());
+  std::printf("; %.2f million multiply-adds a tick\n", json["tick_multiply_adds"].get<double>() / 1e6);
+  const Json& patches = json["patches"];
+  if (!patches.is_null()) {
+    std::printf(
+        "  patches    %u of %u points, %u features; a vertex follows %u points; %.3f MB of weights; played at\n"
+        "             the levels skeleton and mesh alike\n",
+        patches["patches"].get<unsigned>(), patches["points"].get<unsigned>(), patches["width"].get<unsigned>(),
+        patches["sources"].get<unsigned>(), patches["weight_bytes"].get<double>() / 1e6);
+  }
+  std::printf("  joints     %zu:", model.joint_names().size());
   size_t column = 0;
   for (const std::string& name : model.joint_names()) {
     if (column + name.size() > 84) {

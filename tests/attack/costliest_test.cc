@@ -11,6 +11,7 @@
 #include <random>
 #include <string>
 
+#include "engine/format/limits.h"
 #include "tests/attack/corruption.h"
 #include "tests/unit/engine/all_finite.h"
 #include "tests/unit/engine/cloth_fixture.h"
@@ -24,13 +25,13 @@ using M = format::ModelT;
 // Processor seconds a byte of the file. Measured: 3e-8 with AVX-512, 4e-8 with AVX2, 1.4e-7 with SSE4 and up to
 // 2.4e-7 beside other work; before subnormals were flushed 1.4e-6.
 constexpr double kMostSecondsPerByte = 5e-7;
-// Of a tick's time, what keeping the dearest garment outside of the dearest body may take. Measured: a twentieth to a
-// quarter; before the search had a budget twice the tick's.
+// Of the time of a tick with a mesh stage, what keeping the dearest garment outside of the dearest body may take.
+// Measured: a twentieth to a quarter; before the search had a budget twice the tick's.
 constexpr double kMostOutside = 1;
 
 struct CostlyFile {
   const char* name;
-  bool integer_layers;
+  std::function<void(ModelSpec*)> shape;
   std::function<void(M*, std::mt19937*)> spoil;
 };
 void PrintTo(const CostlyFile& file, std::ostream* out) { *out << file.name; }
@@ -105,14 +106,29 @@ void AddClasses(M* m, std::mt19937* random) {
   m->body->touched_by = writer.Add(format::DType_U8, {m->body->positions->shape[0]}, touched);
 }
 
+// Each weight of a layer counts for 256 patches, and a vertex has as few weights of its own as it may.
+void ShapeMostPatches(ModelSpec* spec) {
+  spec->precision = format::DType_I8;
+  spec->patches = format::kMaxPatches;
+  spec->patch_points = format::kMaxPatchPoints;
+  spec->patch_width = format::kMaxPatchWidth;
+  spec->patch_neighbours = format::kMaxPatchNeighbours;
+  spec->mixes = format::kMaxMixes;
+  spec->capsules = format::kMaxCapsules;
+  spec->embedding = format::kMaxEmbedding;
+  spec->sources = 2;
+}
+
 std::vector<CostlyFile> CostlyFiles() {
-  return {{"most_neighbours", false, FillTheGraph},
-          {"most_neighbours_integer_layers_classes", true,
+  const auto as_it_is = [](ModelSpec*) {};
+  return {{"most_neighbours", as_it_is, FillTheGraph},
+          {"most_neighbours_integer_layers_classes", [](ModelSpec* spec) { spec->integer_layers = true; },
            [](M* m, std::mt19937* random) {
              FillTheGraph(m, random);
              AddClasses(m, random);
            }},
-          {"subnormal_layers", false, MakeLayersSubnormal}};
+          {"subnormal_layers", as_it_is, MakeLayersSubnormal},
+          {"most_patches", ShapeMostPatches, [](M*, std::mt19937*) {}}};
 }
 
 class CostliestTest : public ::testing::TestWithParam<CostlyFile> {
@@ -126,7 +142,7 @@ class CostliestTest : public ::testing::TestWithParam<CostlyFile> {
     spec.layers = 8;
     spec.feature_width = 64;
     spec.units = spec.mesh_basis = spec.mesh_width = spec.static_width = 1;
-    spec.integer_layers = GetParam().integer_layers;
+    GetParam().shape(&spec);
     TestModel model = BuildModel(spec);
     std::mt19937 random(7);
     AddTangledBody(model.tables.get(), &random);
@@ -171,7 +187,8 @@ TEST_P(CostliestTest, NoCallTakesLongerThanItsFileExplains) {
   const double outside = Seconds("draw outside of the body", [&] {
     ASSERT_EQ(dcloth_cloth_skin(cloth->get(), &pose, 1, &output, nullptr), DCLOTH_OK);
   });
-  EXPECT_LE(outside, kMostOutside * tick);
+  EXPECT_TRUE(model_.tables->mesh_stage == nullptr || outside <= kMostOutside * tick)
+      << outside << " s beside " << tick;
   EXPECT_TRUE(AllFinite(positions));
   EXPECT_NE(positions, cloth->positions()) << "nothing was under the body";
   std::vector<uint8_t> state(dcloth_cloth_state_size(cloth->get()));

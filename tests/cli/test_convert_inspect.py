@@ -28,6 +28,7 @@ def test_convert_then_inspect(dcloth, files, tmp_path, precision):
     assert seen["garment"] == "cone skirt" and seen["precision"] == precision
     assert seen["model_bytes"] == said["model_bytes"] and seen["instance_bytes"] == said["instance_bytes"]
     assert seen["vertices"] == small_garment.VERTICES and seen["stages"] == ["static", "skeleton", "mesh"]
+    assert seen["patches"] is None and seen["tick_multiply_adds"] > 0
     assert seen["tick_rate"] == 30 and set(seen["joints"]) <= set(small_garment.JOINTS)
     names = dict(enumerate(seen["joints"]))
     above = {j: small_garment.JOINTS[p] for j, p in zip(small_garment.JOINTS, small_garment.PARENTS) if p >= 0}

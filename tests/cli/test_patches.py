@@ -30,12 +30,21 @@ def test_every_precision_is_stored_and_measured(dcloth, files, bundle):
         stored = {t["name"]: t for t in report["tensors"]}
         layers = [n for n in stored if n.startswith("patch_stage.") and n.endswith(".weights")]
         assert len(layers) == 7
-        assert {stored[n]["dtype"] for n in layers} == {{"fp32": "f32", "fp16": "f16", "int8": "i8"}[precision]}
+        dtype = {"fp32": "f32", "fp16": "f16", "int8": "i8"}[precision]
+        # What reads and what moves the cloth stays in halves.
+        first_and_last = {"patch_stage.enter.weights", "patch_stage.out.weights"}
+        assert {n: stored[n]["dtype"] for n in layers} == {
+            n: "f16" if dtype == "i8" and n in first_and_last else dtype for n in layers}
         assert not any(n.endswith("row_scales") for n in stored if n.startswith("patch_stage."))
         costs = [stored[n].get("cost_mm") for n in layers]
         assert all(c is None for c in costs) if precision == "fp32" else all(c["max"] > 0 for c in costs)
         seen = run(dcloth, "inspect", model)
         assert seen["format"] == "1.8" and seen["stages"] == ["static", "skeleton", "mesh"]
+        found = seen["patches"]
+        assert [found[key] for key in ("patches", "points", "width", "sources")] == [4, 3, 16, 4]
+        assert 0 < found["weight_bytes"] < seen["model_bytes"] and seen["tick_multiply_adds"] > 4 * 16 * (16 + 6 * 16)
+        text = dcloth("inspect", model).stdout
+        assert "patches    4 of 3 points, 16 features; a vertex follows 4 points" in text
         sizes.append(seen["model_bytes"])
     assert sizes == sorted(set(sizes), reverse=True)
 

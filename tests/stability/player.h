@@ -37,7 +37,7 @@ class Player {
   double worst_reach_m() const { return worst_reach_m_; }
   void ForgetReach() { worst_reach_m_ = 0; }
 
-  // Largest |h| of both recurrent stages, padding included; infinity where one is not finite.
+  // Largest |h| of all recurrent stages, padding included; infinity where one is not finite.
   double LargestState() const;
   double LargestSkeletonState() const;
   void FillState(const std::function<float()>& value);

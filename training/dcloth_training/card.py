@@ -9,7 +9,7 @@ floor_fixed_hips.json. Pictures of the worst frames come from --failures (defaul
 FOLDER/failures; the other clips of DATA tell how near training came to their motion. Without ground truth only
 README.md is written, from those files. In it stands, for each part wanted,
 
-    <!-- card: network -->           what the bundle holds
+    <!-- card: network -->           what the bundle holds        <!-- card: sources -->   whose motion it learned from
     <!-- card: errors -->            table with root motion       <!-- card: errors fixed hips -->    with the hips held
     <!-- card: failures -->          pictures of failures/failures.json, and the "why" written there by hand
 
@@ -77,9 +77,10 @@ def measure(model, path, folder, data, names, suffix):
 
 def part(name, folder, bundle_path):
     """Lines of one part of the card."""
-    if name == "network":
+    if name in ("network", "sources"):
         tensors, metadata = safetensors_io.read(bundle_path)
-        return card_text.network(tensors, metadata, os.path.getsize(bundle_path))
+        return card_text.network(tensors, metadata, os.path.getsize(bundle_path)) if name == "network" else \
+            card_text.sources(json.loads(metadata.get("training", "{}")))
     if name in ("errors", "errors fixed hips"):
         suffix = name[len("errors"):].replace(" ", "_")
         floor = os.path.join(folder, f"floor{suffix}.json")
@@ -88,8 +89,8 @@ def part(name, folder, bundle_path):
                                 {row["clip"]: row for row in rows})
     if name == "failures":
         return card_text.failures(read_json(os.path.join(folder, "failures", "failures.json")), "failures")
-    raise ValueError(f"{os.path.join(folder, 'README.md')}: '<!-- card: {name} -->': allowed are network, errors, "
-                     f"errors fixed hips, failures")
+    raise ValueError(f"{os.path.join(folder, 'README.md')}: '<!-- card: {name} -->': allowed are network, sources, "
+                     f"errors, errors fixed hips, failures")
 
 
 def written(text, folder, bundle_path):

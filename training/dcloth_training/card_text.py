@@ -1,12 +1,28 @@
-"""The generated parts of a model card, as Markdown: network, held-out errors, failure cases."""
+"""The generated parts of a model card, as Markdown: network, motion, held-out errors, failure cases."""
 import json
+import re
 
 import numpy as np
 
-from . import evaluate
+from . import evaluate, train
+from .simulate import clips
 
 # Behind the feature joints' names, by a bundle's metadata "root_motion".
 _ROOT_MOTION = {"false": "", "true": " and root motion", "air": " and the air around the hips"}
+
+_CMU = "the CMU Graphics Lab motion capture database, mocap.cs.cmu.edu, created with funding from NSF EIA-0196217"
+# Where motion is from and what it may be used for, by the group that a clip's name begins with.
+SOURCES = {
+    "procedural": "scripted here",
+    "mocap": "DeepMimic's motion files (MIT)",
+    "game": "the KayKit animation pack (CC0)",
+    "cmu": "the history of the AnimatedDrawings project (MIT)",
+    "child": "the history of the AnimatedDrawings project (MIT)",
+    "evaluation": "the history of the AnimatedDrawings project; measured on, never trained on",
+    "cmu_db": _CMU,
+    "validation": _CMU,
+    "snu": "HumanFoot of Seoul National University (Apache-2.0)",
+    "mesh2motion": "Mesh2Motion (CC0)"}
 
 LEVELS = (evaluate.SCALE, evaluate.PLAIN, *evaluate.LEVELS.values())
 COUNTS = ("no", "one", "two", "three", "four", "five", "six")
@@ -48,7 +64,35 @@ def network(tensors, metadata, size_bytes):
         k, hidden = len(tensors["mesh.basis"]), shape("mesh.mlp.0.bias")[0]
         text += (f"; mesh stage {COUNTS[layers] if layers < len(COUNTS) else layers} layers of width "
                  f"{shape('mesh.embed.weight')[1]}, MLP {n}-{hidden}-{k}, k_M = {k}")
+    if "patch.joints" in tensors:
+        patches, points = shape("patch.point_joints")[:2]
+        layers, neighbours = shape("patch.near")[:2]
+        count = sum(value.size for name, value in tensors.items()
+                    if re.match(r"patch\.(enter|mix|gates|out|keep)", name))
+        text += (f"; patch stage {patches} patches of {points} points, width {len(tensors['patch.enter.bias'])}, "
+                 f"{COUNTS[layers] if layers < len(COUNTS) else layers} mixing layers with {neighbours} neighbours, "
+                 f"{count:,} weights that all patches share, {shape('patch.map.sources')[1]} points a vertex")
     return wrapped(text + ".")
+
+
+def sources(provenance):
+    """A row for each group of clips that a network learned from or was chosen by: how many, of whom, from where."""
+    rows = {}
+    for role, names in (("training", train.learned(provenance)), ("validation", _chosen_by(provenance))):
+        for name in names:
+            rows.setdefault((role, name.partition("/")[0]), set()).add(name)
+    out = ["| clips | for | people | from |", "|---|---|---|---|"]
+    for (role, group), names in sorted(rows.items()):
+        who = {clips.person(name) for name in names} - {None}
+        people = "several" if who & clips.SEVERAL else len(who) or "-"
+        out.append(f"| {len(names)} of `{group}/` | {role} | {people} | {SOURCES.get(group, 'not told')} |")
+    return out
+
+
+def _chosen_by(provenance):
+    """Clips that chose epochs, also before the training that this one was started from."""
+    return set() if not provenance else {*provenance.get("validation_clips", []),
+                                         *_chosen_by(provenance.get("started_from"))}
 
 
 def _row(name, row, levels, floor):

@@ -27,6 +27,15 @@ VALIDATION = ("mocap/walk", "procedural/hula_twist", "mocap/stealthy_walk")
 # Takes of a person of whom nothing is trained on: they choose when to stop as well.
 VALIDATION_TAKES = tuple(f"child/8_{name}" for name in (
     "belle002", "catch001", "dab", "mermaid", "pick_up", "robot", "wave_hello", "zombie"))
+# Subjects of the CMU Graphics Lab motion capture database who validate; a file's name begins with its subject.
+VALIDATION_SUBJECTS = ("002", "008", "061", "131")
+_SUBJECT = re.compile(r"(?:cmu_db|validation)/cmu(\d{3}|[a-z])")
+
+
+def subject(clip):
+    """The CMU database's number of who moves in a clip, a letter where the database names nobody; None elsewhere."""
+    found = _SUBJECT.match(clip)
+    return found[1] if found else None
 
 
 def source(clip):
@@ -39,7 +48,7 @@ def role(clip):
     name = clip.partition("~")[0].partition("@")[0]
     if name in REPORTED:
         return "reported"
-    if name in VALIDATION or name.startswith(("child/8_", "validation/")):
+    if name in VALIDATION or name.startswith(("child/8_", "validation/")) or subject(name) in VALIDATION_SUBJECTS:
         return "validation"
     return "development" if name in HELD_OUT or name.startswith("evaluation/") else "training"
 
@@ -225,8 +234,8 @@ def split(clips, validation):
 
 
 def named(clip, names):
-    """Is a clip, or the take that it is a piece of, among the names?"""
-    return clip in names or clip.partition("@")[0] in names
+    """Is a clip, the take that it is a piece of, or its whole group ("validation/") among the names?"""
+    return clip in names or clip.partition("@")[0] in names or clip.partition("/")[0] + "/" in names
 
 
 def refuse_reported(names):

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, loop, patch_bptt, patch_cut, patch_map, patch_streams, shards, unskin
+from . import dataset, loop, metrics, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards, unskin
 from .stages.patch_stage import GEOMETRY, INDICES, PatchStage, inputs_of
 
 # Its options of train: (default, least, what).
@@ -24,6 +24,9 @@ KEEP = 2.2              # logistic(KEEP) of a displacement stays at first
 WARM_UP = 12            # ticks of a rollout that are not measured
 MAP_EVERY = 8           # frames
 MAP_FRAMES = 6000       # at most
+LIVELY_EVERY = 4        # frames
+GAIN_STEPS = 2          # a map of few points gives less than it is asked for
+MOST_GAIN = 2
 
 
 class Learner(nn.Module):
@@ -52,15 +55,27 @@ def fresh_weights(counts, generator):
     return torch.cat(parts)
 
 
+def shared(stage):
+    """The parameters of a PatchStage that lie in flat weights as they are, in their order."""
+    parts = [stage.embedding, stage.enter.weight, stage.enter.bias]
+    parts += [p for layer in stage.mix for p in (layer.weight, layer.bias)]
+    return parts + [stage.gates[name] for name in ("weight_ih", "weight_hh", "bias")]
+
+
+@torch.no_grad()
+def flat(stage):
+    """The flat weights of a PatchStage: what fill puts into it."""
+    of_state, of_inputs = stage.out.weight.split([stage.enter.out_features, stage.enter.in_features], 1)
+    parts = [*shared(stage), of_state, stage.out.bias, of_inputs, torch.logit(stage.keep, 1e-6)]
+    return torch.cat([part.flatten() for part in parts])
+
+
 @torch.no_grad()
 def fill(stage, weights):
     """Puts flat weights into a PatchStage of the same sizes."""
     width, out = stage.enter.out_features, stage.out.out_features
-    parts = [stage.embedding, stage.enter.weight, stage.enter.bias]
-    parts += [p for layer in stage.mix for p in (layer.weight, layer.bias)]
-    parts += [stage.gates[name] for name in ("weight_ih", "weight_hh", "bias")]
     at = 0
-    for part in parts:
+    for part in shared(stage):
         part.copy_(weights[at:at + part.numel()].reshape(part.shape))
         at += part.numel()
     inputs = stage.enter.in_features
@@ -68,21 +83,6 @@ def fill(stage, weights):
     stage.out.weight.copy_(torch.cat([of_state.reshape(out, width), of_inputs.reshape(out, inputs)], 1))
     stage.out.bias.copy_(bias)
     stage.keep.copy_(torch.sigmoid(keep))
-
-
-def lengths(vectors):
-    """[..., K, 3, R] -> [..., K, R]."""
-    return (vectors.square().sum(-2) + 1e-8).sqrt()
-
-
-def loss_of(moved, truth, counts, way):
-    """Mean distance of points in m, and `way` times that of their ways a tick. [T, B, K, 3, R]; counts [T, B]."""
-    total = counts.sum().clamp(min=1)
-    loss = (lengths(moved - truth).mean((-1, -2)) * counts).sum() / total
-    if way:
-        off = (moved[1:] - moved[:-1]) - (truth[1:] - truth[:-1])
-        loss = loss + way * (lengths(off).mean((-1, -2)) * counts[1:] * counts[:-1]).sum() / total
-    return loss
 
 
 @torch.no_grad()
@@ -100,7 +100,8 @@ def errors(layout, clips, played):
     rows = []
     for clip, moved in zip(clips, played):
         truth = clip.truth(layout, slice(WARM_UP, None))
-        rows.append((clip.name, *(float(lengths(v).mean()) for v in (moved[WARM_UP:] - truth, truth - truth.mean(0)))))
+        off, motion = (float(patch_losses.lengths(v).mean()) for v in (moved[WARM_UP:] - truth, truth - truth.mean(0)))
+        rows.append((clip.name, off, motion))
     return rows
 
 
@@ -135,6 +136,19 @@ def stage_of(layout, width, vertices, sources):
     return PatchStage(arrays, width, EMBEDDING, vertices, sources)
 
 
+def refuse_another_cut(run, layout):
+    """A stage of --start that reads other patches, or other limbs."""
+    stage, options = run.before.patch, run.options
+    found = (*stage.sizes, stage.enter.out_features, stage.embedding.shape[1])
+    wanted = (*layout.sizes, options.patch_width, EMBEDDING)
+    alike = found == wanted and all(
+        np.array_equal(getattr(stage, name), getattr(layout, "patch_joint" if name == "joints" else name))
+        for name in INDICES)
+    if not alike:
+        raise ValueError(f"--start {options.start}: found patches, points, width and embedding {found}; expected "
+                         f"{wanted} in this garment's cut; give the options and the data it was trained with")
+
+
 def train_stage(run):
     """The patch stage of a training -> {"patch": history}."""
     options, character, static = run.options, run.character, run.net.static
@@ -143,8 +157,12 @@ def train_stage(run):
     layout = patch_cut.make(character, skin, options.patch_columns, options.patch_rows)
     native = patch_bptt.Native(layout, len(character.joint_names), options.patch_width, EMBEDDING)
     training, validation, moments = read(run, layout)
+    if run.before:
+        refuse_another_cut(run, layout)
     run.log(f"patch: {layout.sizes[0]} patches of {layout.sizes[1]} points, {native.size} weights")
-    learner = Learner(native, options.seed)
+    learner, body = Learner(native, options.seed), patch_losses.Body(layout)
+    if run.before:
+        learner.weights.data.copy_(flat(run.before.patch))
     window = options.patch_streams * options.patch_window
     steps = max(1, sum(map(len, training)) // window)
 
@@ -154,11 +172,12 @@ def train_stage(run):
         streams = patch_streams.Streams(training, layout, -(-options.patch_streams // shard.count),
                                         options.patch_window, options.patch_width, numbers)
         for _ in range(steps):
-            poses, truth, counts = streams.next()
-            noise = patch_streams.JITTER * streams.noise(options.patch_window, streams.count)
+            poses, truth, counts, rests = streams.next()
+            last = streams.last.clone()
             moved = patch_bptt.window(learner.weights, native, poses, streams.last, streams.before, streams.hidden,
-                                      noise)
-            yield loss_of(moved, truth, counts, options.patch_way)
+                                      streams.jitter(options.patch_window))
+            yield patch_losses.loss_of(moved, truth, counts, options.patch_way, body, poses[:, 2:]) + \
+                patch_losses.rest_of(moved, last, rests)
 
     def validate():
         rows = errors(layout, validation, play(native, learner.weights.detach(), validation))
@@ -169,12 +188,39 @@ def train_stage(run):
                        shards=options.shards, log=run.log)
     stage = stage_of(layout, options.patch_width, len(character.template), options.patch_sources)
     fill(stage, learner.weights.detach())
-    groups = patch_map.groups_of(layout, character.template)
-    sources = patch_map.sources_of(layout, character.template, options.patch_sources)
-    weights, offsets = patch_map.fit(moments, groups, sources)
-    with torch.no_grad():
-        stage.map["weights"].copy_(torch.from_numpy(weights))
-        stage.map["offsets"].copy_(torch.from_numpy(offsets))
-    stage.groups, stage.sources = (torch.from_numpy(v.astype(np.int64)) for v in (groups, sources))
+    stage.groups, stage.sources = (torch.from_numpy(v.astype(np.int64)) for v in (
+        patch_map.groups_of(layout, character.template),
+        patch_map.sources_of(layout, character.template, options.patch_sources)))
+    played = play(native, learner.weights.detach(), validation)
+    fit_map(run, stage, moments, metrics.Mesh(character.faces, character.template), played)
     run.net.patch = stage
     return {"patch": history}
+
+
+@torch.no_grad()
+def draw_with(stage, moments):
+    """Fits the stage's map."""
+    weights, offsets = patch_map.fit(moments, stage.groups.numpy(), stage.sources.numpy())
+    stage.map["weights"].copy_(torch.from_numpy(weights))
+    stage.map["offsets"].copy_(torch.from_numpy(offsets))
+
+
+def fit_map(run, stage, moments, mesh, played):
+    """The map whose wrinkles on validation clips, played [T, K, 3, R] each, are as large as the truth's."""
+    gains = np.ones(2)
+    for _ in range(GAIN_STEPS):
+        draw_with(stage, moments.livelier(mesh, gains))
+        gains *= liveliness(run, stage, mesh, played).wanting()
+    run.log(f"patch: wrinkles times {gains[0]:.2f} (middle) and {gains[1]:.2f} (fine)")
+    draw_with(stage, moments.livelier(mesh, gains.clip(1, MOST_GAIN)))
+
+
+@torch.no_grad()
+def liveliness(run, stage, mesh, played):
+    """patch_map.Liveliness of what the stage draws on validation clips, every LIVELY_EVERY-th frame."""
+    found, frames = patch_map.Liveliness(mesh), slice(WARM_UP, None, LIVELY_EVERY)
+    for clip, moved in zip((c for c in run.validation if not c.mirrored), played):
+        truth = dataset.load_truth(clip.path, False, None)[frames]
+        wanted = unskin.residual(run.net.static, run.net.standardise, clip.pose.at(frames), truth)
+        found.add(np.stack([stage.displacement(u.flatten()).numpy() for u in moved[frames]]), wanted)
+    return found

@@ -1,7 +1,7 @@
 """A garment of your own on a character of your own, the whole way: simulate, train, convert, show.
 
     python3 -m dcloth_training.make --character HERO.glb --garment DRESS.obj --out FOLDER
-        [--clips walk.fbx,run.fbx] [--minutes 10] [--fabric wool] [--pin top] [--plan]
+        [--clips walk.fbx,run.fbx] [--minutes 10] [--fabric wool] [--pin top] [--stages patch] [--plan]
 
 Says what it will cost, then works and says what is left; may be stopped at any time and started again with the same
 arguments. --minutes 10 is a first look, --minutes 600 a night. FOLDER/index.html is the result.
@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 
-from . import bundle, command, loop, sequence, train
+from . import bundle, command, fit_static, loop, patch_cut, rig, sequence, stages, train
 from .motion import procedural
 from .own import subject
 from .simulate import clips, run as simulate, settings, statics
@@ -27,7 +27,9 @@ from .truth.errors import refuse
 SIMULATING, TRAINING = 0.72, 0.2            # of the minutes; the rest: putting on, converting, the page
 # of the minutes: a step's of stage 1, stage 2's, a step's of stage 3
 STAGE_1, STAGE_2, STAGE_3 = 0.03, 0.1, 0.025
-FIRST_LOOK = 60                 # minutes; a shorter way leaves stage 3 out
+FIRST_LOOK = 60                 # minutes; in less, stage 1 is worth more epochs and stage 3 none
+COLUMNS, ROWS = (16, 8, 4, 2), 8        # of patches on a side: the most that there are vertices for; points a patch
+VERTICES_A_POINT = 4            # at least, on average: a point is a mean of cloth
 FEWEST_CLIPS, FEWEST_DRAPES, MOST_DRAPES = 4, 14, 1200
 ENOUGH_DRAPES, DRAPE_EVERY = 100, 5      # with fewer, every so many frames of clips stand in
 DRAPE_SHARE = 0.15              # of the frames simulated
@@ -38,8 +40,8 @@ MOST_RANDOM = 1000              # made-up clips: 80 minutes of motion
 VERTEX_SECONDS = 1.3e-5         # a frame, vertex and core, before it has been measured
 SHOWN = "procedural/demo_walk_turn"                  # always held out: what the page shows
 CHOOSING = "procedural/walk_slow_fast"               # chooses the epoch where too few clips are named
-KEPT = ("character", "garment", "fabric", "pin", "refine", "clips", "minutes", "body_meshes", "garment_unit",
-        "garment_up")
+KEPT = ("character", "garment", "fabric", "pin", "refine", "clips", "minutes", "stages", "body_meshes",
+        "garment_unit", "garment_up")
 
 
 def arguments(argv=None):
@@ -52,6 +54,9 @@ def arguments(argv=None):
                                     "or number, files (walk.fbx, clips.glb#Run). Scripted ones fill the rest of the "
                                     "time")
     add("--minutes", type=float, default=10, help="that the whole way may take, about. 10: a first look; 600: a night")
+    add("--stages", choices=stages.NAMES[1:], default="patch",
+        help="patch: strips of cloth that see the limbs; skeleton, mesh: the paper's stages, which read the pose and "
+             "need drapes")
     add("--workers", type=int, default=os.cpu_count() or 1, help="clips simulated side by side")
     add("--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers simulate; --workers says how many they "
                                              "are")
@@ -88,12 +93,12 @@ def split(own):
     return [SHOWN, names[-1]], [CHOOSING, names[-2]], names[:-2]
 
 
-def choose(own, frames):
-    """What is simulated in about `frames` frames: {"held_out", "validation", "training": names, "drapes": how many,
-    "frames": what that makes}."""
+def choose(own, frames, last):
+    """What is simulated in about `frames` frames for stages up to `last`: {"held_out", "validation", "training": names,
+    "drapes": how many, "frames": what that makes}."""
     held_out, validation, mine = split(own)
     length = dict(own)
-    drapes = max(FEWEST_DRAPES, min(MOST_DRAPES, round(DRAPE_SHARE * frames / DRAPE_FRAMES)))
+    drapes = 0 if last == "patch" else max(FEWEST_DRAPES, min(MOST_DRAPES, round(DRAPE_SHARE * frames / DRAPE_FRAMES)))
     total = drapes * DRAPE_FRAMES + sum(length.get(name, SCRIPTED_FRAMES) + LEAD_FRAMES
                                         for name in held_out + validation)
     scripted = [name for name in clips.PROCEDURAL if name not in (SHOWN, CHOOSING)] + \
@@ -106,6 +111,25 @@ def choose(own, frames):
         training.append(name)
         total += cost
     return {"held_out": held_out, "validation": validation, "training": training, "drapes": drapes, "frames": total}
+
+
+def columns_of(path):
+    """Columns of patches that the garment of a character.safetensors has vertices for. Refuses what cannot be cut."""
+    character = rig.read_character(path)
+    fitted = rig.fit(character, root_motion="air")
+    skin = np.zeros((len(character.template), len(character.joint_names)))
+    found = f"{len(character.template)} vertices"
+    for columns in COLUMNS:
+        if 2 * columns * ROWS * VERTICES_A_POINT > len(character.template):
+            continue
+        try:
+            skin[:, fitted.rig.bones] = fit_static.fixed_weights("hung", fitted.rig, character.parents,
+                                                                 fitted.initial_weights)
+            patch_cut.make(character, skin, columns, ROWS)
+            return columns
+        except ValueError as error:
+            found = str(error)
+    return refuse(path, found, "cloth on the hips of a character with limbs", "train it with --stages mesh")
 
 
 def make_plan(options, chosen):
@@ -136,7 +160,9 @@ def make_plan(options, chosen):
     side_by_side = max(1, options.workers if options.cluster else min(options.workers, os.cpu_count() or 1))
     seconds = 60 * options.minutes * SIMULATING
     plan = {"asked": asked, "seconds_per_frame": a_frame, "words": words,
-            **choose(own, seconds * side_by_side / a_frame)}
+            **choose(own, seconds * side_by_side / a_frame, options.stages)}
+    if options.stages == "patch" and os.path.exists(character):
+        plan["columns"] = columns_of(character)
     plan["minutes"] = {"simulating": round(plan["frames"] * a_frame / side_by_side / 60, 1),
                        "training": round(options.minutes * TRAINING, 1)}
     if not options.plan:
@@ -149,15 +175,17 @@ def make_plan(options, chosen):
 def tell(options, chosen, plan):
     frames, minutes = plan["frames"], plan["minutes"]
     vertices = len(chosen.worn.vertices)
+    drapes = f", {plan['drapes']} drapes" if plan["drapes"] else ""
     say(f"plan: {len(plan['training'])} clips to learn from, {len(plan['validation'])} to choose the epoch by, "
-        f"{len(plan['held_out'])} held out, {plan['drapes']} drapes: {frames:,} frames of {vertices:,} vertices")
+        f"{len(plan['held_out'])} held out{drapes}: {frames:,} frames of {vertices:,} vertices")
     say(f"plan: about {minutes['simulating']:.0f} min of simulation ({1e3 * plan['seconds_per_frame']:.0f} ms a frame "
         f"and core, {options.workers} side by side), {minutes['training']:.0f} min of training, 1 min to convert and "
         f"show; {frames * vertices * 12 * 2 / 1e9:.1f} GB on disk")
     total = minutes["simulating"] + minutes["training"] + 1
     if total > 1.3 * options.minutes:
-        say(f"plan: that is {total:.0f} min and not {options.minutes:g}: fewer than {FEWEST_CLIPS} clips and "
-            f"{FEWEST_DRAPES} drapes teach nothing; a coarser mesh is faster")
+        least = f"{FEWEST_CLIPS} clips" + (f" and {FEWEST_DRAPES} drapes teach" if drapes else " teach")
+        say(f"plan: that is {total:.0f} min and not {options.minutes:g}: fewer than {least} nothing; a coarser mesh is "
+            "faster")
     if not plan["words"]:
         say("plan: no --clips: all motion is scripted (walks, runs, turns, kicks); name clips of your game for its own")
 
@@ -174,19 +202,21 @@ def bundle_file(options):
 
 def simulated(options, chosen, plan):
     """Simulates what is missing; refused clips are told and left out."""
-    names = ["static", *plan["held_out"], *plan["validation"], *plan["training"]]
+    names = [*plan["held_out"], *plan["validation"], *plan["training"]]
+    if plan["drapes"]:
+        names.insert(0, "static")
     options.clips, options.poses = ",".join(names), plan["drapes"]
     options.held_out = ",".join(plan["held_out"] + plan["validation"])
     refused = simulate.run(options, chosen)
-    there = {name: os.path.exists(clip_file(options, name)) for name in names[1:]}
+    there = {name: os.path.exists(clip_file(options, name)) for name in names if name != "static"}
     if refused:
         say(f"{refused} clips are not cloth and left out; manifest.jsonl says why")
     left = {kind: [name for name in plan[kind] if there[name]] for kind in ("held_out", "validation", "training")}
     good = sum(map(len, left.values()))
-    if good < FEWEST_CLIPS or not os.path.isdir(os.path.join(options.out, "static")) or \
-            not os.listdir(os.path.join(options.out, "static")):
-        refuse(os.path.join(options.out, "manifest.jsonl"), f"{good} clips of {len(names) - 1} that are cloth",
-               f"{FEWEST_CLIPS} at least, and some drapes",
+    drapes = os.path.join(options.out, "static")
+    if good < FEWEST_CLIPS or plan["drapes"] and not (os.path.isdir(drapes) and os.listdir(drapes)):
+        refuse(os.path.join(options.out, "manifest.jsonl"), f"{good} clips of {len(there)} that are cloth",
+               f"{FEWEST_CLIPS} at least" + (", and some drapes" if plan["drapes"] else ""),
                "the reasons stand there; mend the garment or its pins and name another --out")
     for kind in ("held_out", "validation"):     # one that was to teach takes a refused one's place
         if not left[kind]:
@@ -209,21 +239,30 @@ def stand_ins(options, there, drapes):
     say(f"{drapes} drapes are few: every {DRAPE_EVERY}th frame of the clips to learn from stands in, too")
 
 
-def trained(options, there, drapes):
+def of_stages(options, plan):
+    """Options of train for the stages asked for."""
+    if options.stages == "patch":
+        return ["--stages", "patch", "--static-base", "hung", "--root-motion", "air", "--patch-rows", str(ROWS),
+                "--patch-columns", str(plan["columns"]), "--patch-epochs", "400"]
+    quick = options.minutes < FIRST_LOOK
+    last = "skeleton" if quick else options.stages
+    return ["--stages", last, "--static-epochs", "600" if quick else "200", "--skeleton-epochs", "400",
+            "--settle-epochs", "6" if quick else "20", "--mesh-epochs", "40"]
+
+
+def trained(options, there, plan):
     """FOLDER/<garment>.safetensors, the bundle."""
     path = bundle_file(options)
     if os.path.exists(path):
         return path
-    stand_ins(options, there, drapes)
-    quick = options.minutes < FIRST_LOOK
+    if plan["drapes"]:
+        stand_ins(options, there, plan["drapes"])
     chosen = train.arguments([
         "--data", options.out, "--out", os.path.join(options.out, "training"), "--export", path,
         "--validation", ",".join(there["validation"]), "--held-out", ",".join(there["held_out"]),
-        "--threads", str(min(2, options.workers)), "--static-epochs", "600" if quick else "200",
-        "--skeleton-epochs", "400", "--settle-epochs", "6" if quick else "20",
-        *(["--stages", "skeleton"] if quick else ["--mesh-epochs", "40"])])
+        "--threads", str(min(2, options.workers)), *of_stages(options, plan)])
     share = {"static": STAGE_1, "static_pruned": STAGE_1, "skeleton": STAGE_2, "mesh_head": STAGE_3,
-             "mesh_layers": STAGE_3}
+             "mesh_layers": STAGE_3, "patch": TRAINING}
     with loop.limited({stage: options.minutes * part for stage, part in share.items()}):
         net, fitted, character, provenance = train.run(chosen)
     bundle.write(path, net, fitted, character, provenance, options.name)
@@ -314,7 +353,7 @@ def work(options):
     left(1, f"simulating; about {simulate.told_time(60 * (to_simulate + to_train + 1))} left")
     there = simulated(options, chosen, plan)
     left(2, f"training; about {simulate.told_time(60 * (to_train + 1))} left")
-    path = trained(options, there, plan["drapes"])
+    path = trained(options, there, plan)
     left(3, "converting and measuring; about 60 s left")
     shown(options, path, there)
     left(4, f"done: {os.path.join(options.out, 'index.html')}")

@@ -34,10 +34,10 @@ def arguments(argv=None):
     add("--more-data", help="folder of more clips of the garment, such as those with the hips held in place")
     add("--out", required=True)
     add("--start", help="bundle or folder of a finished training to go on from: its features and stage 1 stay, stage 2 "
-                        "learns on")
+                        "or the patch stage learns on")
     add("--export", help="bundle to write at the end")
-    add("--validation", default=",".join(dataset.VALIDATION + dataset.VALIDATION_TAKES),
-        help="clips or takes that choose the epoch, comma separated")
+    add("--validation", default=",".join((*dataset.VALIDATION, *dataset.VALIDATION_TAKES, "validation/")),
+        help="clips, takes or groups (validation/) that choose the epoch, comma separated")
     add("--held-out", default=",".join(dataset.HELD_OUT),
         help="clips to measure the network on, never read here, comma separated; the bundle names them")
     add("--seed", type=int, default=1)
@@ -171,8 +171,12 @@ def start_from(options, fitted):
     else:
         net, worn, _, provenance = export.load_trained(options.start, options.data)
         other = worn.rig
-    if net.skeleton is None or other.feature_joints != fitted.rig.feature_joints or \
-            len(net.skeleton.basis) != options.skeleton_size or other.root_motion != fitted.rig.root_motion:
+    if (net.patch is None) == (options.stages == "patch"):
+        raise ValueError(f"--start {options.start}: found {'no ' if net.patch is None else ''}patches; it goes on with "
+                         f"--stages {'skeleton or mesh' if net.patch is None else 'patch'}")
+    if net.patch is None and (net.skeleton is None or other.feature_joints != fitted.rig.feature_joints or \
+                              len(net.skeleton.basis) != options.skeleton_size or
+                              other.root_motion != fitted.rig.root_motion):
         found = "no stage 2" if net.skeleton is None else f"k_S = {len(net.skeleton.basis)} over {told(other)}"
         raise ValueError(f"--start {options.start}: found {found}; expected k_S = {options.skeleton_size} over "
                          f"{told(fitted.rig)}; give the options it was trained with")

@@ -113,6 +113,19 @@ def test_reported_clips_are_a_table_of_their_own():
     assert "mocap/run" in recorded and "procedural/hop" in scripted
 
 
+def test_the_card_tells_whose_motion_it_was_and_from_where():
+    before = {"training_clips": ["mocap/jump", "procedural/kicks"], "validation_clips": ["mocap/walk"]}
+    lines = card_text.sources({
+        "training_clips": ["cmu_db/cmu007_12_00@0", "cmu_db/cmu060_01_00@0~2", "snu/snubox_1_00@0"],
+        "validation_clips": ["validation/cmu061_01_00@0"], "started_from": before})
+    assert lines[:2] == ["| clips | for | people | from |", "|---|---|---|---|"]
+    assert [line.split(" | ")[:3] for line in lines[2:]] == [
+        ["| 2 of `cmu_db/`", "training", "2"], ["| 1 of `mocap/`", "training", "several"],
+        ["| 1 of `procedural/`", "training", "-"], ["| 1 of `snu/`", "training", "1"],
+        ["| 1 of `mocap/`", "validation", "several"], ["| 1 of `validation/`", "validation", "1"]]
+    assert "NSF EIA-0196217" in lines[2] and "Apache-2.0" in lines[5] and "mocap.cs.cmu.edu" in lines[-1]
+
+
 @pytest.mark.parametrize("text,message", [
     (README.replace("errors fixed hips", "speed"), "'<!-- card: speed -->': allowed are"),
     (README.replace("<!-- card end -->\nThe", "The"), "3 marks '<!-- card: PART -->' and 2"),

@@ -31,6 +31,17 @@ def test_nobody_who_validates_or_is_reported_is_trained_on():
     assert not {base(name) for name in clips.MEASURED_PIECES + clips.DEVELOPMENT} & {base(name) for name in LEARNED}
 
 
+def test_a_subject_of_the_cmu_database_is_one_person_wherever_the_clip_lies():
+    taught, chosen = "cmu_db/cmu007_12_00@0", "validation/cmu131_13a_00@300~2"
+    assert [clips.person(name) for name in (taught, chosen)] == ["CMU subject 007", "CMU subject 131"]
+    assert clips.person("cmu_db/cmuztrain-running-1_00") == "CMU subject z"     # nobody knows who that is
+    assert [dataset.role(name) for name in (taught, chosen)] == ["training", "validation"]
+    assert dataset.role("cmu_db/cmu131_14_00") == "validation" and dataset.subject("cmu/a_walking") is None
+    assert {clips.person(name) for name in ("snu/snubox_001_00", "snu/snuwd2_092_00@0")} == \
+        {"an actor of Seoul National University"}
+    assert {dataset.role(name) for name in ("snu/snubox_001_00", "mesh2motion/m2m_Push-Loop_00")} == {"training"}
+
+
 @pytest.mark.parametrize("group, role", [("REPORTED", "reported"), ("VALIDATION", "validation"),
                                          ("DEVELOPMENT", "development"), ("MEASURED_PIECES", "development")])
 def test_the_data_set_knows_what_each_clip_is_for(group, role):
@@ -206,6 +217,8 @@ def test_no_network_learns_from_a_reported_clip_or_is_chosen_by_it(tmp_path):
                                          ["child/8_dab@45"])
     assert [c.name for c in training] == ["mocap/jump"] and [c.name for c in validation] == ["child/8_dab@45"]
     _, validation = dataset.split([clip("child/8_dab@45"), clip("mocap/jump")], dataset.VALIDATION_TAKES)
+    both = [clip("validation/cmu061_01_00@0"), clip("cmu_db/cmu007_12_00@0")]
+    assert [[c.name for c in part] for part in dataset.split(both, ["validation/"])] == [[c.name] for c in both[::-1]]
     assert [c.name for c in validation] == ["child/8_dab@45"]
     assert set(dataset.VALIDATION_TAKES) == {base(name) for name in clips.VALIDATION} - set(dataset.VALIDATION)
     for given, chosen in ((["child/8_walk@41", "mocap/jump"], []), (["mocap/jump"], ["evaluation/dance"])):

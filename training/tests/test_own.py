@@ -327,17 +327,18 @@ def test_refined_keeps_the_pattern(hero, tmp_path):
 
 # The way --------------------------------------------------------------------------------------------------------------
 
+@pytest.mark.parametrize("last", ["patch", "mesh"])
 @pytest.mark.parametrize("frames, own", [(1000, []), (100000, []), (30000, [(f"clip{k}", 200) for k in range(6)])])
-def test_the_plan_spends_what_it_is_given(frames, own):
-    plan = make.choose(own, frames)
+def test_the_plan_spends_what_it_is_given(frames, own, last):
+    plan = make.choose(own, frames, last)
     names = plan["held_out"] + plan["validation"] + plan["training"]
     assert len(set(names)) == len(names) and len(plan["training"]) >= make.FEWEST_CLIPS
     assert {name for name, _ in own} <= set(names)
-    assert plan["drapes"] >= make.FEWEST_DRAPES
+    assert plan["drapes"] == 0 if last == "patch" else plan["drapes"] >= make.FEWEST_DRAPES
     if frames > 5000:
         assert 0.9 * frames < plan["frames"] <= frames
         assert not own or "clip5" in plan["held_out"] and "clip4" in plan["validation"]
-    more = make.choose(own, 2 * frames)
+    more = make.choose(own, 2 * frames, last)
     assert plan["training"] == more["training"][:len(plan["training"])]     # the most important first
     assert all(name.partition("/")[2] in procedural.SCRIPTS or "random_" in name for name in names if "/" in name)
 

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 import torch
 
-from dcloth_training import (bundle, features, fit_patch, network, patch_bptt, patch_cut, patches, reference,
-                             safetensors_io, sequence, synthetic, synthetic_body, train)
+from dcloth_training import (bundle, features, fit_patch, make, metrics, network, patch_bptt, patch_cut, patch_losses,
+                             patch_map, patch_streams, patches, reference, safetensors_io, sequence, synthetic,
+                             synthetic_body, train)
+from dcloth_training.compare import __main__ as compare
 from dcloth_training.rig import Character, mirrored_joints
+from dcloth_training.truth.errors import TruthError
 
 RINGS, COLUMNS = 12, 40
 WIDTH = 16
@@ -123,6 +126,41 @@ def test_garments_and_characters_that_cannot_be_cut_are_told(worn):
         patch_cut.make(bare, on_hips(bare))
 
 
+def test_wrinkles_that_are_known_in_part_are_drawn_in_full_size(worn, layout):
+    """Truth: what points tell, and as much again that they do not tell."""
+    numbers, points, n = np.random.default_rng(3), int(np.prod(layout.sizes)), len(worn.template)
+    mesh = metrics.Mesh(worn.faces, worn.template)
+    told = numbers.standard_normal((3 * points, 3 * n)).astype(np.float32) * 0.02
+
+    def frames(count):
+        moved = 0.05 * numbers.standard_normal((count, layout.sizes[0], 3, layout.sizes[1])).astype(np.float32)
+        rows = moved.transpose(0, 1, 3, 2).reshape(count, -1)
+        own = rows @ told
+        return moved, (0.1 + own + own.std() * numbers.standard_normal(own.shape)).reshape(count, n, 3)
+
+    groups = patch_map.groups_of(layout, worn.template)
+    sources = patch_map.sources_of(layout, worn.template, points)
+    moments, (moved, truth) = patch_map.Moments(points, n), frames(2000)
+    moments.add(moved, truth.astype(np.float32))
+    moved, truth = frames(200)
+    made = fit_patch.stage_of(layout, WIDTH, n, points)
+    made.groups, made.sources = torch.from_numpy(groups.astype(np.int64)), torch.from_numpy(sources.astype(np.int64))
+
+    def drawn(of):
+        fit_patch.draw_with(made, of)
+        shapes = torch.stack([made.displacement(torch.from_numpy(u).flatten()) for u in moved]).detach().numpy()
+        found = patch_map.Liveliness(mesh)
+        found.add(shapes, truth)
+        return found, np.linalg.norm(shapes - truth, axis=-1).mean(), shapes
+
+    flat, error, still = drawn(moments)
+    assert (flat.drawn < 0.7 * flat.wanted).all() and (flat.wanting() > 1.05).all()
+    lively, more, shapes = drawn(moments.livelier(mesh, flat.wanting()))
+    assert np.sqrt(lively.drawn / lively.wanted) == pytest.approx(patch_map.LIVELY, abs=0.05)
+    assert more < 1.15 * error
+    assert np.abs(shapes.mean(0) - still.mean(0)).max() < 0.02     # the mean shape is that of the truth
+
+
 def stage(layout, vertices, seed=2):
     """(PatchStage in float64, flat weights) with every weight away from its start."""
     native = patch_bptt.Native(layout, 52, WIDTH, fit_patch.EMBEDDING, torch.float64)
@@ -235,6 +273,23 @@ def trained(data, out, *more):
         "--patch-streams", "4", "--patch-window", "8", "--static-width", "8", *more]))
 
 
+def test_make_cuts_what_the_garment_has_vertices_for_and_trains_patches(data, tmp_path):
+    path = data / "character.safetensors"
+    tensors, metadata = safetensors_io.read(path)
+    assert make.columns_of(str(path)) == 4      # 480 vertices
+    (tmp_path / "lost").mkdir()
+    lost = str(tmp_path / "lost" / "character.safetensors")
+    of_hips = np.zeros_like(tensors["body_weights"])
+    of_hips[:, 0] = 1
+    safetensors_io.write(lost, {**tensors, "body_weights": of_hips}, metadata)
+    with pytest.raises(TruthError, match="no limb among the joints.*--stages mesh"):
+        make.columns_of(lost)
+    options = make.arguments(["--character", "h.glb", "--garment", "d.obj", "--out", str(tmp_path)])
+    assert options.stages == "patch"
+    asked = train.arguments(["--data", "d", "--out", "o", *make.of_stages(options, {"columns": 2})])
+    assert (asked.stages, asked.static_base, asked.root_motion, asked.patch_columns) == ("patch", "hung", "air", 2)
+
+
 def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
     net, fitted, whole, provenance = trained(data, tmp_path / "run", "--patch-epochs", "60", "--patch-sources", "4")
     with open(tmp_path / "run" / "log.json") as file:
@@ -251,6 +306,77 @@ def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
     bolted = reference.run(again, rig, item.joint_matrices, "static")
     off = [float((v - torch.from_numpy(item.truth)).norm(dim=-1)[12:].mean()) for v in (played, bolted)]
     assert off[0] < 0.8 * off[1]
+
+    on = trained(data, tmp_path / "on", "--start", str(path), "--patch-epochs", "0", "--patch-sources", "4")[0]
+    for name, value in net.patch.named_parameters():
+        assert torch.allclose(value, on.patch.state_dict()[name], atol=1e-6), name
+    with pytest.raises(ValueError, match=r"--start.*found patches.*\(8, 3, 16, 7\); expected \(8, 2, 16, 7\)"):
+        trained(data, tmp_path / "other", "--start", str(path), "--patch-epochs", "0", "--patch-rows", "2")
+    with pytest.raises(ValueError, match="--start.*found patches; it goes on with --stages patch"):
+        trained(data, tmp_path / "third", "--start", str(path), "--stages", "skeleton", "--window", "32")
+
+
+def test_the_comparison_names_patches_beside_the_stages(data, tmp_path):
+    full, given = tmp_path / "full", tmp_path / "given.safetensors"
+    small = ["--data", str(data), "--validation", "a/two", "--held-out", "a/held", "--root-motion", "air",
+             "--static-base", "rigid", "--static-width", "8", "--threads", "1"]
+    train.run(train.arguments([*small, "--out", str(full), "--stages", "skeleton", "--skeleton-epochs", "1",
+                               "--settle-epochs", "0", "--skeleton-size", "8", "--skeleton-rank", "4", "--window", "30",
+                               "--patch-columns", "4", "--patch-rows", "3", "--patch-width", "16"]))
+    of_patches = train.run(train.arguments([
+        *small, "--out", str(tmp_path / "given"), "--stages", "patch", "--patch-columns", "4", "--patch-rows", "3",
+        "--patch-width", "16", "--patch-epochs", "1", "--patch-sources", "4"]))
+    bundle.write(given, *of_patches, half=False)
+
+    def compared(out, rows, *more):
+        found = compare.run(compare.arguments(["--data", str(data), "--full", str(full), "--out", str(tmp_path / out),
+                                               "--rows", rows, "--epochs", "1", *more]))
+        return {row["key"]: row for row in found["rows"]}
+
+    here = compared("here", "stages_1_2,patches")
+    assert list(here) == ["stages_1_2", "patches"] and here["patches"]["fits"]["patch"]["epochs"] == 1
+    assert here["patches"]["group"] == "patches" and here["patches"]["parameters"] > 10000
+    there = compared("there", "patches", "--patches", str(given))["patches"]
+    item = sequence.read(data / "dynamic" / "a-held.safetensors")
+    played = of_patches[0].run(network.pose_of(item.joint_matrices, of_patches[1].rig, torch.float32)).numpy()
+    off = float(np.linalg.norm(played - item.truth, axis=-1)[12:].mean())     # from a reset, metrics skip them
+    assert there["clips"]["a/held"]["position_mm"]["mean"] == pytest.approx(1e3 * off, rel=1e-3)
+    with pytest.raises(ValueError, match="--patches .*no patches; expected patches over Hips"):
+        compared("wrong", "patches", "--patches", str(full))
+
+
+def test_where_a_pose_is_held_cloth_is_to_rest(worn, layout):
+    item = sequence.Sequence(synthetic_body.motion(60, 30.0, 3), None, worn.joint_names, 30.0, "a/one", "dynamic")
+    relative = features.relative(item.joint_matrices, worn.bind)
+    truth = patches.displacements(layout, relative, cloth(worn, item.joint_matrices)).astype(np.float16)
+    clip = patch_streams.Clip("a/one", patches.poses(relative, item.joint_matrices[:, 0, :3, 3], None), truth)
+    streams = patch_streams.Streams([clip], layout, 6, 16, WIDTH, np.random.default_rng(4))
+    seen = []
+    for window in range(20):
+        poses, _, counts, rests = streams.next()
+        noise = streams.jitter(16)
+        for k in range(6):
+            if streams.held[k] is None:
+                assert not rests[:, k].any() and counts[:, k].any() and noise[:, k].any()
+                continue
+            assert not counts[:, k].any() and not noise[:, k].any()
+            assert (poses[k, 2:] == poses[k, 2]).all() and not poses[k, 2, -6:].any()
+            seen.append((int(streams.at[k]), rests[:, k].tolist()))
+    assert seen
+    for end, rests in seen:
+        ticks = np.arange(end - 16, end)
+        assert end <= patch_streams.HELD_TICKS
+        np.testing.assert_allclose(rests, ((ticks - 45) / 30).clip(0, 1), atol=1e-6)
+
+    still, moving = torch.zeros(16, 2, *layout.sizes[:1], 3, layout.sizes[1]), torch.zeros(16, 2)
+    moving[:, 1] = 1
+    swinging = still + 0.001 * torch.arange(1.0, 17.0)[:, None, None, None, None]
+    assert float(patch_losses.rest_of(still, still[0], moving)) < 1e-4
+    assert float(patch_losses.rest_of(swinging, still[0], moving)) == pytest.approx(30 * 0.001 * 3 ** 0.5, rel=1e-3)
+    assert float(patch_losses.rest_of(swinging, still[0], torch.zeros(16, 2))) == 0
+    alone = patch_losses.loss_of(still, still, torch.zeros(16, 2), 3.0, patch_losses.Body(layout),
+                                 torch.zeros(2, 16, 12 * 52 + 6))
+    assert float(alone) == 0                            # a window in which all poses are held
 
 
 def test_a_stopped_training_goes_on_to_the_same_bits(data, tmp_path):
@@ -269,3 +395,51 @@ def test_a_stopped_training_goes_on_to_the_same_bits(data, tmp_path):
     again = trained(data, tmp_path / "stopped", "--patch-epochs", "4", "--validate-every", "2")[0]
     for name, value in whole.patch.state_dict().items():
         assert torch.equal(value, again.patch.state_dict()[name]), name
+
+
+def test_the_losses_see_the_limbs_where_the_stage_sees_them(worn, layout):
+    made, _, _ = stage(layout, len(worn.template))
+    poses, body = poses_of(worn, 5), patch_losses.Body(layout)
+    moved = 0.05 * torch.randn(5, layout.sizes[0], 3, layout.sizes[1], generator=torch.Generator().manual_seed(4))
+    axes, bases, ends = body.places(poses.float())
+    at = bases + axes @ moved
+    # The stage tells of the nearer capsule of each limb; limbs are [K, 2, 2] there.
+    found = body.distances(at, ends).unflatten(2, (2, 2)).amin(3)
+    for t, pose in enumerate(poses):
+        matrices = pose[:-6].reshape(-1, 3, 4)
+        frames, _, rest = made.frames(matrices)
+        there = rest + (frames @ moved[t].double()).transpose(1, 2)
+        told = made.beside(frames, there, made.ends(matrices), made.ends(matrices))[:, :, 3]
+        expected = (10 * found[t]).clamp(-1.0, 3.0).double()
+        assert float((at[t].transpose(1, 2) - there).abs().max()) < 1e-5
+        assert float((told - expected).abs().max()) < 1e-4
+
+
+def test_a_point_in_a_limb_costs_what_it_is_deeper_than_the_truth(worn, layout):
+    poses, body = poses_of(worn, 2).float(), patch_losses.Body(layout)
+    axes, bases, ends = body.places(poses)
+    truth = torch.zeros(2, 1, layout.sizes[0], 3, layout.sizes[1])
+    counts = torch.ones(2, 1)
+    # The point that is nearest to a limb, moved to that limb's axis and as far the other way.
+    distances = body.distances(bases, ends)[0]
+    k, limb, r = (int(i) for i in np.unravel_index(int(distances.argmin()), distances.shape))
+    start, end = ends[0, body.limbs[k, limb]]
+    along = ((bases[0, k, :, r] - start) @ (end - start) / (end - start).square().sum()).clamp(0, 1)
+    step = axes[0, k].T @ (start + along * (end - start) - bases[0, k, :, r])
+
+    def cost(moved, of):
+        return float(patch_losses.loss_of(moved, truth, counts, 0.0, of, None if of is None else poses[None]))
+
+    def apart(way):
+        moved = truth.clone()
+        moved[:, 0, k, :, r] = way * step
+        return cost(moved, body) - cost(moved, None)
+
+    assert cost(truth, body) == pytest.approx(cost(truth, None), abs=1e-7)
+    with pytest.MonkeyPatch.context() as only:
+        only.setattr(patch_losses, "STRETCH", 0.0)
+        assert apart(-1.0) == pytest.approx(0, abs=1e-7)
+        kept = min(float(distances[k, limb, r]), patch_losses.MARGIN)
+        radius = float(distances[k, limb, r] - step.norm())     # of the limb there, negative
+        expected = patch_losses.COLLISION * (kept - radius) / (2 * layout.sizes[0] * layout.sizes[1])
+        assert apart(1.0) >= 0.9 * expected > 0

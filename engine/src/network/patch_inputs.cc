@@ -165,6 +165,13 @@ void PlaceCapsules(const PatchStageView& stage, const PatchPose& pose, float* en
     for (size_t end = 0; end < 2; ++end)
       Store(Bounded(Turn(m, VecfAt(stage.capsules + 8 * i + 3 * end)) + Shift(m)), ends + 6 * i + 3 * end);
   }
+  // A knee is one place, also of a leg that is longer than the figure's.
+  for (size_t i = 0; i < stage.capsule_count; ++i) {
+    for (size_t j = 0; j < stage.capsule_count; ++j) {
+      const float *end = stage.capsules + 8 * i + 3, *start = stage.capsules + 8 * j;
+      if (end[0] == start[0] && end[1] == start[1] && end[2] == start[2]) Store(VecfAt(ends + 6 * j), ends + 6 * i + 3);
+    }
+  }
 }
 
 void MoveCapsules(const PatchStageView& stage, const PatchPose& pose, const float* ends_before,

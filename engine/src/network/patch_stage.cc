@@ -12,7 +12,8 @@ using format::LinearView;
 using format::ModelView;
 using format::PatchStageView;
 
-constexpr float kOutStep = 0.1f;  // of `out`, metres
+constexpr float kOutStep = 0.1f;           // of `out`, metres
+constexpr float kFarthestFromBase = 0.8f;  // metres along each axis: the inputs tell no more
 
 size_t PatchFloats(const PatchStageView& stage) { return kAxes * stage.point_count; }
 size_t AllPoints(const PatchStageView& stage) { return stage.patch_count * PatchFloats(stage); }
@@ -129,7 +130,7 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
     for (size_t c = 0; c < kAxes; ++c) {
       for (size_t r = 0; r < points; ++r) {
         const size_t i = c * points + r;
-        u[i] = kOutStep * out[i] + stage.keep[r] * u[i];
+        u[i] = Clamp(-kFarthestFromBase, kFarthestFromBase, kOutStep * out[i] + stage.keep[r] * u[i]);
       }
     }
     const PatchFrame frame = FrameOf(stage, memory, k);

@@ -27,6 +27,9 @@ constexpr uint64_t kPerGate = 1000;
 constexpr uint64_t kPerPatchPoint = 80000, kPerPatchGroup = 40000;
 constexpr uint64_t kPerPatchProduct = 30, kPerIntegerPatchProduct = 20;  // of one patch and one weight
 
+// Of the hips, metres a second. Nobody runs so fast: what does was moved, and cloth left behind there would fly.
+constexpr double kFastest = 12;
+
 struct PartSize {
   uint64_t items;
   uint64_t item_cost;
@@ -81,13 +84,17 @@ void WakeStages(Cloth* cloth, uint32_t stages) {
 // How a tick finds what its patches remember; `root` and `stages` are of the tick before.
 PatchMotion MotionOf(const Cloth& cloth, const SkinPose& skin, const double (&wind)[3], double elapsed_ticks) {
   const bool remembers = cloth.root.started && RunsPatches(*cloth.model, cloth.stages);
+  const double tick_rate = static_cast<double>(cloth.model->tick_rate);
+  const double farthest = kFastest / tick_rate * (elapsed_ticks > 1 ? elapsed_ticks : 1);
   PatchMotion motion = {};
+  double square = 0;
   for (int r = 0; r < 3; ++r) {
     motion.hips_way[r] = remembers ? skin.origin[r] - cloth.root.position[r] : 0;
-    motion.wind[r] = wind[r] / static_cast<double>(cloth.model->tick_rate);
+    motion.wind[r] = wind[r] / tick_rate;
+    square += motion.hips_way[r] * motion.hips_way[r];
   }
   motion.elapsed_ticks = elapsed_ticks;
-  motion.carried = !remembers || cloth.root.jumped;
+  motion.carried = !remembers || cloth.root.jumped || square > farthest * farthest;
   return motion;
 }
 

@@ -1,4 +1,5 @@
-// The whole network in double, written from NETWORK.md alone, with a bound on what float arithmetic may change.
+// The paper's three stages in double, written from NETWORK.md alone, with a bound on what float arithmetic may change.
+// The patch stage has a reference of its own, in network/patch_stage_test.cc.
 #ifndef DCLOTH_TESTS_UNIT_ENGINE_REFERENCE_NETWORK_H_
 #define DCLOTH_TESTS_UNIT_ENGINE_REFERENCE_NETWORK_H_
 

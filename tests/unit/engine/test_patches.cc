@@ -58,14 +58,15 @@ void AddPoints(TensorWriter* writer, const Numbers& numbers, std::vector<float>*
   }
 }
 
-// Near the joints, long enough to have a side.
+// Near the joints, long enough to have a side. Every second one begins where the one before ends, as a shank at a knee.
 std::vector<float> RandomCapsules(const ModelSpec& spec, TensorWriter* writer, const Numbers& numbers) {
   std::vector<float> capsules;
   for (uint32_t c = 0; c < spec.capsules; ++c) {
     const Vec& joint = numbers.joint_positions[numbers.patches.capsule_joints[c]];
     const Vec way = RandomVec(0.1, 0.3, writer);
-    for (size_t a = 0; a < 3; ++a) capsules.push_back(static_cast<float>(joint[a]));
-    for (size_t a = 0; a < 3; ++a) capsules.push_back(static_cast<float>(joint[a] - way[a]));
+    const size_t before = capsules.size() - 5;  // the second end
+    for (size_t a = 0; a < 3; ++a) capsules.push_back(c % 2 == 1 ? capsules[before + a] : static_cast<float>(joint[a]));
+    for (size_t a = 0; a < 3; ++a) capsules.push_back(capsules[8 * c + a] - static_cast<float>(way[a]));
     for (int end = 0; end < 2; ++end) capsules.push_back(static_cast<float>(writer->Uniform(0.04, 0.12)));
   }
   return capsules;

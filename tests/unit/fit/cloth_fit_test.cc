@@ -54,6 +54,14 @@ Affine RandomFrame(std::mt19937* random, double scale) {
   return frame;
 }
 
+// Of so many patches: 0 are the paper's stages.
+class NetworkFitTest : public FitTest, public ::testing::WithParamInterface<uint32_t> {
+ protected:
+  NetworkFitTest() : FitTest(0, 0, GetParam()) {}
+};
+INSTANTIATE_TEST_SUITE_P(Every, NetworkFitTest, ::testing::Values(0u, 6u),
+                         [](const auto& test) { return test.param == 0 ? "Stages" : "Patches"; });
+
 // The same body under each naming, with joints of any axes and scale, in any order: the garment of the figure.
 TEST_F(FitTest, AnyNamingWearsTheSameGarment) {
   const std::vector<std::string> unreal = {
@@ -118,7 +126,7 @@ TEST_F(FitTest, AnyNamingWearsTheSameGarment) {
 }
 
 // Unreal's axes and centimetres, 1.3 times the size, bound while it faced another way: the figure's garment, 1.3 times.
-TEST_F(FitTest, AnotherSizeAnotherSpaceAnotherWayToFace) {
+TEST_P(NetworkFitTest, AnotherSizeAnotherSpaceAnotherWayToFace) {
   const dcloth_space space = {sizeof(space), DCLOTH_AXIS_MINUS_Y,          DCLOTH_AXIS_Z, DCLOTH_AXIS_X,
                               0.01f,         DCLOTH_JOINT_FRAMES_CONVERTED};
   constexpr double kSize = 1.3;
@@ -159,7 +167,7 @@ TEST_F(FitTest, AnotherSizeAnotherSpaceAnotherWayToFace) {
 }
 
 // Bound with hanging arms and legs apart: the figure's T-pose is made of it.
-TEST_F(FitTest, AStanceOfItsOwn) {
+TEST_P(NetworkFitTest, AStanceOfItsOwn) {
   std::vector<float> bind = Training(), moved;
   for (size_t j = 0; j < joints(); ++j) {
     const std::string& name = names_[j];

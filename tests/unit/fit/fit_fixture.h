@@ -21,12 +21,13 @@ inline constexpr float kFrame = 1 / 45.0f;
 
 class FitTest : public ::testing::Test {
  protected:
-  // With rings, an egg of as many rings and segments is the figure's body.
-  explicit FitTest(uint32_t rings = 0, uint32_t segments = 0)
+  // With rings, an egg of as many rings and segments is the figure's body; with patches, a patch stage moves the cloth.
+  explicit FitTest(uint32_t rings = 0, uint32_t segments = 0, uint32_t patches = 0)
       : model_([&] {
           ModelSpec spec;
           spec.skeleton_joints = Figure();
           spec.joints = spec.bones = static_cast<uint32_t>(spec.skeleton_joints.size());
+          spec.patches = patches;
           TestModel model = BuildModel(spec);
           if (rings != 0) egg_ = AddBody(&model, rings, segments);
           return model;

@@ -22,6 +22,7 @@ def arguments(argv=None):
     add("--data", required=True, help="what simulate/run.py made")
     add("--more-data", help="folder of more training clips, as for train")
     add("--full", required=True, help="the trained model: train.py's folder, or a bundle")
+    add("--patches", help="a trained model with patches, as --full, to measure beside it (default: one is trained)")
     add("--out", required=True, help="weights, measurements and the table")
     add("--clips", type=dataset.clip_names,
         help="held-out clips, comma separated (default: those the full model's training was told, train --held-out)")
@@ -46,8 +47,7 @@ def arguments(argv=None):
 
 def remarks(scene, records, wanted):
     """What a reader must know to judge the table."""
-    out = [f"{row.title}: left out, the full model has no such stage." for row in wanted
-           if not row.applies(scene)]
+    out = [f"{row.title}: left out, {why}." for row in wanted if (why := row.lacks(scene))]
     trained = scene.training_names()
     known = scene.provenance.get("training_clips")
     if known is not None and set(known) != trained:
@@ -77,7 +77,7 @@ def run(options):
     log = train.Log(options.out)
     scene = Scene(options, log)
     floor = table.read_floor(options.floor, scene.clips)
-    settings, scene.full_digest = keep.check(scene), keep.full_digest(scene)
+    settings, scene.full_digest = keep.check(scene), keep.weights_digest(scene.full)
     wanted = [row for row in ROWS if options.rows is None or row.key in options.rows]
     records = []
     for number, row in enumerate(wanted, 1):

@@ -28,9 +28,8 @@ def write_json(path, value):
     os.replace(partial, path)
 
 
-def full_digest(scene):
-    """Of the full model's weights: rows that run them are measured again when they change."""
-    path = scene.full
+def weights_digest(path):
+    """Of a trained model: rows that run its weights are measured again when they change."""
     return digest([os.path.join(path, "network.safetensors") if os.path.isdir(path) else path])
 
 
@@ -92,11 +91,12 @@ def measure(scene, row, model, record):
 
 def finish(scene, row):
     """Train the row if need be, measure what is missing, keep it -> its record, or None."""
-    if not row.applies(scene):
+    if row.lacks(scene):
         return None
     folder = os.path.join(scene.folder, row.folder(scene))
     path = os.path.join(scene.folder, row.key + ".json")
-    of_full = scene.full_digest if row.OF_FULL else None
+    runs = row.runs(scene)
+    of_full = weights_digest(runs) if runs else None
     record = {}
     if os.path.exists(path):
         with open(path) as file:

@@ -12,7 +12,7 @@ from typing import Callable, Optional
 
 import torch
 
-from .. import checkpoint, evaluate, export, fit_skeleton, loop, network, stages, train
+from .. import checkpoint, evaluate, export, fit_skeleton, loop, network, patch_cut, stages, train
 from ..stages.skeleton_stage import SkeletonStage
 from . import fit, sizes
 from .recurrent_pose import RecurrentPose
@@ -55,18 +55,18 @@ def names_up_to(last):
 class Row:
     key: str
     title: str
-    group: str     # "scale", "ours", "ablation", "control" or "family"
+    group: str     # "scale", "ours", "patches", "ablation", "control" or "family"
     note: str
 
-    OF_FULL = False    # True where the row runs weights of the full model
+    def runs(self, scene):
+        """The trained model, a path, whose weights the row runs; None where it trains its own."""
 
     def folder(self, scene):
         """Of its weights, below --out."""
         return self.key
 
-    def applies(self, scene):
-        """False where the full model lacks the stage that this row is about."""
-        return True
+    def lacks(self, scene):
+        """Why there is no such row, in words; None where there is one."""
 
     def train(self, scene, folder):
         """Nothing to do unless a subclass says otherwise."""
@@ -86,10 +86,12 @@ class Skinned(Row):
 class Full(Row):
     """The full model up to a stage."""
     stages: str = "mesh"
-    OF_FULL = True
 
-    def applies(self, scene):
-        return stages.NAMES.index(self.stages) <= stages.NAMES.index(scene.net.last_stage())
+    def runs(self, scene):
+        return scene.full
+
+    def lacks(self, scene):
+        return "the full model has no such stage" if getattr(scene.net, self.stages) is None else None
 
     def load(self, scene, folder):
         fits = fits_of(scene.histories, names_up_to(self.stages))
@@ -103,7 +105,7 @@ class Full(Row):
 @dataclass
 class Frozen(Row):
     """Trained as the full model was, with a part of stage 1 left as it starts."""
-    frozen: str = "weights"
+    frozen: Optional[str] = "weights"
     stages: Optional[str] = "static"    # None: as many as the full model has
 
     def folder(self, scene):
@@ -134,9 +136,40 @@ class Frozen(Row):
 
 
 @dataclass
+class Patches(Frozen):
+    """Patches in place of stages 2 and 3: those of --patches, or trained here with the full model's options."""
+    frozen: Optional[str] = None
+    stages: Optional[str] = "patch"
+
+    def folder(self, scene):
+        return self.key
+
+    def runs(self, scene):
+        return scene.patches
+
+    def lacks(self, scene):
+        if scene.patches is None:
+            try:
+                patch_cut.limbs_of(scene.character)
+            except ValueError as error:
+                return str(error)
+        return None
+
+    def load(self, scene, folder):
+        if scene.patches is None:
+            return super().load(scene, folder)
+        net, histories, provenance = scene.load_patches()
+        fits = fits_of(histories, names_up_to("patch"))
+        return Model(lambda pose: net.run(pose, "patch"), sizes.of_network(net, "patch"), fits,
+                     total_minutes(fits) or provenance.get("minutes"))
+
+
+@dataclass
 class SameBudget(Row):
     """Stage 2 trained again on the full model's stage 1: the families' budget and windows (no drapes)."""
-    OF_FULL = True
+
+    def runs(self, scene):
+        return scene.full
 
     def folder(self, scene):
         return f"{self.key}_{scene.full_digest[:8]}"
@@ -196,6 +229,7 @@ ROWS = (
            "pivots learned, nearest-point weights", "weights"),
     *(Full(stage.title.replace(" ", "_").replace("-", "_"), stage.title, "ours", stage.note, stage.name)
       for stage in stages.up_to(stages.LAST.name)),
+    Patches("patches", "stage 1 and patches", "patches", "strips of cloth that see themselves and the limbs"),
     Frozen("full_fixed_weights", "full with fixed weights", "ablation",
            "every stage trained on nearest-point weights", "weights", None),
     SameBudget("same_budget", "stages 1-2, budget of the families", "control",

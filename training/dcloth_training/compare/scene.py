@@ -42,7 +42,7 @@ def options_of(provenance, arguments, log):
     if arguments.seed is not None:
         options.seed = arguments.seed
     if arguments.epochs is not None:
-        for name in ("static_epochs", "skeleton_epochs", "head_epochs", "mesh_epochs"):
+        for name in ("static_epochs", "skeleton_epochs", "head_epochs", "mesh_epochs", "patch_epochs"):
             setattr(options, name, min(getattr(options, name), arguments.epochs))
     return options
 
@@ -53,12 +53,12 @@ class Scene:
     def __init__(self, arguments, log):
         self.data, self.more_data = arguments.data, arguments.more_data
         self.folder, self.log = arguments.out, log
-        self.minutes, self.full = arguments.minutes_per_model, arguments.full
+        self.minutes, self.full, self.patches = arguments.minutes_per_model, arguments.full, arguments.patches
         loaded = load_full(arguments.full, arguments.data)
         self.net, self.rig, self.faces, self.provenance, self.histories = loaded
         if self.net.skeleton is None:
-            raise ValueError(f"{arguments.full}: stops after stage 1; the comparison needs stages 1-2 at "
-                             f"least: train it with --stages skeleton or mesh")
+            raise ValueError(f"{arguments.full}: has no stage 2; the comparison needs stages 1-2 at least: train it "
+                             f"with --stages skeleton or mesh, and name a network of patches with --patches")
         self.options = options_of(self.provenance, arguments, log)
         self.held_out = dataset.held_out(self.provenance)
         self.options.held_out = ",".join(self.held_out)
@@ -94,12 +94,26 @@ class Scene:
             raise ValueError(f"--clips: {seen} are trained or validated on; only clips that training "
                              f"never saw can be measured: {', '.join(self.held_out) or 'none (train --held-out)'}")
 
+    def load_patches(self):
+        """(network, histories, provenance) of --patches, which must read what the full model reads."""
+        net, found, _, provenance, histories = load_full(self.patches, self.data)
+        asked = [(list(rig.joint_names), list(rig.feature_joints), list(rig.bones), rig.root_motion)
+                 for rig in (found, self.rig)]
+        if net.patch is None or asked[0] != asked[1]:
+            raise ValueError(f"--patches {self.patches}: {'no patches' if net.patch is None else 'other features'}; "
+                             f"expected patches over {train.told(self.rig)}, as {self.full}")
+        seen = sorted(train.learned(provenance) & set(self.clips))
+        if seen:
+            raise ValueError(f"--patches {self.patches}: learned from {', '.join(seen[:3])}, which the table measures")
+        return net, histories, provenance
+
     def training_names(self):
         """Clip names that the data folder gives to training, without reading the clips' frames."""
         folders = [self.data] + ([self.more_data] if self.more_data else [])
         paths = [p for folder in folders for p in dataset.find(folder, "dynamic", self.held_out)]
         found = {safetensors_io.read(p, ())[1].get("clip", "") for p in paths}
-        return found - set(self.options.validation.split(","))
+        chosen = self.options.validation.split(",")
+        return {name for name in found if not dataset.named(name, chosen) and dataset.role(name) != "validation"}
 
     def pose(self, item, path):
         """What a tick reads of a sequence, in float32."""

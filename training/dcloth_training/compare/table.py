@@ -11,7 +11,7 @@ METRICS = ("position_mm", "normal_deg")
 # Of evaluate.FIGURES, the columns that the table has.
 COLUMNS = ("E_d mm", "relative error", "motion error mm", "E_n deg", "coarse mm", "middle mm", "fine mm",
            "energy coarse", "middle", "fine")
-COLOURS = {"scale": "#9a9a9a", "ours": "#1f6fb4", "ablation": "#8fbbe0", "control": "#5f9e6e",
+COLOURS = {"scale": "#9a9a9a", "ours": "#1f6fb4", "patches": "#6a4fa3", "ablation": "#8fbbe0", "control": "#5f9e6e",
            "family": "#d98b3a"}
 
 

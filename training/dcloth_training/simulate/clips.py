@@ -25,7 +25,11 @@ DEVELOPMENT = list(dataset.HELD_OUT)
 PERSONS = (("mocap/", "actors of DeepMimic's clips", "training"), ("game/", "a stylised character", "training"),
            ("cmu/a_", "adult a", "training"), ("cmu/b_", "adult b", "training"),
            ("child/5_", "child of five", "training"),
-           ("child/8_", "child of eight", "validation, reported"), ("evaluation/", "others", "measured, reported"))
+           ("child/8_", "child of eight", "validation, reported"), ("evaluation/", "others", "measured, reported"),
+           ("snu/", "an actor of Seoul National University", "training"),
+           ("mesh2motion/", "an animated figure", "training"),
+           ("cmu_db/", "CMU subject", "training"), ("validation/", "CMU subject", "validation"))
+SEVERAL = {"actors of DeepMimic's clips", "others"}      # of PERSONS; nobody wrote down who is who
 # First and last frame (exclusive) between the T-poses that takes begin and end in, as timing.between_t_poses finds
 # them.
 PEOPLE = {
@@ -73,7 +77,8 @@ def pieces(takes):
 
 def person(name):
     """Who moves in a recorded clip; None for a scripted one."""
-    return next((who for prefix, who, _ in PERSONS if name.startswith(prefix)), None)
+    who, number = next((who for prefix, who, _ in PERSONS if name.startswith(prefix)), None), dataset.subject(name)
+    return f"{who} {number}" if number else who
 
 
 # Ordered by how much a skirt's model needs them; a batch may be stopped anywhere.
