@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Fuzzes every reader of untrusted bytes with clang's libFuzzer under AddressSanitizer and
-# UndefinedBehaviorSanitizer. `fuzz.sh [SECONDS [TARGET...]]`: 60 seconds each of model, bundle, sequence, state and,
-# where assimp is installed (install_dependencies.sh import), scene when nothing is said, as many at a time as there are
-# cores. They start from what earlier fuzzing left in tests/fuzz/kept; corpora grow in out/fuzz/corpus and are taken up
-# again (tests/fuzz/keep.py packs what they reach). An input that breaks something lies in out/fuzz/findings, and the
-# script fails.
+# UndefinedBehaviorSanitizer. `fuzz.sh [SECONDS [TARGET...]]`: 60 seconds each of model, bundle, sequence, state, gltf
+# and, where assimp is installed (install_dependencies.sh import), scene when nothing is said, as many at a time as
+# there are cores. They start from what earlier fuzzing left in tests/fuzz/kept; corpora grow in out/fuzz/corpus and are
+# taken up again (tests/fuzz/keep.py packs what they reach). An input that breaks something lies in out/fuzz/findings,
+# and the script fails.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-60}
@@ -29,6 +29,7 @@ fuzz() {
     -artifact_prefix="out/fuzz/findings/$target-")
   case $target in
     model | state) options+=(-max_len=32768) ;;
+    gltf) options+=(-max_len=16384 -dict=tests/fuzz/gltf.dict) ;;
     scene) options+=(-max_len=4096) ;;
     *) options+=(-max_len=65536 -dict=tests/fuzz/safetensors.dict) ;;
   esac

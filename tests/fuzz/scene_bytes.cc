@@ -187,7 +187,7 @@ Eigen::Matrix4d ToEigen(const aiMatrix4x4& matrix) {
   return out;
 }
 
-void DecodeWishes(ByteStream* bytes, SceneRequest* request) {
+void DecodeWishes(ByteStream* bytes, CharacterRequest* request) {
   const char* const units[] = {"", "", "cm", "m"};
   const char* const ups[] = {"", "", "y", "z"};
   request->space = {units[bytes->Below(4)], ups[bytes->Below(4)]};
@@ -214,7 +214,7 @@ SceneRequest DecodeScene(const uint8_t* bytes, size_t size) {
   const char* const formats[] = {"FBX", "FBX", "BVH"};  // the first was glTF, which assimp reads no more
   SceneRequest request;
   request.format = formats[stream.Below(3)];
-  DecodeWishes(&stream, &request);
+  DecodeWishes(&stream, &request.user);
   request.scene = std::make_unique<aiScene>();
   aiScene* const scene = request.scene.get();
   DecodeNodes(&stream, scene);

@@ -8,20 +8,15 @@
 #include <cstdint>
 #include <memory>
 #include <string>
-#include <vector>
 
-#include "tools/character/character_space.h"
-#include "tools/character/joint_map.h"
+#include "tests/fuzz/character_use.h"
 
 namespace dcloth::testing {
 
 struct SceneRequest {
   std::string format;  // "FBX" or "BVH"
   std::unique_ptr<aiScene> scene;
-  tools::SpaceOptions space;
-  tools::JointMap map;
-  std::vector<std::string> wanted;    // joints, each once; empty: all
-  std::vector<Eigen::Matrix4d> bind;  // of `wanted`, finite and with a volume, as ReadTarget's are; or empty
+  CharacterRequest user;
 };
 
 // Every byte string is one; where it ends, zeros follow. Sizes, indices within arrays and pointers are sound, as a

@@ -120,6 +120,7 @@ std::vector<Seed> SequenceSeeds() {
 std::vector<Seed> Seeds(const std::string& target) {
   if (target == "model") return ModelSeeds();
   if (target == "state") return StateSeeds();
+  if (target == "gltf") return GltfSeeds();
   if (target == "scene") return SceneSeeds();
   return target == "bundle" ? BundleSeeds() : SequenceSeeds();
 }

@@ -27,6 +27,9 @@ Verdict FuzzSequence(const uint8_t* bytes, size_t size);
 // A saved state in a cloth of one of the small models: restored, run beside a twin, saved, reset.
 Verdict FuzzState(const uint8_t* bytes, size_t size);
 
+// A glTF file, plain or binary, alone in its folder: read, sampled as a sequence, gathered as a body.
+Verdict FuzzGltf(const uint8_t* bytes, size_t size);
+
 // What assimp could hand over, see scene_bytes.h: read, sampled as a sequence, gathered as a body. In builds with
 // assimp.
 Verdict FuzzScene(const uint8_t* bytes, size_t size);
@@ -36,7 +39,7 @@ struct FuzzTarget {
   Verdict (*run)(const uint8_t* bytes, size_t size);
 };
 inline constexpr FuzzTarget kFuzzTargets[] = {
-    {"model", FuzzModel}, {"bundle", FuzzBundle}, {"sequence", FuzzSequence}, {"state", FuzzState},
+    {"model", FuzzModel}, {"bundle", FuzzBundle}, {"sequence", FuzzSequence}, {"state", FuzzState}, {"gltf", FuzzGltf},
 #ifdef DCLOTH_FUZZ_SCENE
     {"scene", FuzzScene},
 #endif
@@ -52,8 +55,9 @@ struct Seed {
 // files.
 std::vector<Seed> Seeds(const std::string& target);
 
-// The parts of it for "state" and "scene".
+// The parts of it for "state", "gltf" and "scene".
 std::vector<Seed> StateSeeds();
+std::vector<Seed> GltfSeeds();
 std::vector<Seed> SceneSeeds();
 
 }  // namespace dcloth::testing

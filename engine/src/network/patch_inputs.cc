@@ -36,7 +36,8 @@ float ExpMinus(float t) {
   p = p * f + 2.40226507e-1f;
   p = p * f + 6.93147181e-1f;
   p = p * f + 1.0f;
-  return kernels::FloatFromBits(kernels::BitsFromFloat(p) + (kernels::BitsFromFloat(rounded) << 23));
+  const auto bits = [](float value) { return static_cast<int32_t>(kernels::BitsFromFloat(value)); };
+  return kernels::FloatFromBits(static_cast<uint32_t>(bits(p) + (bits(rounded) - bits(kRound)) * (1 << 23)));
 }
 
 Vecf Turn(const float* m, Vecf v) {
