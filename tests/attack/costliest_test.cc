@@ -172,13 +172,14 @@ TEST_P(CostliestTest, NoCallTakesLongerThanItsFileExplains) {
   std::unique_ptr<OwnedCloth> cloth;
   Seconds("create", [&] { cloth = std::make_unique<OwnedCloth>(*opened); });
   const std::vector<float> matrices = PoseAt(model_.numbers, 0);
-  const double tick = Seconds("tick", [&] { ASSERT_EQ(cloth->Tick(matrices, DCLOTH_STAGES_MESH), DCLOTH_OK); });
+  const auto run = [&] { ASSERT_EQ(cloth->Tick(matrices, DCLOTH_STAGES_MESH), DCLOTH_OK); };
+  const double tick = Seconds("tick", run), again = Seconds("tick with its memory in place", run);
   const dcloth_pose hitched = OwnedCloth::Pose(matrices);
   const dcloth_frame hitch = {sizeof(dcloth_frame), DCLOTH_STAGES_MESH, 10, 0, nullptr};
   const double update = Seconds("an update of two ticks", [&] {
     ASSERT_EQ(dcloth_cloth_update(cloth->get(), &hitched, &hitch, nullptr, nullptr), DCLOTH_OK);
   });
-  EXPECT_GT(update, 1.2 * tick) << "one tick only";
+  EXPECT_GT(update, 1.2 * std::min(tick, again)) << "one tick only";
   Seconds("draw", [&] { ASSERT_EQ(cloth->Skin(matrices, 1), DCLOTH_OK); });
   std::vector<float> positions(cloth->positions().size()), normals(positions.size());
   dcloth_output output = FloatOutput(positions.size() / 3, positions.data(), 12, normals.data());
