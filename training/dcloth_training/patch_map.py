@@ -1,4 +1,6 @@
 """From a patch stage's points to the garment's vertices: each follows the points nearest to its own."""
+import copy
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -29,8 +31,8 @@ class Moments:
         fraction of a percent of the error, because most of it is coarse."""
         mean = self.right[-1] / self.frames
         centred = (self.right - np.outer(self.gram[:, -1], mean)).reshape(len(self.right), -1, 3)
-        out = Moments.__new__(Moments)
-        out.gram, out.frames, out.right = self.gram, self.frames, self.right.copy()
+        out = copy.copy(self)
+        out.right = self.right.copy()
         for gain, band in zip(gains, mesh.bands(centred)[1:]):
             out.right += (gain - 1) * band.reshape(out.right.shape)
         return out
