@@ -2,8 +2,11 @@
 // order; whatever else a file holds is refused with a word on why, and harms nothing.
 #include "engine/format/fit_file.h"
 
+#include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
+#include <random>
 #include <utility>
 
 #include "tests/unit/fit/fit_fixture.h"
@@ -109,6 +112,36 @@ TEST_F(FitFileTest, OneFileServesEverySpace) {
     for (size_t i = 0; i < expected.size(); ++i)
       ASSERT_NEAR(found[i] * (i % 3 == 0 ? -0.01f : 0.01f), expected[i], 2e-4f) << frame << ", " << i;
   }
+}
+
+// Searches for a character whose fit the library makes and the cloth refuses: that would have overwritten the fit
+// before.
+TEST_F(FitFileTest, WhatTheLibraryMakesIsWorn) {
+  constexpr float kWeights[] = {0, 1e-45f, 1e-38f, 1e-20f, 0.3f, 1, 1e9f}, kMoves[] = {0, 1e-30f, 0.01f, 1, 1e4f, 1e9f};
+  std::mt19937 random(5);
+  const auto one_of = [&random](const auto& values) { return values[random() % std::size(values)]; };
+  int worn = 0, refused = 0;
+  for (int i = 0; i < 150; ++i) {
+    Host host = Wearer(0.8 + 0.5 * static_cast<double>(random() % 100) / 100);
+    const uint32_t rate = 1u << (random() % 12);
+    for (float& weight : host.body_weights) weight = random() % rate == 0 ? one_of(kWeights) : weight;
+    for (float& x : host.body) x += random() % (8 * rate) == 0 ? one_of(kMoves) : 0;
+    const float size = std::pow(10.0f, static_cast<float>(random() % 400) / 100 - 2);
+    if (random() % 4 == 0) {
+      for (float& x : host.body) x *= size;
+      for (size_t k = 0; k < host.bind.size(); ++k) host.bind[k] *= k % 4 == 3 && k % 16 < 12 ? size : 1;
+    }
+    if (random() % 4 == 0) host.bind[16 * (random() % joints()) + 4 * (random() % 3) + 3] += one_of(kMoves);
+    OwnedCloth cloth(opened_);
+    dcloth_error error = EmptyError();
+    const dcloth_status status = Fit(&cloth, host, nullptr, &error);
+    ASSERT_TRUE(status == DCLOTH_OK || status == DCLOTH_ERROR_ARGUMENT || status == DCLOTH_ERROR_POSE ||
+                status == DCLOTH_ERROR_JOINTS)
+        << i << ": " << error.text;
+    ++(status == DCLOTH_OK ? worn : refused);
+  }
+  EXPECT_GT(worn, 30);
+  EXPECT_GT(refused, 10);
 }
 
 // A host that has the character's joints in another order, among others of its own.
