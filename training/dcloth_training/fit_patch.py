@@ -26,7 +26,6 @@ MAP_EVERY = 8           # frames
 MAP_FRAMES = 6000       # at most
 LIVELY_EVERY = 4        # frames
 GAIN_STEPS = 2          # a map of few points gives less than it is asked for
-MOST_GAIN = 2
 
 
 class Learner(nn.Module):
@@ -206,13 +205,14 @@ def draw_with(stage, moments):
 
 
 def fit_map(run, stage, moments, mesh, played):
-    """The map whose wrinkles on validation clips, played [T, K, 3, R] each, are as large as the truth's."""
+    """The map whose wrinkles on validation clips, played [T, K, 3, R] each, are as large as the truth's as far as the
+    stage knows them."""
     gains = np.ones(2)
     for _ in range(GAIN_STEPS):
         draw_with(stage, moments.livelier(mesh, gains))
-        gains *= liveliness(run, stage, mesh, played).wanting()
+        gains = np.maximum(gains * liveliness(run, stage, mesh, played).wanting(), 1)
     run.log(f"patch: wrinkles times {gains[0]:.2f} (middle) and {gains[1]:.2f} (fine)")
-    draw_with(stage, moments.livelier(mesh, gains.clip(1, MOST_GAIN)))
+    draw_with(stage, moments.livelier(mesh, gains))
 
 
 @torch.no_grad()

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 OFF = 0.005         # m: how far off points are in use; the fit allows for it
 RIDGE = 1e-9        # of the offsets
 LIVELY = 0.9        # of the truth's wrinkles is asked for
+MOST_OF_BEST = 1.5  # times the factor on them that fits best
 
 
 class Moments:
@@ -39,19 +40,22 @@ class Moments:
 
 
 class Liveliness:
-    """How large the middle and fine bands of drawn cloth are beside the truth's: clips of template displacements."""
+    """How drawn cloth moves in its middle and fine band beside the truth: clips of template displacements."""
 
     def __init__(self, mesh):
-        self.mesh, self.drawn, self.wanted = mesh, np.zeros(2), np.zeros(2)
+        self.mesh, self.drawn, self.wanted, self.alike = mesh, np.zeros(2), np.zeros(2), np.zeros(2)
 
     def add(self, drawn, wanted):
         """[t, n, 3] of a clip."""
-        for total, shapes in ((self.drawn, drawn), (self.wanted, wanted)):
-            total += [np.square(band, dtype=np.float64).sum() for band in self.mesh.bands(shapes - shapes.mean(0))[1:]]
+        bands = [self.mesh.bands(shapes - shapes.mean(0))[1:] for shapes in (drawn, wanted)]
+        for total, (a, b) in ((self.drawn, (0, 0)), (self.wanted, (1, 1)), (self.alike, (0, 1))):
+            total += [np.vdot(bands[a][k].astype(np.float64), bands[b][k]) for k in range(2)]
 
     def wanting(self):
-        """(middle, fine): what they are to be multiplied by."""
-        return LIVELY * np.sqrt(self.wanted / np.maximum(self.drawn, 1e-12))
+        """(middle, fine): what they are to be multiplied by. Of what is drawn wrong, no more: at twice the factor that
+        fits best, no wrinkles at all would be as near to the truth."""
+        drawn = np.maximum(self.drawn, 1e-12)
+        return np.minimum(LIVELY * np.sqrt(self.wanted / drawn), MOST_OF_BEST * self.alike / drawn)
 
 
 def groups_of(layout, template):

@@ -159,6 +159,9 @@ def test_wrinkles_that_are_known_in_part_are_drawn_in_full_size(worn, layout):
     assert np.sqrt(lively.drawn / lively.wanted) == pytest.approx(patch_map.LIVELY, abs=0.05)
     assert more < 1.15 * error
     assert np.abs(shapes.mean(0) - still.mean(0)).max() < 0.02     # the mean shape is that of the truth
+    made_up = patch_map.Liveliness(mesh)
+    made_up.add(0.01 * numbers.standard_normal(truth.shape), truth)
+    assert (made_up.wanting() < 0.2).all()                          # wrinkles that have nothing to do with it
 
 
 def stage(layout, vertices, seed=2):
