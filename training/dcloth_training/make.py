@@ -1,7 +1,7 @@
 """A garment of your own on a character of your own, the whole way: simulate, train, convert, show.
 
     python3 -m dcloth_training.make --character HERO.glb --garment DRESS.obj --out FOLDER
-        [--clips walk.fbx,run.fbx] [--minutes 10] [--fabric wool] [--pin top] [--stages patch] [--plan]
+        [--clips walk.fbx,run.fbx] [--minutes 10] [--fabric wool] [--pin top] [--stages mesh] [--plan]
 
 Says what it will cost, then works and says what is left; may be stopped at any time and started again with the same
 arguments. --minutes 10 is a first look, --minutes 600 a night. FOLDER/index.html is the result.
@@ -54,9 +54,9 @@ def arguments(argv=None):
                                     "or number, files (walk.fbx, clips.glb#Run). Scripted ones fill the rest of the "
                                     "time")
     add("--minutes", type=float, default=10, help="that the whole way may take, about. 10: a first look; 600: a night")
-    add("--stages", choices=stages.NAMES[1:], default="patch",
-        help="patch: strips of cloth that see the limbs; skeleton, mesh: the paper's stages, which read the pose and "
-             "need drapes")
+    add("--stages", choices=stages.NAMES[1:], default="mesh",
+        help="skeleton, mesh: the paper's stages, which read the pose and need drapes; patch: strips of cloth that see "
+             "the limbs and need more motion and time")
     add("--workers", type=int, default=os.cpu_count() or 1, help="clips simulated side by side")
     add("--cluster", metavar="ADDRESS", help="of a Dask scheduler whose workers simulate; --workers says how many they "
                                              "are")
