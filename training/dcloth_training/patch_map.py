@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 OFF = 0.005         # m: how far off points are in use; the fit allows for it
 RIDGE = 1e-9        # of the offsets
 LIVELY = 0.9        # of the truth's wrinkles is asked for
-MOST_OF_BEST = 1.5  # times the factor on them that fits best
+MOST_OF_BEST = 1.8  # times the factor on them that fits best
 
 
 class Moments:
