@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <random>
@@ -30,7 +31,8 @@ void PrintTo(const File& file, std::ostream* out) { *out << file.name; }
 std::vector<File> Files() {
   std::vector<File> files;
   for (const char* name : {"stale_scratch", "not_a_number"}) {
-    std::ifstream in(std::string(DCLOTH_KEPT_MODELS) + "/" + name + ".dcloth", std::ios::binary);
+    const std::filesystem::path folder = DCLOTH_KEPT_MODELS;
+    std::ifstream in(folder / (std::string(name) + ".dcloth"), std::ios::binary);
     const std::vector<char> bytes((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
     files.push_back({name, AlignedBytes(bytes.data(), bytes.size())});
   }
