@@ -287,8 +287,9 @@ def test_make_cuts_what_the_garment_has_vertices_for_and_trains_patches(data, tm
     safetensors_io.write(lost, {**tensors, "body_weights": of_hips}, metadata)
     with pytest.raises(TruthError, match="no limb among the joints.*--stages mesh"):
         make.columns_of(lost)
-    options = make.arguments(["--character", "h.glb", "--garment", "d.obj", "--out", str(tmp_path)])
-    assert options.stages == "patch"
+    words = ["--character", "h.glb", "--garment", "d.obj", "--out", str(tmp_path)]
+    assert make.arguments(words).stages == "mesh"
+    options = make.arguments([*words, "--stages", "patch"])
     asked = train.arguments(["--data", "d", "--out", "o", *make.of_stages(options, {"columns": 2})])
     assert (asked.stages, asked.static_base, asked.root_motion, asked.patch_columns) == ("patch", "hung", "air", 2)
 
