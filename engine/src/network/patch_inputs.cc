@@ -63,12 +63,22 @@ struct IntoFrame {
   }
 };
 
+// What of `v` lies along an axis.
+Vecf Along(Vecf axis, Vecf v) {
+  const float square = Dot(axis, axis);
+  return (Dot(axis, v) / (square > kLeastAxisSquare ? square : kLeastAxisSquare)) * axis;
+}
+
 void PlaceFrame(const PatchStageView& stage, const PatchPose& pose, size_t k, const PatchFrame& frame) {
   const size_t points = stage.point_count;
   const float* joint = pose.matrices + size_t{12} * stage.joints[k];
   const float* axes = stage.axes + 9 * k;
-  for (size_t c = 0; c < kAxes; ++c)
-    Store(Bounded(Turn(joint, {axes[c], axes[3 + c], axes[6 + c]})), frame.axes + 3 * c);
+  Vecf turned[kAxes];
+  for (size_t c = 0; c < kAxes; ++c) {
+    turned[c] = Turn(joint, {axes[c], axes[3 + c], axes[6 + c]});
+    for (size_t before = 0; before < c; ++before) turned[c] = turned[c] - Along(turned[before], turned[c]);
+    Store(Bounded(turned[c]), frame.axes + 3 * c);
+  }
   Store(Bounded(Turn(joint, VecfAt(stage.centres + 3 * k)) + Shift(joint)), frame.centre);
   constexpr size_t kInfluences = format::kPointInfluences;
   const uint8_t* joints = stage.point_joints + kInfluences * points * k;

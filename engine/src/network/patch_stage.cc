@@ -15,6 +15,11 @@ using format::PatchStageView;
 constexpr float kOutStep = 0.1f;           // of `out`, metres
 constexpr float kFarthestFromBase = 0.8f;  // metres along each axis: the inputs tell no more
 
+// A body that is still for long has cloth at rest. The network alone may creep or tremble there for ever, as it was not
+// trained for minutes, and an idle character would never freeze.
+constexpr float kStillMetres = 5e-5f;         // a tick, of limbs and of the places where patches hang
+constexpr float kSwings = 45, kSettles = 30;  // ticks that cloth swings on, and that its steps then take to end
+
 size_t PatchFloats(const PatchStageView& stage) { return kAxes * stage.point_count; }
 size_t AllPoints(const PatchStageView& stage) { return stage.patch_count * PatchFloats(stage); }
 size_t Inputs(const PatchStageView& stage) { return stage.enter.rows; }
@@ -29,6 +34,7 @@ size_t ProductStride(const PatchStageView& stage) {
 // Parts of PatchMemory::cloth.
 struct Cloths {
   float *displacement, *last, *before, *last_centres, *before_centres, *ends;
+  float* still;  // [1] ticks since the body moved
 };
 
 Cloths ClothsOf(const PatchStageView& stage, const PatchMemory& memory) {
@@ -40,6 +46,7 @@ Cloths ClothsOf(const PatchStageView& stage, const PatchMemory& memory) {
   cloths.last_centres = cloths.before + points;
   cloths.before_centres = cloths.last_centres + centres;
   cloths.ends = cloths.before_centres + centres;
+  cloths.still = cloths.ends + size_t{6} * stage.capsule_count;
   return cloths;
 }
 
@@ -112,6 +119,24 @@ void RunGates(const kernels::KernelTable& kernels, const PatchStageView& stage, 
   }
 }
 
+bool AreStill(const float* a, const float* b, size_t count) {
+  bool still = true;
+  for (size_t i = 0; i < count; ++i) still &= a[i] - b[i] <= kStillMetres && b[i] - a[i] <= kStillMetres;
+  return still;
+}
+
+// How much of its step cloth goes, once capsules end at `ends` in this tick: all of it while the body moves, nothing
+// when it was still for long.
+float ShareOfStep(const PatchStageView& stage, const PatchPose& pose, const PatchMemory& memory, const Cloths& cloths,
+                  const float* ends) {
+  bool still = pose.wind[0] == 0 && pose.wind[1] == 0 && pose.wind[2] == 0 &&
+               AreStill(ends, cloths.ends, size_t{6} * stage.capsule_count);
+  for (size_t k = 0; k < stage.patch_count; ++k)
+    still &= AreStill(FrameOf(stage, memory, k).centre, cloths.last_centres + kAxes * k, kAxes);
+  *cloths.still = still ? Clamp(0, kSwings + kSettles, *cloths.still + 1) : 0;
+  return Clamp(0, 1, (kSwings + kSettles - *cloths.still) / kSettles);
+}
+
 // u', and every position of the state one tick further back.
 void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, const PatchMemory& memory) {
   const PatchStageView& stage = model.patch_stage;
@@ -122,6 +147,9 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
   }
   float* const made = memory.products[0];
   Multiply(kernels, stage, stage.out, memory.rows, PatchRowFloats(stage), Activation::kNone, memory, made, stride);
+  float ends[6 * format::kMaxCapsules];
+  PlaceCapsules(stage, PoseOf(model, memory), ends);
+  const float share = ShareOfStep(stage, PoseOf(model, memory), memory, cloths, ends);
   std::memcpy(cloths.before, cloths.last, AllPoints(stage) * sizeof(float));
   std::memcpy(cloths.before_centres, cloths.last_centres, kAxes * stage.patch_count * sizeof(float));
   for (size_t k = 0; k < stage.patch_count; ++k) {
@@ -130,14 +158,15 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
     for (size_t c = 0; c < kAxes; ++c) {
       for (size_t r = 0; r < points; ++r) {
         const size_t i = c * points + r;
-        u[i] = Clamp(-kFarthestFromBase, kFarthestFromBase, kOutStep * out[i] + stage.keep[r] * u[i]);
+        const float kept = 1 - share + share * stage.keep[r];
+        u[i] = Clamp(-kFarthestFromBase, kFarthestFromBase, share * (kOutStep * out[i]) + kept * u[i]);
       }
     }
     const PatchFrame frame = FrameOf(stage, memory, k);
     PlacePoints(frame, u, points, cloths.last + k * floats);
     std::memcpy(cloths.last_centres + kAxes * k, frame.centre, kAxes * sizeof(float));
   }
-  PlaceCapsules(stage, PoseOf(model, memory), cloths.ends);
+  std::memcpy(cloths.ends, ends, size_t{6} * stage.capsule_count * sizeof(float));
 }
 
 // The map of all points' displacements to vertices, a group of vertices at a time. Integers share a step, that of the
@@ -219,7 +248,7 @@ class GroupMap {
 }  // namespace
 
 size_t PatchClothFloats(const PatchStageView& stage) {
-  return 3 * AllPoints(stage) + 2 * kAxes * stage.patch_count + size_t{6} * stage.capsule_count;
+  return 3 * AllPoints(stage) + 2 * kAxes * stage.patch_count + size_t{6} * stage.capsule_count + 1;
 }
 
 size_t PatchPoseFloats(const ModelView& model) { return size_t{12} * model.joint_count + 1 + kAxes; }

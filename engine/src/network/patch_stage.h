@@ -12,7 +12,8 @@ namespace dcloth::engine {
 // K patches of R points, P = K R; C capsules; W features; I inputs; J joints.
 struct PatchMemory {
   // What outlives a tick.
-  float* cloth;   // [PatchClothFloats]: u, x_1, x_2 [K][3][R] each, c_1, c_2 [K, 3] each, ends of capsules [C, 6]
+  float* cloth;   // [PatchClothFloats]: u, x_1, x_2 [K][3][R] each, c_1, c_2 [K, 3] each, ends of capsules [C, 6],
+                  // ticks since the body moved
   float* hidden;  // h [K, W]
   // What is made of the pose when a tick begins, and from it.
   float* pose;      // [PatchPoseFloats]
