@@ -23,7 +23,6 @@ constexpr size_t kDrawEvery = 10;      // ticks
 constexpr size_t kCompareEvery = 100;  // ticks: samples a motion piece or more apart, so nearly independent
 constexpr size_t kFreshTicks = 90;     // before it is compared a second garment has run three seconds from a reset
 constexpr size_t kFreshSamples = 20;
-constexpr double kRememberedMm = 0.05;  // that a garment may differ from a fresh one: as much as int8 may cost
 constexpr uint64_t kSeed = 7;
 // Of one test. With two slopes and one growth for each of three precisions and two garments the chance of any
 // false alarm on a garment without drift stays below 2 %.
@@ -109,7 +108,7 @@ TEST_P(RolloutTest, EndlessMotion) {
 
   // The same motion, once remembered from the start and once for three seconds: the motion itself cancels.
   const Slope fresh = FitSlope(rollout.fresh_mm);
-  record({"old against fresh garment: mean", Mean(rollout.fresh_mm), "mm", Allowed::kAtMost, kRememberedMm});
+  record({"old against fresh garment: mean", Mean(rollout.fresh_mm), "mm", Allowed::kAtMost, kForgottenMm});
   record({"old against fresh garment: t of the slope", fresh.t, ""});
   record({"old against fresh garment: p of no slope", TwoSidedP(fresh.t, fresh.degrees), "", slopes, kSignificance});
 

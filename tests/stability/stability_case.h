@@ -15,12 +15,14 @@ namespace dcloth::stability {
 constexpr double kLargestReach = 2.0;
 
 // Of what a disturbance moved the garment by, this much may be left a second later. E_d then changes by no more, as a
-// mean of distances changes by less than the points move. Loose cloth swings for about a second, and a network that
-// plays it remembers as long: the pleated skirt leaves 3 %. Its simulation, entered from another history, is 4 mm from
-// itself in a walk, 13 % of its motion.
-constexpr double kLeftAfterASecond = 0.05;
+// mean of distances changes by less than the points move. Loose cloth swings for more than a second, and a network that
+// plays it remembers as long. Its simulation forgets more slowly: entered half a second late, a walk is 3 mm from
+// itself after one second and after three, 30 % of what it was; runs and dances are 10 to 40 mm from themselves.
+constexpr double kLeftAfterASecond = 0.2;
+// What three seconds leave of any past, mean over vertices, in mm.
+constexpr double kForgottenMm = 0.5;
 
-// What a garment that is at rest may still move in a tick, any vertex, in mm; and what three seconds leave of any past.
+// What a garment that is at rest may still move in a tick, any vertex, in mm.
 constexpr double kJitterMm = 0.01;
 
 // The same six seconds after the character stopped in any pose, also beyond those of training. What is bundled creeps

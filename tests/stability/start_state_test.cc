@@ -38,7 +38,7 @@ class StartStateTest : public StabilityCase {
     record({"apart after 1 s, mean over vertices", distance_mm[second], "mm", Allowed::kAtMost,
             kLeftAfterASecond * distance_mm.front()});
     record({"difference of E_d after 1 s", change_mm[second], "mm"});
-    record({"apart after 3 s, mean over vertices", distance_mm.back(), "mm", Allowed::kAtMost, kJitterMm});
+    record({"apart after 3 s, mean over vertices", distance_mm.back(), "mm", Allowed::kAtMost, kForgottenMm});
     record({"half of it forgotten in", std::log(2.0) / rate, "ticks"});
     record({"farthest vertex / garment size", other->worst_reach_m() / garment().size_m, "", Allowed::kAtMost,
             kLargestReach});
