@@ -29,12 +29,14 @@ def test_int8_stays_within_its_bound(variants):
 
 
 def test_int8_is_small(variants):
-    """Of weights: half floats tell how much of a model they are; geometry and indices are alike in each precision."""
+    """Of weights: half floats tell how much of a model they are; geometry and indices are alike in each precision. A
+    model with patches is a fifth geometry, and two of its matrices are halves in int8."""
+    patches = "int8/skeleton" not in variants
     size = {name: variants[name]["model_bytes"] for name in ("fp32", "fp16", "int8")}
     weights = 2 * (size["fp32"] - size["fp16"])
     rest = size["fp32"] - weights
-    assert 0 < rest < 0.1 * size["fp32"]
-    assert size["int8"] - rest <= 0.28 * weights
+    assert 0 < rest < (0.25 if patches else 0.1) * size["fp32"]
+    assert size["int8"] - rest <= (0.3 if patches else 0.28) * weights
 
 
 def test_a_tick_fits_a_frame(variants):
@@ -49,7 +51,8 @@ def test_every_stage_earns_its_time_or_the_card_says_that_it_does_not(variants, 
     time."""
     card = (garment.bundle.parent / "README.md").read_text()
     before = variants["skinning"]["truth"]["position_mm"]["mean"]
-    for stage, name in (("static", "int8/static"), ("skeleton", "int8/skeleton"), ("mesh", "int8")):
+    moving = [("skeleton", "int8/skeleton"), ("mesh", "int8")] if "int8/skeleton" in variants else [("patch", "int8")]
+    for stage, name in [("static", "int8/static"), *moving]:
         error = variants[name]["truth"]["position_mm"]["mean"]
         gain = 1 - error / before
         print(f"{garment.name}: the {stage} stage takes {100 * gain:.2f} % off {before:.3f} mm")

@@ -19,8 +19,8 @@ constexpr double kLargestReach = 2.0;
 // plays it remembers as long. Its simulation forgets more slowly: entered half a second late, a walk is 3 mm from
 // itself after one second and after three, 30 % of what it was; runs and dances are 10 to 40 mm from themselves.
 constexpr double kLeftAfterASecond = 0.2;
-// What three seconds leave of any past, mean over vertices, in mm.
-constexpr double kForgottenMm = 0.5;
+// What three seconds leave of any past, mean over vertices, in mm: less than anybody sees.
+constexpr double kForgottenMm = 1;
 
 // What a garment that is at rest may still move in a tick, any vertex, in mm.
 constexpr double kJitterMm = 0.01;

@@ -117,7 +117,7 @@ def read(run, layout):
             found = patch_streams.clip_of(clip, layout, character, rig)
             known[clip.path] = found.moved
             if training:
-                frames = slice(len(clip) % every, None, every)
+                frames = slice((len(clip) - 1) % every, None, every)
                 truth = dataset.load_truth(clip.path, False, None)[frames]
                 delta = unskin.residual(static, net.standardise, clip.pose.at(frames), truth)
                 moments.add(found.moved[frames].astype(np.float32), delta)
