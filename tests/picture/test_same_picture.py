@@ -1,12 +1,13 @@
-"""The shipped models draw the same picture on every instruction set: within 0.01 mm of each other (int8: 0.02), and the
+"""The shipped models draw the same picture on every instruction set: within 0.01 mm of each other (int8: 0.1), and the
 same bits in the reproducible mode, whose hashes are pinned in hashes.json; in int8 also where vertices are kept outside
-of the body, there within 0.01 mm on average: on which side a vertex deep inside comes out may hang on the last bit.
+of the body, there within 0.1 mm on average: on which side a vertex deep inside comes out may hang on the last bit.
 Over 200 frames, or as many as DCLOTH_PICTURE_FRAMES says; hashes are pinned for 20, 200 and 2,000
 (scripts/test_long.sh). So do untrained models with wider graph layers than the shipped ones have, whose kernels nothing
 else runs on every platform; made by numpy, whose last bits differ from machine to machine, they are not pinned.
 
 int8 models round activations to integers, so that the last bit of one moves others by a step. The arithmetic before
-those roundings is therefore the same everywhere, to the bit, up to the mesh stage (kernels/README.md).
+those roundings is therefore the same everywhere, to the bit, up to the mesh stage (kernels/README.md). Patches, which
+read their own cloth, carry the last bits of their first and last layer, which are half floats, on from tick to tick.
 
 DCLOTH_PICTURE_OTHERS names programs of other platforms, one a line, "aarch64=qemu-aarch64 -L ROOT PROGRAM": they play
 the same model bytes and poses. Without DCLOTH_PICTURE, the host's program, they alone do.
@@ -43,8 +44,9 @@ HOST_ISAS = ["reproducible", "sse4", "avx2", "avx3", "neon", "scalar"]
 OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"],
               "wasm": ["reproducible", "wasm"], "wasm-scalar": ["reproducible", "scalar"]}
 LIMIT_MM = 0.01
-# A last bit before the mesh stage's coefficients may round one of them to the next integer: 0.013 mm of the robe.
-INT8_LIMIT_MM = 0.02
+# A last bit before the mesh stage's coefficients may round one of them to the next integer: 0.013 mm of the robe. It may
+# do so in every tick of patches: 0.043 mm of the skirt.
+INT8_LIMIT_MM = 0.1
 
 
 def bundle_of(garment, folder):
@@ -133,7 +135,7 @@ def drawn_alike(garment, variant, folder):
     assert variant != "int8" or "host" not in labels or ("host", "scalar") in drawn
     if variant == OUTSIDE:
         # A vertex as deep under one side of a leg as under another is put out on either, by the last bit: few do.
-        assert max(mean for _, _, mean, _ in drawn.values()) <= LIMIT_MM
+        assert max(mean for _, _, mean, _ in drawn.values()) <= INT8_LIMIT_MM
     else:
         limit = INT8_LIMIT_MM if variant == "int8" else LIMIT_MM
         assert max(largest for _, largest, _, _ in drawn.values()) <= limit

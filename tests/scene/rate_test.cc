@@ -24,8 +24,9 @@ namespace {
 
 constexpr double kTick = 1.0 / 30;
 constexpr double kMillimetre = 1e-3;
-// Loose cloth swings further than the joints that throw it: a hem is off by this many times what a joint is, at most.
-constexpr double kSwing = 2.5;
+// Loose cloth swings further than the joints that throw it, and remembers: a hem is off by this many times what a joint
+// is, at most. Its simulation is off by ten times a change of its size.
+constexpr double kSwing = 5;
 
 class Cloth {
  public:

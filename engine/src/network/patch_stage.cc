@@ -15,8 +15,8 @@ using format::PatchStageView;
 constexpr float kOutStep = 0.1f;           // of `out`, metres
 constexpr float kFarthestFromBase = 0.8f;  // metres along each axis: the inputs tell no more
 
-// A body that is still for long has cloth at rest. The network alone may creep or tremble there for ever, as it was not
-// trained for minutes, and an idle character would never freeze.
+// A body that is still for long has cloth at rest: time runs slower for the state, and stops. The network alone may
+// creep or tremble there for ever, as it was not trained for minutes, and an idle character would never freeze.
 constexpr float kStillMetres = 5e-5f;         // a tick, of limbs and of the places where patches hang
 constexpr float kSwings = 45, kSettles = 30;  // ticks that cloth swings on, and that its steps then take to end
 
@@ -106,35 +106,47 @@ void Mix(const kernels::KernelTable& kernels, const PatchStageView& stage, size_
   for (size_t i = 0; i < stage.patch_count * stride; ++i) memory.features[i] += made[i];
 }
 
-// h' of every patch.
-void RunGates(const kernels::KernelTable& kernels, const PatchStageView& stage, const PatchMemory& memory) {
-  const size_t width = stage.width, stride = ProductStride(stage);
-  Multiply(kernels, stage, stage.input_gates, memory.features, FeatureStride(stage), Activation::kNone, memory,
-           memory.products[0], stride);
-  Multiply(kernels, stage, stage.hidden_gates, memory.hidden, width, Activation::kNone, memory, memory.products[1],
-           stride);
-  for (size_t k = 0; k < stage.patch_count; ++k) {
-    kernels.gru_gates(
-        {memory.products[0] + k * stride, memory.products[1] + k * stride, memory.hidden + k * width, width});
-  }
-}
-
 bool AreStill(const float* a, const float* b, size_t count) {
   bool still = true;
   for (size_t i = 0; i < count; ++i) still &= a[i] - b[i] <= kStillMetres && b[i] - a[i] <= kStillMetres;
   return still;
 }
 
-// How much of its step cloth goes, once capsules end at `ends` in this tick: all of it while the body moves, nothing
-// when it was still for long.
-float ShareOfStep(const PatchStageView& stage, const PatchPose& pose, const PatchMemory& memory, const Cloths& cloths,
-                  const float* ends) {
+// One more tick that the body was still in, or none; before the state moves on.
+void CountStill(const ModelView& model, const PatchMemory& memory) {
+  const PatchStageView& stage = model.patch_stage;
+  const PatchPose pose = PoseOf(model, memory);
+  const Cloths cloths = ClothsOf(stage, memory);
+  float ends[6 * format::kMaxCapsules];
+  PlaceCapsules(stage, pose, ends);
   bool still = pose.wind[0] == 0 && pose.wind[1] == 0 && pose.wind[2] == 0 &&
                AreStill(ends, cloths.ends, size_t{6} * stage.capsule_count);
   for (size_t k = 0; k < stage.patch_count; ++k)
     still &= AreStill(FrameOf(stage, memory, k).centre, cloths.last_centres + kAxes * k, kAxes);
   *cloths.still = still ? Clamp(0, kSwings + kSettles, *cloths.still + 1) : 0;
-  return Clamp(0, 1, (kSwings + kSettles - *cloths.still) / kSettles);
+}
+
+// How much of its step the state goes: all of it while the body moves, nothing when it was still for long.
+float ShareOfStep(const Cloths& cloths) { return Clamp(0, 1, (kSwings + kSettles - *cloths.still) / kSettles); }
+
+// h' of every patch.
+void RunGates(const kernels::KernelTable& kernels, const ModelView& model, const PatchMemory& memory) {
+  const PatchStageView& stage = model.patch_stage;
+  const size_t width = stage.width, stride = ProductStride(stage);
+  Multiply(kernels, stage, stage.input_gates, memory.features, FeatureStride(stage), Activation::kNone, memory,
+           memory.products[0], stride);
+  Multiply(kernels, stage, stage.hidden_gates, memory.hidden, width, Activation::kNone, memory, memory.products[1],
+           stride);
+  CountStill(model, memory);
+  const float share = ShareOfStep(ClothsOf(stage, memory));
+  float* const before = memory.features;  // which the gates have read
+  for (size_t k = 0; k < stage.patch_count; ++k) {
+    float* const hidden = memory.hidden + k * width;
+    std::memcpy(before, hidden, width * sizeof(float));
+    kernels.gru_gates({memory.products[0] + k * stride, memory.products[1] + k * stride, hidden, width});
+    if (share == 1) continue;
+    for (size_t i = 0; i < width; ++i) hidden[i] = share * hidden[i] + (1 - share) * before[i];
+  }
 }
 
 // u', and every position of the state one tick further back.
@@ -147,9 +159,7 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
   }
   float* const made = memory.products[0];
   Multiply(kernels, stage, stage.out, memory.rows, PatchRowFloats(stage), Activation::kNone, memory, made, stride);
-  float ends[6 * format::kMaxCapsules];
-  PlaceCapsules(stage, PoseOf(model, memory), ends);
-  const float share = ShareOfStep(stage, PoseOf(model, memory), memory, cloths, ends);
+  const float share = ShareOfStep(cloths);
   std::memcpy(cloths.before, cloths.last, AllPoints(stage) * sizeof(float));
   std::memcpy(cloths.before_centres, cloths.last_centres, kAxes * stage.patch_count * sizeof(float));
   for (size_t k = 0; k < stage.patch_count; ++k) {
@@ -166,7 +176,7 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
     PlacePoints(frame, u, points, cloths.last + k * floats);
     std::memcpy(cloths.last_centres + kAxes * k, frame.centre, kAxes * sizeof(float));
   }
-  std::memcpy(cloths.ends, ends, size_t{6} * stage.capsule_count * sizeof(float));
+  PlaceCapsules(stage, PoseOf(model, memory), cloths.ends);
 }
 
 // The map of all points' displacements to vertices, a group of vertices at a time. Integers share a step, that of the
@@ -195,10 +205,9 @@ class GroupMap {
     for (size_t g = 0; g < group; ++g) panel_ += Panels(g);
   }
 
-  // The next group: calls take(first vertex of the group, vertices, their displacement [vertices, 3]) until all are
-  // made or it returns false, which is returned.
+  // The next group: calls take(first vertex of the group, vertices, their displacement [vertices, 3]).
   template <typename Take>
-  bool Run(size_t g, const Take& take) {
+  void Run(size_t g, const Take& take) {
     constexpr size_t kPanels = 6, kVertices = kPanels * kernels::kPanelColumns / kAxes;
     static_assert(kVertices * kAxes == kPanels * kernels::kPanelColumns, "whole vertices");
     float x[kRows];
@@ -215,9 +224,8 @@ class GroupMap {
       alignas(64) float made[kPanels * kernels::kPanelColumns];
       const size_t panels = panel_ - panel, count = vertices - v;
       ApplyPanelsTo(kernels_, product, scales_, panel, panels < kPanels ? panels : kPanels, made);
-      if (!take(v, count < kVertices ? count : kVertices, made)) return false;
+      take(v, count < kVertices ? count : kVertices, made);
     }
-    return true;
   }
 
  private:
@@ -332,7 +340,7 @@ void RunPatchLayers(const kernels::KernelTable& kernels, const ModelView& model,
     } else if (item <= stage.layer_count) {
       Mix(kernels, stage, item - 1, memory);
     } else if (item == size_t{stage.layer_count} + 1) {
-      RunGates(kernels, stage, memory);
+      RunGates(kernels, model, memory);
     } else {
       MoveCloth(kernels, model, memory);
     }
@@ -354,25 +362,12 @@ void MapPatches(const kernels::KernelTable& kernels, const PatchStageView& stage
     map.Run(g, [&](size_t vertex, size_t made_count, const float* made) {
       for (size_t i = 0; i < made_count; ++i)
         std::memcpy(displacement + kAxes * vertices[vertex + i], made + kAxes * i, kAxes * sizeof(float));
-      return true;
     });
   }
 }
 
-bool PatchesAreWithin(const kernels::KernelTable& kernels, const PatchStageView& stage, const PatchMemory& memory,
-                      const float* moved, float limit) {
-  PatchStageView motion = stage;
-  motion.map.bias = nullptr;
-  GroupMap map(kernels, motion, moved, memory.quantized);
-  for (size_t g = 0; g < size_t{stage.patch_count} * stage.point_count; ++g) {
-    const auto within = [limit](size_t, size_t vertices, const float* made) {
-      bool near = true;
-      for (size_t i = 0; i < kAxes * vertices; ++i) near &= made[i] >= -limit && made[i] <= limit;
-      return near;
-    };
-    if (!map.Run(g, within)) return false;
-  }
-  return true;
+bool ArePatchesAtRest(const PatchStageView& stage, const PatchMemory& memory) {
+  return ShareOfStep(ClothsOf(stage, memory)) == 0;
 }
 
 uint32_t PatchShape(const PatchStageView& stage) {

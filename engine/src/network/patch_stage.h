@@ -62,10 +62,8 @@ void MapPatches(const kernels::KernelTable& kernels, const format::PatchStageVie
 // u [K][3][R] of the newest tick.
 inline const float* PatchDisplacement(const PatchMemory& memory) { return memory.cloth; }
 
-// Whether points that have moved by `moved` ([K][3][R], as u) move each coordinate of each vertex by at most `limit`.
-// False for NaN. Between ticks. Cost: that of the map.
-bool PatchesAreWithin(const kernels::KernelTable& kernels, const format::PatchStageView& stage,
-                      const PatchMemory& memory, const float* moved, float limit);
+// Whether the body was still for so long that no tick moves the cloth.
+bool ArePatchesAtRest(const format::PatchStageView& stage, const PatchMemory& memory);
 
 // The sizes that decide how the state is laid out, in one number; 0 without the stage.
 uint32_t PatchShape(const format::PatchStageView& stage);

@@ -19,27 +19,19 @@ bool AreNear(const float* a, const float* b, size_t count) {
 
 bool IsSettled(const Cloth& cloth) {
   if (cloth.tick_count < 2) return false;
+  const format::ModelView& model = *cloth.model;
+  if (RunsPatches(model, cloth.stages) && !ArePatchesAtRest(model.patch_stage, cloth.patches)) return false;
   const uint32_t now = cloth.newest, before = SlotBefore(cloth, 1);
-  return AreNear(cloth.increments[now], cloth.increments[before], size_t{3} * cloth.model->static_stage.bone_count) &&
+  return AreNear(cloth.increments[now], cloth.increments[before], size_t{3} * model.static_stage.bone_count) &&
          (cloth.displacement[now] == nullptr ||
-          AreNear(cloth.displacement[now], cloth.displacement[before], DisplacementFloats(*cloth.model)));
+          AreNear(cloth.displacement[now], cloth.displacement[before], DisplacementFloats(model)));
 }
 
 size_t IncrementCount(const format::ModelView& model) { return size_t{3} * model.static_stage.bone_count; }
 
-// What a displacement is a linear map of: the basis' coefficients, or how far each patch's points went.
-size_t CauseFloats(const format::ModelView& model) {
-  const format::PatchStageView& patches = model.patch_stage;
-  return patches.patch_count != 0 ? kAxes * patches.patch_count * patches.point_count : model.displacement.basis.rows;
-}
-
-// Of the newest tick; `count` of them, the others are zero.
+// The basis' coefficients of the newest tick; `count` of them, the others are zero.
 const float* CauseOf(const Cloth& cloth, size_t* count) {
   const format::ModelView& model = *cloth.model;
-  if (RunsPatches(model, cloth.stages)) {
-    *count = CauseFloats(model);
-    return PatchDisplacement(cloth.patches);
-  }
   const bool skeleton = RunsSkeleton(model, cloth.stages);
   *count = skeleton ? DisplacementProduct(model, cloth.stages, cloth.coefficients, nullptr, nullptr).row_count : 0;
   return BasisCoefficients(model, cloth.coefficients);
@@ -53,7 +45,7 @@ void RememberStart(Cloth* cloth) {
   std::memcpy(cloth->idle_start, cloth->increments[cloth->newest], increments * sizeof(float));
   float* const c = cloth->idle_start + increments;
   std::memcpy(c, now, used * sizeof(float));
-  std::memset(c + used, 0, (CauseFloats(model) - used) * sizeof(float));
+  std::memset(c + used, 0, (model.displacement.basis.rows - used) * sizeof(float));
 }
 
 // c times the basis, a few panels at a time.
@@ -79,20 +71,18 @@ bool DisplacementIsNearStart(Cloth* cloth) {
   float* const c = cloth->idle_start + IncrementCount(model);
   size_t used = 0;
   const float* now = CauseOf(*cloth, &used);
-  for (size_t row = 0; row < CauseFloats(model); ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
-  if (model.patch_stage.patch_count != 0)
-    return PatchesAreWithin(ActiveKernels(), model.patch_stage, cloth->patches, c, kSettledMetres);
+  for (size_t row = 0; row < model.displacement.basis.rows; ++row) c[row] = (row < used ? now[row] : 0.0f) - c[row];
   return BasisSumIsNear(model.displacement, c, cloth->quantized);
 }
 
 bool IsNearStart(Cloth* cloth) {
   return AreNear(cloth->increments[cloth->newest], cloth->idle_start, IncrementCount(*cloth->model)) &&
-         (cloth->displacement[cloth->newest] == nullptr || DisplacementIsNearStart(cloth));
+         (cloth->model->displacement.basis.rows == 0 || DisplacementIsNearStart(cloth));
 }
 
 }  // namespace
 
-size_t IdleStartFloats(const format::ModelView& model) { return IncrementCount(model) + CauseFloats(model); }
+size_t IdleStartFloats(const format::ModelView& model) { return IncrementCount(model) + model.displacement.basis.rows; }
 
 bool IsStill(const Cloth& cloth, const Affine* pose) {
   bool still = true;

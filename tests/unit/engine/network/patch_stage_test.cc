@@ -340,9 +340,9 @@ void Shear(std::vector<float>* pose) {
 }
 
 // Walk, a skipped time, a jump, a level without the stage, the way back, and sheared joints. Floats of positions near a
-// metre are 6e-8 apart and differences of them are inputs times 10 to 20: 1e-4 of inputs up to 8 and 2e-6 m of cloth are
-// some tens of roundings, and far below what a wrong sign, frame or tick would do. 16-bit inputs of int8 layers are off
-// by 1e-4.
+// metre are 6e-8 apart and differences of them are inputs times 10 to 20: 1e-4 of inputs up to 8 and 2e-6 m of cloth
+// are some tens of roundings, and far below what a wrong sign, frame or tick would do. 16-bit inputs of int8 layers are
+// off by 1e-4.
 TEST_P(PatchStageTest, FollowsTheFormulas) {
   const bool int8 = GetParam().precision == format::DType_I8;
   const PatchStageView& stage = stage_;
@@ -553,7 +553,11 @@ TEST(PatchRest, ClothOfAStillBodyRests) {
       EXPECT_TRUE(tick < 44 ? std::abs(now - 1e-3f) < 1e-6f : now <= before) << tick;
       before = now;
     }
+    // Features that went on would throw the cloth when the body moves again.
+    const engine::PatchMemory& patches = Inside(&cloth)->patches;
+    const std::vector<float> hidden(patches.hidden, patches.hidden + spec.patches * spec.patch_width);
     for (int tick = 0; tick < 20; ++tick) EXPECT_EQ(moves(pose), 0);
+    EXPECT_TRUE(std::equal(hidden.begin(), hidden.end(), patches.hidden));
   };
   hold();
   for (size_t joint = 0; joint < pose.size() / 16; ++joint) pose[16 * joint + 3] += 1e-3f;
