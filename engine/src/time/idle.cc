@@ -91,12 +91,13 @@ bool IsStill(const Cloth& cloth, const Affine* pose) {
     VectorFromHost(cloth.rig.space, cloth.wind, wind);
     for (int r = 0; r < 3; ++r) still &= wind[r] == cloth.root.wind[r];
   }
+  const double share = RunsPatches(*cloth.model, cloth.stages) ? kStillForPatches : 1;
   for (size_t j = 0; j < cloth.model->joint_count; ++j) {
     for (int r = 0; r < 3; ++r) {
       const double* a = pose[j].m[r];
       const double* b = cloth.idle_pose[j].m[r];
-      for (int c = 0; c < 3; ++c) still &= std::fabs(a[c] - b[c]) <= kStillAxes;
-      still &= std::fabs(a[3] - b[3]) <= kStillMetres;
+      for (int c = 0; c < 3; ++c) still &= std::fabs(a[c] - b[c]) <= share * kStillAxes;
+      still &= std::fabs(a[3] - b[3]) <= share * kStillMetres;
     }
   }
   return still;

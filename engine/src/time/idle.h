@@ -20,6 +20,8 @@ constexpr uint32_t kIdleTicks = 15;
 // Of a joint from the pose it is held against: elements of its axes (a millimetre at a metre), metres in the world.
 constexpr double kStillAxes = 1e-3;
 constexpr double kStillMetres = 5e-4;
+// Of these, for patches: cloth that remembers wakes when the cloth that never froze does, or they part.
+constexpr double kStillForPatches = 0.1;
 // Of each coordinate of displacement and pivots, in a tick and in the half second, metres.
 constexpr float kSettledMetres = 5e-5f;
 
