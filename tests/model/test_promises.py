@@ -20,12 +20,14 @@ def test_half_floats_cost_nothing_that_shows(variants):
 
 
 def test_int8_stays_within_its_bound(variants):
-    """Of the error to the truth, 0.05 mm; of the way to fp32, shares of all motion, which int8 rounds with the rest."""
+    """Of the error to the truth, 0.05 mm; of the way to fp32, shares of all motion, which int8 rounds with the rest.
+    Patches read what they have rounded before, so half as much again."""
+    more = 1.5 if "int8/skeleton" not in variants else 1
     raised = variants["int8"]["truth"]["position_mm"]["mean"] - variants["fp32"]["truth"]["position_mm"]["mean"]
     assert raised <= 0.05
     error, alive = variants["int8"]["fp32"]["position_mm"], variants["int8"]["truth"]["alive_mm"]
-    assert error["mean"] <= 0.01 * alive
-    assert error["p99"] <= 0.05 * alive
+    assert error["mean"] <= more * 0.01 * alive
+    assert error["p99"] <= more * 0.05 * alive
 
 
 def test_int8_is_small(variants):

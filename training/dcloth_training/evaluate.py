@@ -179,8 +179,8 @@ def table(results):
         lines.append("")
         found = overall(rows)
         columns = [figures(found[name]) for name in ("truth", *names)]
-        lines.append(f"{'over the clips':20}" + "".join(f"{name:>16}" for name in ("truth", *names)))
-        lines += [f"{title:20}" + "".join(f"{column[k]:>16}" for column in columns)
+        lines.append(f"{'over the clips':20}" + "".join(f"{name:>21}" for name in ("truth", *names)))
+        lines += [f"{title:20}" + "".join(f"{column[k]:>21}" for column in columns)
                   for k, (title, _, _) in enumerate(FIGURES)]
         lines.append("")
     return "\n".join(lines[:-1])
