@@ -44,8 +44,8 @@ HOST_ISAS = ["reproducible", "sse4", "avx2", "avx3", "neon", "scalar"]
 OTHER_ISAS = {"aarch64": ["reproducible", "neon"], "windows": ["reproducible", "avx2"],
               "wasm": ["reproducible", "wasm"], "wasm-scalar": ["reproducible", "scalar"]}
 LIMIT_MM = 0.01
-# A last bit before the mesh stage's coefficients may round one of them to the next integer: 0.013 mm of the robe. It may
-# do so in every tick of patches: 0.043 mm of the skirt.
+# A last bit before the mesh stage's coefficients may round one of them to the next integer: 0.013 mm of the robe. In
+# patches it may do so in every tick: 0.043 mm of the skirt.
 INT8_LIMIT_MM = 0.1
 
 
