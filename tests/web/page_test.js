@@ -64,7 +64,7 @@ test("loads with SIMD and without a complaint", async () => {
   assert.equal(seen.badge, "WebAssembly SIMD");
   assert.equal(seen.message, "");
   assert.equal(seen.characters, 3);
-  assert.equal(seen.rows, 5);
+  assert.equal(seen.rows, 4);
   assert.ok(seen.errors[4] < seen.errors[1] && seen.errors[4] > 0, `${seen.errors}`);
 });
 
