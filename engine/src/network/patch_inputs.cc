@@ -46,6 +46,11 @@ Vecf Turn(const float* m, Vecf v) {
 }
 Vecf Shift(const float* m) { return {m[3], m[7], m[11]}; }
 
+float AxisSquare(Vecf axis) {
+  const float square = Dot(axis, axis);
+  return square > kLeastAxisSquare ? square : kLeastAxisSquare;
+}
+
 // Into a frame: each axis over its squared length, so that a scaled joint's frame is left as it was entered.
 struct IntoFrame {
   Vecf rows[kAxes];
@@ -53,8 +58,7 @@ struct IntoFrame {
   explicit IntoFrame(const float* axes) {
     for (size_t c = 0; c < kAxes; ++c) {
       const Vecf axis = VecfAt(axes + 3 * c);
-      const float square = Dot(axis, axis);
-      rows[c] = (1 / (square > kLeastAxisSquare ? square : kLeastAxisSquare)) * axis;
+      rows[c] = (1 / AxisSquare(axis)) * axis;
     }
   }
 
@@ -63,12 +67,6 @@ struct IntoFrame {
   }
 };
 
-// What of `v` lies along an axis.
-Vecf Along(Vecf axis, Vecf v) {
-  const float square = Dot(axis, axis);
-  return (Dot(axis, v) / (square > kLeastAxisSquare ? square : kLeastAxisSquare)) * axis;
-}
-
 void PlaceFrame(const PatchStageView& stage, const PatchPose& pose, size_t k, const PatchFrame& frame) {
   const size_t points = stage.point_count;
   const float* joint = pose.matrices + size_t{12} * stage.joints[k];
@@ -76,7 +74,8 @@ void PlaceFrame(const PatchStageView& stage, const PatchPose& pose, size_t k, co
   Vecf turned[kAxes];
   for (size_t c = 0; c < kAxes; ++c) {
     turned[c] = Turn(joint, {axes[c], axes[3 + c], axes[6 + c]});
-    for (size_t before = 0; before < c; ++before) turned[c] = turned[c] - Along(turned[before], turned[c]);
+    for (size_t before = 0; before < c; ++before)
+      turned[c] = turned[c] - (Dot(turned[before], turned[c]) / AxisSquare(turned[before])) * turned[before];
     Store(Bounded(turned[c]), frame.axes + 3 * c);
   }
   Store(Bounded(Turn(joint, VecfAt(stage.centres + 3 * k)) + Shift(joint)), frame.centre);

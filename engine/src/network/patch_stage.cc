@@ -112,7 +112,8 @@ bool AreStill(const float* a, const float* b, size_t count) {
   return still;
 }
 
-// One more tick that the body was still in, or none; before the state moves on.
+// One more tick that the body was still in, or none; before the state moves on. Against a state that has stopped,
+// however slowly a body creeps is motion at last.
 void CountStill(const ModelView& model, const PatchMemory& memory) {
   const PatchStageView& stage = model.patch_stage;
   const PatchPose pose = PoseOf(model, memory);
@@ -133,12 +134,13 @@ float ShareOfStep(const Cloths& cloths) { return Clamp(0, 1, (kSwings + kSettles
 void RunGates(const kernels::KernelTable& kernels, const ModelView& model, const PatchMemory& memory) {
   const PatchStageView& stage = model.patch_stage;
   const size_t width = stage.width, stride = ProductStride(stage);
+  CountStill(model, memory);
+  const float share = ShareOfStep(ClothsOf(stage, memory));
+  if (share == 0) return;
   Multiply(kernels, stage, stage.input_gates, memory.features, FeatureStride(stage), Activation::kNone, memory,
            memory.products[0], stride);
   Multiply(kernels, stage, stage.hidden_gates, memory.hidden, width, Activation::kNone, memory, memory.products[1],
            stride);
-  CountStill(model, memory);
-  const float share = ShareOfStep(ClothsOf(stage, memory));
   float* const before = memory.features;  // which the gates have read
   for (size_t k = 0; k < stage.patch_count; ++k) {
     float* const hidden = memory.hidden + k * width;
@@ -154,12 +156,13 @@ void MoveCloth(const kernels::KernelTable& kernels, const ModelView& model, cons
   const PatchStageView& stage = model.patch_stage;
   const size_t points = stage.point_count, floats = PatchFloats(stage), stride = ProductStride(stage);
   const Cloths cloths = ClothsOf(stage, memory);
+  const float share = ShareOfStep(cloths);
+  if (share == 0) return;
   for (size_t k = 0; k < stage.patch_count; ++k) {
     std::memcpy(memory.rows + k * PatchRowFloats(stage), memory.hidden + k * stage.width, stage.width * sizeof(float));
   }
   float* const made = memory.products[0];
   Multiply(kernels, stage, stage.out, memory.rows, PatchRowFloats(stage), Activation::kNone, memory, made, stride);
-  const float share = ShareOfStep(cloths);
   std::memcpy(cloths.before, cloths.last, AllPoints(stage) * sizeof(float));
   std::memcpy(cloths.before_centres, cloths.last_centres, kAxes * stage.patch_count * sizeof(float));
   for (size_t k = 0; k < stage.patch_count; ++k) {
