@@ -7,8 +7,8 @@ BUILD is a Ninja build of this tree with all tests built. A mutant is compiled b
 of its own and linked before the libraries, so neither tree nor build changes. What passes all tests is compiled again
 with each index into an array checked, as the sanitized tests of scripts/test.sh have it: a step past an array on the
 stack may change nothing in a release build. Verdicts are added to FILE (out/mutation/results.jsonl), and a mutant that
-has one is not tried again: stop and go on at will. At the end the survivors are listed; explained.json says of those
-that no test can tell apart why, and any other makes the exit code 1.
+has one is not tried again: stop and go on at will. At the end the survivors are listed; explained.json says why no
+test can tell some of them apart, reason by reason; any other makes the exit code 1.
 """
 import argparse
 import collections
@@ -214,7 +214,7 @@ def run(options):
     known = {}
     if results.exists():
         known = {(entry := json.loads(line))["key"]: entry for line in results.read_text().splitlines()}
-    explained = json.loads((HERE / "explained.json").read_text())
+    explained = {key for keys in json.loads((HERE / "explained.json").read_text()).values() for key in keys}
     tried = collections.Counter()
     survivors = []
     timed = {}
