@@ -150,9 +150,13 @@ TEST_F(OutputTest, PositionsDependOnNothingBesideThem) {
   const Frame frame = Floats();
   GuardedBuffer<float> tight(3 * n());
   std::vector<float> normals(3 * n()), both(6 * n());
-  dcloth_output output = FloatOutput(n(), tight.data(), 12, normals.data());
-  ASSERT_EQ(Skin(output), DCLOTH_OK);
-  EXPECT_EQ(0, std::memcmp(tight.data(), frame.positions.data(), 12 * n()));
+  dcloth_output output;
+  for (float* const beside : {normals.data(), static_cast<float*>(nullptr)}) {
+    std::fill_n(tight.data(), tight.size(), 0.0f);
+    output = FloatOutput(n(), tight.data(), 12, beside);
+    ASSERT_EQ(Skin(output), DCLOTH_OK);
+    EXPECT_EQ(0, std::memcmp(tight.data(), frame.positions.data(), 12 * n()));
+  }
   EXPECT_EQ(normals, frame.normals);
   output = FloatOutput(n(), both.data(), 24, both.data() + 3);
   output.normal_stride_bytes = 24;

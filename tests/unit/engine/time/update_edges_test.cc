@@ -152,21 +152,9 @@ TEST_F(UpdateEdgesTest, TheFirstFrameIsComplete) {
   }
 }
 
-TEST_F(UpdateEdgesTest, BadTimesAndFramesAreRefusedWithoutTrace) {
-  OwnedCloth disturbed(opened_), twin(opened_);
-  const float infinity = std::numeric_limits<float>::infinity();
-  for (int frame = 0; frame < 20; ++frame) {
-    const std::vector<float> pose = Pose(frame / 60.0);
-    for (const float bad : {-1e-30f, -1.0f, infinity, -infinity, std::numeric_limits<float>::quiet_NaN()})
-      ASSERT_EQ(disturbed.Update(pose, bad, kAll), DCLOTH_ERROR_ARGUMENT) << bad;
-    ASSERT_EQ(disturbed.Update(pose, 0.01f, 5), DCLOTH_ERROR_ARGUMENT);
-    ASSERT_EQ(disturbed.Update(pose, 0.01f, kAll, 1u << 31), DCLOTH_ERROR_ARGUMENT);
-    std::vector<float> broken = pose;
-    broken[17] = std::numeric_limits<float>::quiet_NaN();
-    ASSERT_EQ(disturbed.Update(broken, 0.01f, kAll), DCLOTH_ERROR_POSE);
-    for (OwnedCloth* cloth : {&disturbed, &twin}) ASSERT_EQ(cloth->Update(pose, 1 / 60.0f, kAll), DCLOTH_OK);
-    ASSERT_EQ(disturbed.positions(), twin.positions());
-  }
+// Times, flags and stages that are none are in tests/attack and in ARefusedFrameSaysWhy.
+TEST_F(UpdateEdgesTest, BadArgumentsAreRefused) {
+  OwnedCloth twin(opened_);
   const std::vector<float> matrices = Pose(0);
   const dcloth_pose pose = OwnedCloth::Pose(matrices);
   dcloth_frame frame = {sizeof(frame), kAll, 0.01f, 0, nullptr};
@@ -178,16 +166,6 @@ TEST_F(UpdateEdgesTest, BadTimesAndFramesAreRefusedWithoutTrace) {
   dcloth_cloth_info info = {};
   EXPECT_EQ(dcloth_cloth_describe(twin.get(), &info), DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(dcloth_cloth_describe(nullptr, &info), DCLOTH_ERROR_ARGUMENT);
-}
-
-TEST_F(UpdateEdgesTest, HugeTimesAreHitches) {
-  OwnedCloth cloth(opened_);
-  for (const float seconds : {0.0f, 1e-38f, 1e6f, 3.4028235e38f, 1 / 60.0f, 3.4028235e38f}) {
-    ASSERT_EQ(cloth.Update(Pose(0.1), seconds, kAll, DCLOTH_FRAME_PIPELINED), DCLOTH_OK);
-    for (const float x : cloth.positions()) ASSERT_TRUE(std::isfinite(x)) << seconds;
-    EXPECT_LE(Describe(&cloth).tick_share, DCLOTH_MAX_TICKS + 1e-3);
-    EXPECT_LE(Describe(&cloth).lag_seconds, 2 * kTick);
-  }
 }
 
 // Modes and stages may change from frame to frame; the result stays finite and near that of one mode.
@@ -207,22 +185,26 @@ TEST_F(UpdateEdgesTest, ModesMayChange) {
   EXPECT_EQ(worst, 0) << "the same ticks in any mode";
 }
 
+// With every flag; after forty frames of each the character stands still, so that cloths freeze too.
 TEST_F(UpdateEdgesTest, NothingAllocates) {
   OwnedCloth cloth(opened_);
   std::vector<std::vector<float>> poses;
-  for (int frame = 0; frame < 100; ++frame) poses.push_back(Pose(frame / 72.0));
+  for (int frame = 0; frame <= 40; ++frame) poses.push_back(Pose(frame / 72.0));
   dcloth_status worst = DCLOTH_OK;
-  size_t seen = 0;
+  size_t seen = 0, frozen = 0;
   {
     AllocationTrap trap;
-    for (size_t frame = 0; frame < 1000; ++frame) {
-      const float seconds = frame % 50 == 49 ? 0.3f : 1 / 72.0f;
-      worst = std::max(worst, cloth.Update(poses[frame % poses.size()], seconds, kAll, frame / 100 % 4));
+    for (size_t frame = 0; frame < 3200; ++frame) {
+      const float seconds = frame % 100 == 20 ? 0.3f : 1 / 72.0f;
+      const uint32_t flags = static_cast<uint32_t>(frame / 100);
+      worst = std::max(worst, cloth.Update(poses[std::min<size_t>(frame % 100, 40)], seconds, kAll, flags));
+      frozen += Describe(&cloth).frozen;
     }
     seen = trap.count();
   }
   EXPECT_EQ(seen, 0u);
   EXPECT_EQ(worst, DCLOTH_OK);
+  EXPECT_GT(frozen, 0u);
 }
 
 }  // namespace
