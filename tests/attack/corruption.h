@@ -39,6 +39,7 @@ std::vector<Corruption> StructureCorruptions();  // offsets, lengths, missing fi
 std::vector<Corruption> GarmentCorruptions();    // version, rates, names, joints, features
 std::vector<Corruption> TensorCorruptions();     // dtypes, shapes, ranges, scales
 std::vector<Corruption> StageCorruptions();      // indices, rows, layers, stages that do not fit each other
+std::vector<Corruption> BodyCorruptions();       // the body, touch classes, a reduced basis
 std::vector<Corruption> PatchCorruptions();      // the patch stage
 
 // The file after the fault.

@@ -80,8 +80,6 @@ std::vector<Corruption> GarmentCorruptions() {
        }},
       {"parents_in_a_circle", kSemantics, "character.parents[0]: ", "found a joint that is its own ancestor",
        [](M* m) { m->character->parents = {1, 2, 0, 65535, 3, 4, 5, 6, 7}; }},
-      {"inverse_bind_infinite", kSemantics, "character.inverse_bind[0]: ", "found infinity; allowed: finite numbers",
-       [](M* m) { *Data<float>(m, *m->character->inverse_bind) = kInfinity; }},
       {"inverse_bind_last_nan", kSemantics, "character.inverse_bind[107]: ", "found NaN; allowed: finite numbers",
        [](M* m) { *Data<float>(m, *m->character->inverse_bind, 107) = kNaN; }},
       {"feature_joint_beyond_joints", kSemantics, "features.joints[1]: found 9", kJoint,
@@ -96,16 +94,10 @@ std::vector<Corruption> GarmentCorruptions() {
        [](M* m) { m->features->root_motion = format::RootMotion_Air; }},
       {"root_motion_unknown", kSemantics, "features.root_motion: ", "found 3; allowed: 0 (none), 1 (hips) or 2 (air)",
        [](M* m) { m->features->root_motion = static_cast<format::RootMotion>(3); }},
-      {"feature_mean_nan", kSemantics, "features.mean[48]: ", "found NaN; allowed: finite numbers",
-       [](M* m) { *Data<float>(m, *m->features->mean, 48) = kNaN; }},
-      {"feature_deviation_infinite", kSemantics, "features.inverse_deviation[0]: ", "found infinity",
-       [](M* m) { *Data<float>(m, *m->features->inverse_deviation) = -kInfinity; }},
       {"feature_bounds_crossed", kSemantics, "features.low[3]: ", "found a value above features.high",
        [](M* m) { *Data<float>(m, *m->features->low, 3) = 10; }},
       {"feature_bounds_crossed_first", kSemantics, "features.low[0]: ", "found a value above features.high",
        [](M* m) { *Data<float>(m, *m->features->low) = 10; }},
-      {"feature_high_nan", kSemantics, "features.high[7]: ", "found NaN",
-       [](M* m) { *Data<float>(m, *m->features->high, 7) = kNaN; }},
   };
 }
 

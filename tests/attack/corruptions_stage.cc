@@ -15,8 +15,6 @@ std::vector<Corruption> IndicesAndWeights() {
   return {
       {"face_index_one_past", kSemantics, "garment.faces[5]: ", "found 60; allowed: indices below 60",
        [](M* m) { *Data<uint16_t>(m, *m->garment->faces, 5) = 60; }},
-      {"face_index_last_all_bits", kSemantics, "garment.faces[299]: ", "found 65535; allowed: indices below 60",
-       [](M* m) { *Data<uint16_t>(m, *m->garment->faces, 299) = 65535; }},
       {"bone_all_bits", kSemantics, "static_stage.bones[0]: found 65535", kJoint,
        [](M* m) { m->static_stage->bones[0] = 65535; }},
       {"bones_none", kSemantics, "static_stage.bones.length: ", "found 0; allowed: 1 to 256",
@@ -33,17 +31,10 @@ std::vector<Corruption> IndicesAndWeights() {
        "found [60, 4]; allowed: [60, 5]", [](M* m) { m->static_stage->influences = 5; }},
       {"influence_bone_one_past", kSemantics, "static_stage.influence_bones[11]: ", "found 5; allowed: indices below 5",
        [](M* m) { *Data<uint8_t>(m, *m->static_stage->influence_bones, 11) = 5; }},
-      {"influence_bone_all_bits", kSemantics,
-       "static_stage.influence_bones[239]: ", "found 255; allowed: indices below 5",
-       [](M* m) { *Data<uint8_t>(m, *m->static_stage->influence_bones, 239) = 255; }},
       {"influence_weight_negative", kSemantics, "static_stage.influence_weights[0]: ", kRow,
        [](M* m) { *Data<float>(m, *m->static_stage->influence_weights) = -0.1f; }},
       {"influence_weights_sum", kSemantics, "static_stage.influence_weights[2]: ", kRow,
        [](M* m) { *Data<float>(m, *m->static_stage->influence_weights, 9) += 0.01f; }},
-      {"influence_weight_infinite", kSemantics, "static_stage.influence_weights[3]: ", "found infinity",
-       [](M* m) { *Data<float>(m, *m->static_stage->influence_weights, 3) = kInfinity; }},
-      {"pivot_nan", kSemantics, "static_stage.pivots[14]: ", "found NaN",
-       [](M* m) { *Data<float>(m, *m->static_stage->pivots, 14) = kNaN; }},
       {"body_influences_zero", kSemantics, "mesh_stage.body_influences: ", "found 0; allowed: 1 to 8",
        [](M* m) { m->mesh_stage->body_influences = 0; }},
       {"body_influences_all_bits", kSemantics, "mesh_stage.body_influences: ", "found 255; allowed: 1 to 8",
@@ -56,16 +47,10 @@ std::vector<Corruption> IndicesAndWeights() {
        .rank = 12},
       {"body_joint_one_past", kSemantics, "mesh_stage.body_joints[0]: ", "found 9; allowed: indices below 9",
        [](M* m) { *Data<uint8_t>(m, *m->mesh_stage->body_joints) = 9; }},
-      {"body_weight_nan", kSemantics, "mesh_stage.body_weights[4]: ", "found NaN",
-       [](M* m) { *Data<float>(m, *m->mesh_stage->body_weights, 4) = kNaN; }},
       {"body_weights_zero", kSemantics, "mesh_stage.body_weights[1]: ", kRow,
        [](M* m) {
          for (size_t k = 3; k < 6; ++k) *Data<float>(m, *m->mesh_stage->body_weights, k) = 0;
        }},
-      {"body_point_infinite", kSemantics, "mesh_stage.body_points[179]: ", "found infinity",
-       [](M* m) { *Data<float>(m, *m->mesh_stage->body_points, 179) = -kInfinity; }},
-      {"input_deviation_nan", kSemantics, "mesh_stage.input_inverse_deviation[2]: ", "found NaN",
-       [](M* m) { *Data<float>(m, *m->mesh_stage->input_inverse_deviation, 2) = kNaN; }},
   };
 }
 
@@ -91,12 +76,8 @@ std::vector<Corruption> GraphRows() {
        [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 60) += 1; }},
       {"row_end_one_less", kSemantics, "mesh_stage.columns.shape: ", "allowed: [",
        [](M* m) { *Data<uint32_t>(m, *m->mesh_stage->row_starts, 60) -= 1; }},
-      {"rows_one_less", kSemantics, "mesh_stage.row_starts.shape: ", "found [60]; allowed: [61]",
-       [](M* m) { m->mesh_stage->row_starts->shape = {60}; }},
       {"column_one_past", kSemantics, "mesh_stage.columns[3]: ", "found 60; allowed: indices below 60",
        [](M* m) { *Data<uint16_t>(m, *m->mesh_stage->columns, 3) = 60; }},
-      {"column_all_bits", kSemantics, "mesh_stage.columns[0]: ", "found 65535; allowed: indices below 60",
-       [](M* m) { *Data<uint16_t>(m, *m->mesh_stage->columns) = 65535; }},
   };
 }
 
@@ -127,18 +108,10 @@ std::vector<Corruption> Layers() {
       {"layer_scales_beside_floats", kSemantics, "mesh_stage.layers[1].column_scales: ",
        "found scales in a layer with float weights; allowed: scales only with i8 weights",
        [](M* m) { m->mesh_stage->layers[1]->column_scales = Copy(*m->mesh_stage->layers[1]->norm_gain); }},
-      {"layer_output_narrow", kSemantics, "mesh_stage.layers[1].output.shape: ", "found [16, 15]; allowed: [16, 16]",
-       [](M* m) { m->mesh_stage->layers[1]->output->shape[1] = 15; }},
-      {"layer_gates_nan", kSemantics, "mesh_stage.layers[2].hidden_gates[1]: ", "found NaN",
-       [](M* m) { *Data<float>(m, *m->mesh_stage->layers[2]->hidden_gates, 1) = kNaN; }},
-      {"layer_norm_infinite", kSemantics, "mesh_stage.layers[0].norm_gain[15]: ", "found infinity",
-       [](M* m) { *Data<float>(m, *m->mesh_stage->layers[0]->norm_gain, 15) = kInfinity; }},
       {"slope_infinite", kSemantics, "mesh_stage.layers[0].prelu_slope: ", "found infinity; allowed: a finite number",
        [](M* m) { m->mesh_stage->layers[0]->prelu_slope = kInfinity; }},
       {"embed_bias_nan", kSemantics, "mesh_stage.embed_bias: ", "found NaN; allowed: a finite number",
        [](M* m) { m->mesh_stage->embed_bias = kNaN; }},
-      {"embed_narrow", kSemantics, "mesh_stage.embed.shape: ", "found [8]; allowed: [16]",
-       [](M* m) { m->mesh_stage->embed->shape = {8}; }},
   };
 }
 
@@ -163,8 +136,6 @@ std::vector<Corruption> StagesThatDoNotFit() {
        [](M* m) { m->displacement->skeleton_rows = 19; }},
       {"basis_mesh_rows_all_bits", kSemantics, "displacement.mesh_rows: ", "found 4294967295; allowed: 14",
        [](M* m) { m->displacement->mesh_rows = ~0u; }},
-      {"basis_columns", kSemantics, "displacement.basis.weights.shape: ", "found [34, 181]; allowed: [34, 180]",
-       [](M* m) { m->displacement->basis->weights->shape[1] = 181; }},
       {"basis_without_stages", kSemantics,
        "displacement.basis: ", "found a basis without a skeleton stage; allowed: a skeleton stage, or no basis",
        [](M* m) {
@@ -216,22 +187,14 @@ std::vector<Corruption> IntegerLayers() {
             [](M*, L* layer) { layer->output = Copy(*layer->weights); }),
       spoil("integers_of_first_layer_without_its_floats", "mesh_stage.layers[0].input_gates: ", "found no weights", 0,
             [](M*, L* layer) { layer->input_gates.reset(); }),
-      spoil("integers_as_floats", "mesh_stage.layers[1].weights.dtype: ", "found f32; allowed: i8", 1,
-            [](M*, L* layer) { layer->weights->dtype = format::DType_F32; }),
-      spoil("integers_narrow", "mesh_stage.layers[1].weights.shape: ", "found [16, 64]; allowed: [16, 112]", 1,
-            [](M*, L* layer) { layer->weights->shape[1] = 64; }),
       spoil("integer_lowest", "mesh_stage.layers[2].weights[5]: ", "found -128; allowed: -127 to 127", 2,
             [](M* m, L* layer) { *Data<int8_t>(m, *layer->weights, 5) = -128; }),
       spoil("integer_scales_missing", "mesh_stage.layers[1].column_scales: ", "found no scales", 1,
             [](M*, L* layer) { layer->column_scales.reset(); }),
-      spoil("integer_scales_short", "mesh_stage.layers[0].column_scales.shape: ", "found [63]; allowed: [64]", 0,
-            [](M*, L* layer) { layer->column_scales->shape[0] = 63; }),
       spoil("integer_scale_zero", "mesh_stage.layers[1].column_scales[7]: ", "found a scale that is not positive", 1,
             [](M* m, L* layer) { *Data<float>(m, *layer->column_scales, 7) = 0; }),
       spoil("integer_steps_missing", "mesh_stage.layers[1].input_inverse_steps: ", "found no scales", 1,
             [](M*, L* layer) { layer->input_inverse_steps.reset(); }),
-      spoil("integer_step_infinite", "mesh_stage.layers[2].input_inverse_steps[3]: ", "found infinity", 2,
-            [](M* m, L* layer) { *Data<float>(m, *layer->input_inverse_steps, 3) = kInfinity; }),
       spoil("integer_steps_of_first_layer",
             "mesh_stage.layers[0].input_inverse_steps: ", "found steps in the first layer; allowed: none", 0,
             [](M*, L* layer) { layer->input_inverse_steps = Copy(*layer->norm_gain); }),
@@ -284,8 +247,6 @@ std::vector<Corruption> Texture() {
   };
   static constexpr char kAll[] = "allowed: texture_coordinates, and both seam_vertices and textured_faces or neither";
   return {
-      spoil("texture_not_finite", "garment.texture_coordinates[131]: ", "allowed: finite numbers",
-            [](M* m, G* g) { *Data<float>(m, *g->texture_coordinates, 131) = kInfinity; }),
       spoil("texture_short", "garment.texture_coordinates.shape: ", "found [65, 2]; allowed: [66, 2]",
             [](M*, G* g) { g->texture_coordinates->shape[0] = 65; }),
       spoil("texture_without_coordinates", "garment.texture_coordinates: ", kAll,
@@ -300,76 +261,6 @@ std::vector<Corruption> Texture() {
             [](M*, G* g) { g->seam_vertices->shape[0] = 65476; }),
       spoil("textured_face_beyond", "garment.textured_faces[299]: ", "found 66; allowed: indices below 66",
             [](M* m, G* g) { *Data<uint16_t>(m, *g->textured_faces, 299) = 66; }),
-      spoil("textured_faces_few", "garment.textured_faces.shape: ", "found [99, 3]; allowed: [100, 3]",
-            [](M*, G* g) { g->textured_faces->shape[0] = 99; }),
-  };
-}
-
-// Of the egg's 17 vertices and the garment's 60; the body's other fields are in format_body_test.cc.
-std::vector<Corruption> BodyParts() {
-  using B = format::BodyT;
-  using Spoil = std::function<void(M*, B*)>;
-  static constexpr char kSite[] =
-      "found a vertex out of its place, or twice; allowed: the vertices of each touched_by, by rising value";
-  const auto spoil = [](const char* name, const char* field, const char* reason, const Spoil& how) {
-    Corruption corruption{name, kSemantics, field, reason, [how](M* m) { how(m, m->body.get()); }};
-    corruption.touch = true;
-    return corruption;
-  };
-  return {
-      spoil("garment_order_beyond", "body.garment_order[59]: ", "found 60; allowed: indices below 60",
-            [](M* m, B* b) { *Data<uint16_t>(m, *b->garment_order, 59) = 60; }),
-      spoil("garment_order_short", "body.garment_order.shape: ", "found [59]; allowed: [60]",
-            [](M*, B* b) { b->garment_order->shape[0] = 59; }),
-      spoil("garment_order_repeats",
-            "body.garment_order[5]: ", "found a vertex that is there twice; allowed: every garment vertex once",
-            [](M* m, B* b) { Data<uint16_t>(m, *b->garment_order)[5] = Data<uint16_t>(m, *b->garment_order)[4]; }),
-      spoil("garment_order_mixes_classes", "body.garment_order[1]: ",
-            "found a vertex of a lower class than the one before it; allowed: vertices by rising class",
-            [](M* m, B* b) {
-              uint16_t* order = Data<uint16_t>(m, *b->garment_order);
-              std::swap(order[0], order[59]);
-            }),
-      spoil("sites_repeat", "body.sites[1]: ", kSite,
-            [](M* m, B* b) { Data<uint16_t>(m, *b->sites)[1] = Data<uint16_t>(m, *b->sites)[0]; }),
-      spoil("sites_of_another_value", "body.sites[0]: ", kSite,
-            [](M* m, B* b) { Data<uint16_t>(m, *b->sites)[0] = Data<uint16_t>(m, *b->sites)[16]; }),
-      spoil("sites_filled_with_another", "body.sites[15]: ", kSite,
-            [](M* m, B* b) { Data<uint16_t>(m, *b->sites)[15] = Data<uint16_t>(m, *b->sites)[0]; }),
-      spoil("sites_beyond", "body.sites[31]: ", "found 17; allowed: indices below 17",
-            [](M* m, B* b) { *Data<uint16_t>(m, *b->sites, 31) = 17; }),
-      spoil("sites_one_group_short", "body.sites.shape: ", "found [1, 16]; allowed: [2, 16]",
-            [](M*, B* b) { b->sites->shape[0] = 1; }),
-      spoil("sites_without_classes",
-            "body.sites: ", "found sites, but no body.touched_by; allowed: sites only with touch classes",
-            [](M*, B* b) { b->touch_classes.reset(), b->touched_by.reset(); }),
-      spoil("touch_classes_alone", "body.touched_by: ", "found no bits, but body.touch_classes; allowed: both",
-            [](M*, B* b) { b->touched_by.reset(); }),
-      spoil("touched_by_alone", "body.touch_classes: ", "found no classes, but body.touched_by; allowed: both",
-            [](M*, B* b) { b->touch_classes.reset(); }),
-      spoil("touch_class_ninth", "body.touch_classes[59]: ", "found 8; allowed: indices below 8",
-            [](M* m, B* b) { *Data<uint8_t>(m, *b->touch_classes, 59) = 8; }),
-      spoil("touch_class_all_bits", "body.touch_classes[0]: ", "found 255; allowed: indices below 8",
-            [](M* m, B* b) { *Data<uint8_t>(m, *b->touch_classes) = 255; }),
-      spoil("touch_classes_short", "body.touch_classes.shape: ", "found [59]; allowed: [60]",
-            [](M*, B* b) { b->touch_classes->shape[0] = 59; }),
-      spoil("touch_classes_as_words", "body.touch_classes.dtype: ", "found u16; allowed: u8",
-            [](M*, B* b) { b->touch_classes->dtype = format::DType_U16; }),
-      spoil("touched_by_long", "body.touched_by.shape: ", "found [60]; allowed: [17]",
-            [](M*, B* b) { b->touched_by->shape[0] = 60; }),
-      spoil("touched_by_signed", "body.touched_by.dtype: ", "found i8; allowed: u8",
-            [](M*, B* b) { b->touched_by->dtype = format::DType_I8; }),
-      spoil("touched_by_past_the_weights", "body.touched_by.offset: ", "a range within the ",
-            [](M* m, B* b) { b->touched_by->offset = m->weights.size(); }),
-      spoil("touched_by_over_classes", "body.touched_by.offset: ", "found a range that overlaps the tensor at offset",
-            [](M*, B* b) { b->touched_by->offset = b->touch_classes->offset; }),
-      spoil("touched_without_a_face",
-            "body.touched_by[16]: ", "found a touch class that no face around this vertex has",
-            [](M* m, B* b) { *Data<uint8_t>(m, *b->touched_by, 16) |= 0x80; }),
-      spoil("touched_on_one_edge", "body.touched_by[2]: ", "found a touch class that no face around this vertex has",
-            [](M* m, B* b) {
-              for (const size_t corner : {2, 3}) *Data<uint8_t>(m, *b->touched_by, corner) |= 4;
-            }),
   };
 }
 
@@ -377,8 +268,7 @@ std::vector<Corruption> BodyParts() {
 
 std::vector<Corruption> StageCorruptions() {
   std::vector<Corruption> all = IndicesAndWeights();
-  for (const auto& more :
-       {GraphRows(), Layers(), IntegerLayers(), CoarseMesh(), Texture(), BodyParts(), StagesThatDoNotFit()})
+  for (const auto& more : {GraphRows(), Layers(), IntegerLayers(), CoarseMesh(), Texture(), StagesThatDoNotFit()})
     all.insert(all.end(), more.begin(), more.end());
   return all;
 }

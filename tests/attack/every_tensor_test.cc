@@ -5,6 +5,7 @@
 #include <cstring>
 #include <functional>
 #include <iostream>
+#include <regex>
 #include <string>
 
 #include "tests/attack/open_and_run.h"
@@ -20,6 +21,10 @@ struct Verdict {
   dcloth_error error = {};
 
   bool Says(const char* text) const { return std::string(error.text).find(text) != std::string::npos; }
+  // Whether the text begins with the field, whichever element of a list it is of.
+  bool Names(const std::string& field) const {
+    return std::regex_replace(error.text, std::regex(R"(\[\d+\])"), "").find(field) == 0;
+  }
 };
 
 Verdict Open(const TestModel& model) {
@@ -39,6 +44,7 @@ Verdict Open(const TestModel& model) {
 struct Subject {
   M* model = nullptr;
   format::TensorT* tensor = nullptr;
+  std::string name;                    // "garment.faces"
   bool linear_weights = false;         // any numbers will do
   size_t bytes = 0;                    // as stored, a multiple of 64
   format::TensorT* weights = nullptr;  // those of a linear layer, another tensor
@@ -57,15 +63,18 @@ class EveryTensorTest : public ::testing::TestWithParam<Variant> {
   void ForEach(const std::function<void(const TestModel&, Subject)>& spoil) {
     const TestModel sound = BuildModel(GetParam().spec);
     const size_t count = TensorWalk(sound.tables.get()).tensors().size();
+    AlignedBytes file = sound.Bytes();
+    const FieldWalk fields(&file);
     ASSERT_GE(count, 14u);
     for (size_t i = 0; i < count; ++i) {
-      SCOPED_TRACE("tensor " + std::to_string(i));
       const TestModel model = BuildModel(GetParam().spec);
       M* m = model.tables.get();
       const TensorWalk walk(m);
       Subject subject;
       subject.model = m;
       subject.tensor = walk.tensors()[i];
+      subject.name = fields.names().at(subject.tensor->offset);
+      SCOPED_TRACE(subject.name);
       subject.bytes = (StoredElements(*subject.tensor) * ElementBytes(subject.tensor->dtype) + 63) / 64 * 64;
       subject.weights = walk.linears()[0]->weights.get();
       for (const format::LinearT* linear : walk.linears()) {
@@ -88,7 +97,7 @@ TEST_P(EveryTensorTest, EndsWithTheWeightsAtTheLatest) {
     subject.model->weights.resize(subject.model->weights.size() - 64);
     const Verdict cut = Open(model);
     EXPECT_EQ(cut.error.status, DCLOTH_ERROR_SEMANTICS) << cut.error.text;
-    EXPECT_TRUE(cut.Says("a range within the")) << cut.error.text;
+    EXPECT_TRUE(cut.Names(subject.name + ".offset: ") && cut.Says("a range within the")) << cut.error.text;
   });
 }
 
@@ -116,7 +125,7 @@ TEST_P(EveryTensorTest, HasItsTypeAlone) {
       tensor->dtype = static_cast<format::DType>(dtype);
       const Verdict verdict = Open(model);
       EXPECT_EQ(verdict.error.status, DCLOTH_ERROR_SEMANTICS) << dtype;
-      EXPECT_TRUE(verdict.Says(".dtype: found")) << verdict.error.text;
+      EXPECT_TRUE(verdict.Names(subject.name + ".dtype: found")) << verdict.error.text;
       if (dtype > format::DType_U32) dtype += 31;
     }
   });
@@ -165,6 +174,7 @@ TEST_P(EveryTensorTest, HoldsNoWildElement) {
       const uint64_t at =
           static_cast<uint64_t>(root->weights()->Data() - file.data()) + tensor->offset + element * width;
       EXPECT_EQ(verdict.error.offset_bytes, at) << verdict.error.text;
+      EXPECT_TRUE(verdict.Names(subject.name + ": found ")) << verdict.error.text;
       subject.model->weights = sound;
     }
   });

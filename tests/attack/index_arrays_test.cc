@@ -13,88 +13,11 @@
 #include <vector>
 
 #include "tests/attack/open_and_run.h"
+#include "tests/attack/tensor_walk.h"
 #include "tests/attack/variants.h"
 
 namespace dcloth::testing {
 namespace {
-
-namespace fb = flatbuffers;
-
-// Integers in a file, as they lie there.
-struct IndexArray {
-  std::string path;
-  uint8_t* data;
-  size_t count;
-  size_t width_bytes;
-
-  uint32_t at(size_t i) const {
-    uint32_t value = 0;
-    std::memcpy(&value, data + i * width_bytes, width_bytes);
-    return value;
-  }
-  void Put(size_t i, uint32_t value) { std::memcpy(data + i * width_bytes, &value, width_bytes); }
-};
-
-// All tensors and all vectors of integers that the schema allows, and those that a file has.
-class FieldWalk {
- public:
-  explicit FieldWalk(AlignedBytes* file)
-      : weights_(const_cast<uint8_t*>(format::GetModel(file->data())->weights()->Data())) {
-    Visit(*format::ModelTypeTable(), fb::GetRoot<fb::Table>(file->data()), "");
-  }
-
-  const std::set<std::string>& allowed() const { return allowed_; }
-  const std::set<std::string>& present() const { return present_; }
-  std::vector<IndexArray>& arrays() { return arrays_; }
-
- private:
-  // `table` is null where the file has none.
-  void Visit(const fb::TypeTable& type, const fb::Table* table, const std::string& parent) {
-    for (size_t i = 0; i < type.num_elems; ++i) {
-      const fb::TypeCode code = type.type_codes[i];
-      const auto field = fb::FieldIndexToOffset(static_cast<fb::voffset_t>(i));
-      const std::string path = parent + type.names[i];
-      const bool there = table != nullptr && table->CheckField(field);
-      if (code.base_type == fb::ET_SEQUENCE && code.sequence_ref >= 0) {
-        const fb::TypeTable& child = *type.type_refs[code.sequence_ref]();
-        if (&child == format::TensorTypeTable()) {
-          Note(path, there);
-          if (there) AddTensor(path, *table->GetPointer<const format::Tensor*>(field));
-        } else if (code.is_repeating == 0) {
-          Visit(child, there ? table->GetPointer<const fb::Table*>(field) : nullptr, path + ".");
-        } else {
-          Visit(child, nullptr, path + ".");
-          const auto* tables = there ? table->GetPointer<const fb::Vector<fb::Offset<fb::Table>>*>(field) : nullptr;
-          for (uint32_t k = 0; tables != nullptr && k < tables->size(); ++k) Visit(child, tables->Get(k), path + ".");
-        }
-      } else if (code.is_repeating != 0 && code.base_type != fb::ET_STRING && path != "weights") {
-        Note(path, there);
-        ASSERT_EQ(code.base_type, fb::ET_USHORT) << path << ": say here how wide its integers are";
-        if (!there) continue;
-        auto* vector = const_cast<fb::Vector<uint16_t>*>(table->GetPointer<const fb::Vector<uint16_t>*>(field));
-        arrays_.push_back({path, vector->Data(), vector->size(), 2});
-      }
-    }
-  }
-  void Note(const std::string& path, bool there) {
-    allowed_.insert(path);
-    if (there) present_.insert(path);
-  }
-  void AddTensor(const std::string& path, const format::Tensor& tensor) {
-    const format::DType dtype = tensor.dtype();
-    if (dtype != format::DType_U8 && dtype != format::DType_U16 && dtype != format::DType_U32) return;
-    size_t count = 1;
-    for (const uint32_t side : *tensor.shape()) count *= side;
-    arrays_.push_back({path, weights_ + tensor.offset(), count,
-                       size_t{dtype == format::DType_U8    ? 1u
-                              : dtype == format::DType_U16 ? 2u
-                                                           : 4u}});
-  }
-
-  uint8_t* weights_;
-  std::set<std::string> allowed_, present_;
-  std::vector<IndexArray> arrays_;
-};
 
 // Those of every kind, and one with enough cloth and skin for each step of a frame.
 std::vector<Variant> Models() {

@@ -16,8 +16,8 @@ namespace {
 
 std::vector<Corruption> All() {
   std::vector<Corruption> all;
-  for (const auto& rung :
-       {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions(), PatchCorruptions()})
+  for (const auto& rung : {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions(),
+                           BodyCorruptions(), PatchCorruptions()})
     all.insert(all.end(), rung.begin(), rung.end());
   return all;
 }
@@ -53,9 +53,11 @@ TEST_P(LadderTest, RefusesNamingFieldAndReason) {
   EXPECT_NE(outcome.text.find("; ", allowed + 2), std::string::npos) << "says no way out: " << outcome.text;
 
   unsigned row = 0;
-  if (std::sscanf(outcome.text.c_str(), "mesh_stage.row_starts[%u]", &row) == 1) {
+  const bool of_body = std::sscanf(outcome.text.c_str(), "body.row_starts[%u]", &row) == 1;
+  if (of_body || std::sscanf(outcome.text.c_str(), "mesh_stage.row_starts[%u]", &row) == 1) {
     const format::Model& file = *format::GetModel(spoilt.data());
-    const auto* starts = file.weights()->Data() + file.mesh_stage()->row_starts()->offset();
+    const format::Tensor& tensor = *(of_body ? file.body()->row_starts() : file.mesh_stage()->row_starts());
+    const auto* starts = file.weights()->Data() + tensor.offset();
     dcloth_error error = {};
     error.struct_size = sizeof(error);
     EXPECT_EQ(Open(spoilt.data(), spoilt.size(), &error), fault.status);

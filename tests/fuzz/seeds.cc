@@ -18,7 +18,8 @@ std::vector<Seed> ModelSeeds() {
     const AlignedBytes bytes = BuildModel(variant.spec).Bytes();
     seeds.push_back({variant.name, {bytes.data(), bytes.data() + bytes.size()}, true});
   }
-  for (const auto& rung : {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions()}) {
+  for (const auto& rung :
+       {StructureCorruptions(), GarmentCorruptions(), TensorCorruptions(), StageCorruptions(), BodyCorruptions()}) {
     for (const Corruption& corruption : rung) {
       const AlignedBytes bytes = Corrupted(corruption);
       seeds.push_back({corruption.name, {bytes.data(), bytes.data() + bytes.size()}, false});

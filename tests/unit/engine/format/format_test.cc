@@ -1,10 +1,13 @@
-// Opening a sound model, and bad arguments. The verification ladder's refusals are in tests/attack.
+// Opening a sound model, null pointers, the body's limits. The verification ladder's refusals are in tests/attack.
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstring>
+#include <random>
 #include <vector>
 
 #include "tests/unit/engine/cloth_fixture.h"
+#include "tests/unit/engine/test_body.h"
 
 namespace dcloth::testing {
 namespace {
@@ -107,6 +110,81 @@ TEST(Open, RefusesNullPointers) {
   EXPECT_EQ(dcloth_model_open(bytes.data(), bytes.size(), storage.data(), storage.size(), nullptr, nullptr),
             DCLOTH_ERROR_ARGUMENT);
   EXPECT_EQ(model, nullptr);
+}
+
+TEST(BodyFormat, LimitsThemselvesAreAllowed) {
+  TestModel model = BuildModel({});
+  AddBody(&model);
+  format::BodyT* const body = model.tables->body.get();
+  const auto opens = [&](float clearance, float reach) {
+    body->clearance = clearance;
+    body->reach = reach;
+    return OpenedModel(model).status() == DCLOTH_OK;
+  };
+  EXPECT_TRUE(opens(0.0001f, 10.0f));
+  EXPECT_TRUE(opens(0.0001f, 0.0001f));
+  EXPECT_TRUE(opens(0.1f, 0.1f));
+  EXPECT_FALSE(opens(std::nextafter(0.0001f, 0.0f), 1.0f));
+  EXPECT_FALSE(opens(std::nextafter(0.1f, 1.0f), 1.0f));
+  EXPECT_FALSE(opens(0.1f, std::nextafter(0.1f, 0.0f)));
+  EXPECT_FALSE(opens(0.1f, std::nextafter(10.0f, 11.0f)));
+}
+
+TEST(BodyFormat, ARingHasAtMostThirtyTwoFaces) {
+  for (const uint32_t around_a_pole : {32u, 33u}) {
+    TestModel model = BuildModel({});
+    AddBody(&model, 3, around_a_pole);
+    const OpenedModel opened(model);
+    EXPECT_EQ(opened.status(), around_a_pole == 32 ? DCLOTH_OK : DCLOTH_ERROR_SEMANTICS) << opened.error().text;
+  }
+}
+
+// Any classes of any vertices against what the format asks, face by face: a vertex has those alone that all three
+// corners of one of its faces have.
+TEST(BodyFormat, AClassTouchesWholeFaces) {
+  std::mt19937 random(7);
+  size_t opened_count = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    TestModel model = BuildModel({.rings = 3, .segments = 4, .skeleton = false, .mesh = false});
+    const EggBody egg = AddBody(&model, 3, 5);
+    const size_t b = egg.positions.size() / 3, f = egg.faces.size() / 3;
+    // One class of a few whole faces, and in two of three trials one corner more or fewer.
+    std::vector<uint8_t> touched(b, 0);
+    for (size_t k = 0, count = 1 + random() % 6; k < count; ++k) {
+      const size_t face = random() % f;
+      for (size_t corner = 0; corner < 3; ++corner) touched[egg.faces[3 * face + corner]] = 2;
+    }
+    if (trial % 3 != 0) touched[random() % b] ^= 2;
+    std::vector<uint8_t> whole(b, 0);
+    for (size_t face = 0; face < f; ++face) {
+      const uint16_t* corner = egg.faces.data() + 3 * face;
+      const uint8_t all = touched[corner[0]] & touched[corner[1]] & touched[corner[2]];
+      for (size_t k = 0; k < 3; ++k) whole[corner[k]] |= all;
+    }
+    size_t bare = 0;
+    while (bare < b && touched[bare] == whole[bare]) ++bare;
+
+    AddTouch(&model, std::vector<uint8_t>(model.numbers.n, 0), touched);
+    const OpenedModel opened(model);
+    ASSERT_EQ(opened.status(), bare == b ? DCLOTH_OK : DCLOTH_ERROR_SEMANTICS) << opened.error().text;
+    opened_count += bare == b ? 1 : 0;
+    if (bare == b) continue;
+    ASSERT_EQ(std::string(opened.error().text).find("body.touched_by[" + std::to_string(bare) + "]: "), 0u)
+        << opened.error().text;
+  }
+  EXPECT_GT(opened_count, 1000u);
+  EXPECT_LT(opened_count, 2500u);
+}
+
+TEST(BodyFormat, OlderFilesOpen) {
+  TestModel model = BuildModel({});
+  for (const uint16_t minor : {0, 1, 2}) {
+    model.tables->format_minor = minor;
+    const OpenedModel opened(model);
+    EXPECT_EQ(opened.status(), DCLOTH_OK) << opened.error().text;
+    EXPECT_EQ(opened.info().format_minor, minor);
+    EXPECT_EQ(dcloth_model_body_vertex_count(opened.get()), 0u);
+  }
 }
 
 }  // namespace
