@@ -6,7 +6,7 @@ import pytest
 
 import safetensors_file
 import small_garment
-from checks import leftovers, refused
+from checks import leftovers, mesh_error, refused
 
 
 @pytest.mark.parametrize("precision", ["fp32", "fp16", "int8"])
@@ -47,38 +47,6 @@ def test_a_bundle_without_parents(dcloth, files, tmp_path):
     assert json.loads(dcloth("inspect", tmp_path / "model.dcloth", "--json").stdout)["joint_parents"] is None
 
 
-def test_smaller_precisions_make_smaller_models(dcloth, files, tmp_path):
-    sizes = []
-    for precision in ("fp32", "fp16", "int8"):
-        out = tmp_path / precision
-        assert dcloth("convert", files.bundle, "-o", out, "--precision", precision).returncode == 0
-        sizes.append(out.stat().st_size)
-    assert sizes[0] > sizes[1] > sizes[2]
-
-
-def test_convert_is_repeatable(dcloth, files, tmp_path):
-    outs = [tmp_path / "a", tmp_path / "b"]
-    for out in outs:
-        dcloth("convert", files.bundle, "-o", out, "--precision", "int8")
-    assert outs[0].read_bytes() == outs[1].read_bytes()
-
-
-def test_auto_keeps_its_bound(dcloth, files, tmp_path):
-    out = tmp_path / "m.dcloth"
-    arguments = ["convert", files.bundle, "-o", out, "--precision", "auto", "--motion", files.walk, "--motion",
-                 files.run, "--json"]
-    loose = json.loads(dcloth(*arguments, "--max-error-mm", "1000").stdout)
-    assert loose["precision"] == "int8"
-    int8_max = loose["trials"][0]["error"]["position_mm"]["max"]
-    tight = dcloth(*arguments, "--max-error-mm", int8_max / 2)
-    assert tight.returncode == 0
-    said = json.loads(tight.stdout)
-    assert said["precision"] == "mixed" and {"i8", "f16"} <= {t["dtype"] for t in said["tensors"]}
-    assert said["trials"][-1]["error"]["position_mm"]["max"] <= int8_max / 2
-    assert loose["model_bytes"] < said["model_bytes"] == out.stat().st_size
-    assert json.loads(dcloth("inspect", out, "--json").stdout)["precision"] == "mixed"
-
-
 def test_auto_says_what_it_chose_and_why(dcloth, files, tmp_path):
     out = tmp_path / "m.dcloth"
     arguments = ["convert", files.bundle, "-o", out, "--calibrate", files.walk, "--rank", "full"]
@@ -104,35 +72,12 @@ def test_auto_says_what_it_chose_and_why(dcloth, files, tmp_path):
     assert int8["auto"] is None
 
 
-def test_auto_that_misses_on_unseen_motion_writes_nothing(dcloth, files, tmp_path):
-    out, still = tmp_path / "m.dcloth", tmp_path / "still.safetensors"
-    small_garment.write_sequence(still, small_garment.motion(1, 30), truth=False)
-    both = ["convert", files.bundle, "-o", out, "--calibrate", still, "--motion", files.run, "--rank", "full"]
-    trial, = json.loads(dcloth(*both, "--precision", "int8", "--json").stdout)["trials"]
-    out.unlink()
-    seen, unseen = (trial[k]["position_mm"]["max"] for k in ("calibration", "error"))
-    assert seen < 0.9 * unseen
-    refused(dcloth(*both, "--precision", "auto", "--max-error-mm", 1.05 * seen), "not calibrated on", code=1)
-    assert not out.exists() and leftovers(tmp_path, {"still.safetensors"}) == []
-
-
 def test_missed_bound_is_exit_1_and_writes_nothing(dcloth, files, tmp_path):
     out = tmp_path / "m.dcloth"
     result = dcloth("convert", files.bundle, "-o", out, "--precision", "int8", "--max-error-mm", "1e-6", "--motion",
                     files.walk)
     refused(result, "int8", code=1)
     assert not out.exists()
-
-
-@pytest.mark.parametrize("drop, stages", [(("mesh.",), ["static", "skeleton"]),
-                                          (("mesh.", "skeleton.", "nearest."), ["static"])])
-def test_models_may_stop_early(dcloth, files, tmp_path, drop, stages):
-    bundle, out = tmp_path / "b.safetensors", tmp_path / "m.dcloth"
-    small_garment.write_bundle(bundle, drop=drop)
-    result = dcloth("convert", bundle, "-o", out)
-    assert result.returncode == 0, result.stderr
-    assert json.loads(dcloth("inspect", out, "--json").stdout)["stages"] == stages
-    refused(dcloth("run", out, files.walk, "-o", tmp_path / "x.pc2", "--stages", "mesh"), "mesh", stages[-1])
 
 
 def test_tables_for_people(dcloth, files, tmp_path):
@@ -208,17 +153,6 @@ def test_rows_that_an_outlier_takes_are_told(dcloth, files, outlier, tmp_path):
         assert sound.stderr == "" and json.loads(sound.stdout)["warnings"] == []
 
 
-def test_auto_stores_an_outlier_where_it_fits(dcloth, files, outlier, tmp_path):
-    """No half float holds it: int8 loses the rest, so float32 is what is left for this tensor."""
-    result = dcloth("convert", outlier, "-o", tmp_path / "m.dcloth", "--precision", "auto", "--max-error-mm", 5,
-                    "--motion", files.walk, "--rank", "full", "--json")
-    assert result.returncode == 0, result.stderr
-    said = json.loads(result.stdout)
-    assert said["warnings"] == [] and said["trials"][-1]["error"]["position_mm"]["max"] <= 5
-    basis = next(t for t in said["auto"]["tensors"] if t["name"] == "displacement.basis.weights")
-    assert basis["format"] == "fp32" and basis["cheaper"] == "int8" and basis["cheaper_mm"] > 5
-
-
 @pytest.mark.parametrize("name, matrix, at, precision", [
     ("skeleton.gru.weight_hh", "skeleton_stage", (7, 9), "int8"),
     ("skeleton.basis", "displacement", (2, 77, 1), "int8"),
@@ -269,13 +203,6 @@ def test_motion_to_check_on_is_not_what_was_calibrated_on(dcloth, files, tmp_pat
     assert not out.exists()
 
 
-def test_a_report_replaces_neither_bundle_nor_model(dcloth, files, tmp_path):
-    before = files.bundle.read_bytes()
-    refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", "--report", tmp_path / "m"), "--report")
-    refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", "--report", files.bundle), "--report")
-    assert files.bundle.read_bytes() == before and not (tmp_path / "m").exists()
-
-
 def test_a_bundle_for_a_model_and_a_model_for_a_bundle_are_told(dcloth, files, tmp_path):
     for command in (["inspect", files.bundle], ["run", files.bundle, files.walk, "-o", tmp_path / "x.pc2"],
                     ["profile", files.bundle, files.walk]):
@@ -284,4 +211,78 @@ def test_a_bundle_for_a_model_and_a_model_for_a_bundle_are_told(dcloth, files, t
                     ["run", files.model, files.model, "-o", tmp_path / "x.pc2"]):
         refused(dcloth(*command), files.model, "a .dcloth model", "a safetensors file", "bundle")
     refused(dcloth("run", files.model, files.bundle, "-o", tmp_path / "x.pc2"), files.bundle, "fps")
+    assert leftovers(tmp_path, set()) == []
+
+
+# --rank and --calibrate: fewer rows of the displacement basis, and what they may cost.
+FULL = small_garment.K_SKELETON + small_garment.K_MESH
+
+
+def converted(dcloth, *arguments):
+    result = dcloth("convert", *arguments, "--json")
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+@pytest.fixture(scope="module")
+def low_rank(files, tmp_path_factory):
+    """The same garment with S and M mixed from four shapes."""
+    random = np.random.default_rng(3)
+    shapes = small_garment.bundle_tensors()["skeleton.basis"][:4]
+    mixed = {name: np.einsum("jk,kna->jna", random.standard_normal((rows, 4)) / 2, shapes).astype("float32")
+             for name, rows in (("skeleton.basis", small_garment.K_SKELETON), ("mesh.basis", small_garment.K_MESH))}
+    path = tmp_path_factory.mktemp("low") / "low.safetensors"
+    small_garment.write_bundle(path, changes=mixed)
+    return path
+
+
+def test_a_rank_that_is_there_is_used_unasked(dcloth, files, low_rank, tmp_path):
+    out = tmp_path / "m.dcloth"
+    said = converted(dcloth, low_rank, "-o", out, "--precision", "int8", "--motion", files.walk)
+    whole = converted(dcloth, low_rank, "-o", out, "--precision", "int8", "--motion", files.walk, "--rank", "full")
+    rows = said["basis"]["rank"]  # four and what int8 wants on top
+    assert said["basis"] == {"full": FULL, "exact": 4, "rank": rows, "reduced": True} and 4 <= rows <= 8
+    assert whole["basis"] == {"full": FULL, "exact": 4, "rank": FULL, "reduced": False}
+    shapes = {t["name"]: t["shape"] for t in said["tensors"]}
+    assert shapes["displacement.basis.weights"] == [rows, 3 * small_garment.VERTICES]
+    assert shapes["displacement.head.weights"] == [small_garment.K_SKELETON, rows]
+    assert shapes["mesh_stage.coefficients.weights"][1] == rows
+    assert whole["model_bytes"] - said["model_bytes"] > 0.9 * (FULL - rows) * 3 * small_garment.VERTICES
+    mesh_error(said["trials"][0]["error"])
+    assert json.loads(dcloth("inspect", out, "--json").stdout)["format"] == "1.6"
+
+
+def test_given_ranks_trade_millimetres(dcloth, files, tmp_path):
+    errors, sizes = [], []
+    for rank in (4, 10, 16):
+        said = converted(dcloth, files.bundle, "-o", tmp_path / "m", "--rank", rank, "--calibrate", files.walk,
+                         "--motion", files.run)
+        assert said["basis"]["rank"] == rank and said["basis"]["exact"] == FULL
+        trial, = said["trials"]
+        mesh_error(trial["calibration"])
+        assert trial["rank"] == rank and trial["error"]["frames"] == 30 and trial["calibration"]["frames"] == 40
+        errors.append(trial["error"]["position_mm"]["mean"])
+        sizes.append(said["model_bytes"])
+    assert errors == sorted(errors, reverse=True) and sizes == sorted(sizes)
+    assert errors[-1] < 0.2 * errors[0]
+
+
+def test_a_missed_bound_is_exit_1_and_writes_nothing(dcloth, files, tmp_path):
+    out = tmp_path / "m.dcloth"
+    out.write_bytes(b"kept")
+    refused(dcloth("convert", files.bundle, "-o", out, "--rank", 4, "--calibrate", files.walk, "--max-error-mm", 1e-3),
+            "rank 4", "at most", code=1)
+    short = tmp_path / "short.safetensors"
+    small_garment.write_sequence(short, small_garment.motion(2, 30), truth=False)
+    refused(dcloth("convert", files.bundle, "-o", out, "--calibrate", short, "--motion", files.run, "--max-error-mm",
+                   0.05), "not calibrated on", "calibrate on", code=1)
+    assert out.read_bytes() == b"kept"
+    assert leftovers(tmp_path, {"m.dcloth", "short.safetensors"}) == []
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (("--rank", "0"), ("--rank 0",)), (("--rank", "half"), ("--rank half", "exact")), (("--rank", "12x"), ("12x",)),
+    (("--rank", "4"), ("--calibrate",)), (("--rank", "auto"), ("--max-error-mm", "--calibrate"))])
+def test_bad_ranks_are_refused(dcloth, files, tmp_path, arguments, words):
+    refused(dcloth("convert", files.bundle, "-o", tmp_path / "m", *arguments), *words)
     assert leftovers(tmp_path, set()) == []

@@ -21,14 +21,6 @@ WALKER = DATA / "walker.glb"
 
 
 @pytest.fixture(scope="module")
-def importing(dcloth, tmp_path_factory):
-    """Skips where the command was built without assimp, and says so."""
-    result = dcloth("body", DATA / "walker.fbx", "-o", tmp_path_factory.mktemp("probe") / "b.safetensors")
-    if "built without assimp" in result.stderr:
-        pytest.skip("dcloth was built without assimp: dressing characters is not tested")
-
-
-@pytest.fixture(scope="module")
 def dressed(importing, dcloth, files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("dressed")
     outputs = [part for name in ("out.html", "out.glb", "out.dcloth-fit") for part in ("-o", folder / name)]

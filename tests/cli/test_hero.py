@@ -13,26 +13,15 @@ from gltf_figure import NAMES, Figure
 
 DATA = Path(__file__).parent / "data"
 WALKER = DATA / "walker.glb"
-Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])    # Blender's axes to ours
 
 
 @pytest.fixture(scope="module")
-def hero(dcloth, tmp_path_factory):
-    """(tensors, metadata) of the walker; skips where the command was built without assimp, and says so."""
+def hero(importing, dcloth, tmp_path_factory):
+    """(tensors, metadata) of the walker."""
     out = tmp_path_factory.mktemp("hero") / "hero.safetensors"
-    if "built without assimp" in dcloth("hero", DATA / "walker.fbx", "-o", out).stderr:
-        pytest.skip("dcloth was built without assimp: reading characters is not tested")
     result = dcloth("hero", WALKER, "-o", out)
     assert result.returncode == 0, result.stderr
     return safetensors_file.read(out)
-
-
-@pytest.fixture(scope="module")
-def walker():
-    """Joint names, rest [J, 4, 4], frames [20, J, 4, 4] in our axes, as Blender says them."""
-    tensors, metadata = safetensors_file.read(DATA / "walker.safetensors")
-    return json.loads(metadata["joint_names"]), Z_UP @ tensors["rest"].astype(np.float64), \
-        Z_UP @ tensors["frames"].astype(np.float64)
 
 
 def relative(matrices, bind):

@@ -12,7 +12,6 @@ import pytest
 
 import import_corruptions
 import safetensors_file
-from test_poses import importing  # noqa: F401
 
 DATA = Path(__file__).parent / "data"
 # What a command may have in memory at most: itself, the reader's allowance (tools/character/memory_limit.cc) and room.
@@ -79,7 +78,7 @@ def complaints(dcloth, command, folder, extension, cases):
 
 @pytest.mark.parametrize("command, extension, least",
                          [("poses", "glb", 200), ("poses", "bvh", 60), ("body", "glb", 180)])
-def test_named_corruptions(command, extension, least, measured, importing, tmp_path):  # noqa: F811
+def test_named_corruptions(command, extension, least, measured, importing, tmp_path):
     if command == "body":
         cases = list(import_corruptions.broken_skins())
     elif extension == "glb":

@@ -15,24 +15,7 @@ from checks import leftovers, refused
 from gltf_file import animated, skinned
 
 DATA = Path(__file__).parent / "data"
-Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])    # Blender's axes to ours
 BVH = ["--up", "z"]    # Blender writes its own axes there; glTF and FBX say theirs
-
-
-@pytest.fixture(scope="module")
-def importing(dcloth, tmp_path_factory):
-    """Skips where the command was built without assimp, and says so."""
-    result = dcloth("body", DATA / "walker.fbx", "-o", tmp_path_factory.mktemp("probe") / "b.safetensors")
-    if "built without assimp" in result.stderr:
-        pytest.skip("dcloth was built without assimp: reading artists' files is not tested")
-
-
-@pytest.fixture(scope="module")
-def walker():
-    """Joint names, rest [J, 4, 4], frames [20, J, 4, 4] in our axes, and the body's vertices."""
-    tensors, metadata = safetensors_file.read(DATA / "walker.safetensors")
-    return (json.loads(metadata["joint_names"]), Z_UP @ tensors["rest"].astype(np.float64),
-            Z_UP @ tensors["frames"].astype(np.float64), tensors["vertices"] @ Z_UP[:3, :3].T)
 
 
 @pytest.fixture(scope="module")
