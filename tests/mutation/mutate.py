@@ -35,7 +35,7 @@ KERNELS = {family: [f"kernels_{family}_test", "kernels_reproducible_test"]
 KERNELS["nearest"].append("kernels_nearest_cases_test")
 KERNELS["gsgru"].append("kernels_gsgru_i8_test")
 KERNELS["matvec"] = [f"kernels_{kind}_test"
-                     for kind in ("matmul_i8", "matvec_f32", "matvec_f16", "matvec_i8", "quantize",
+                     for kind in ("matmul_i8", "matvec_float", "matvec_i8", "quantize",
                                   "reproducible")]
 VERIFIER = ["attack_ladder_test", "attack_every_tensor_test", "attack_odd_files_test", "engine_diagnostic_test",
             "engine_format_test", "engine_scan_test"]
@@ -45,11 +45,11 @@ ARITHMETIC = re.compile(r"(-inl|_scalar|_accumulate|/coarse_tanh|/half|/quantize
 # A test that looks at all of a header, and is compiled with the mutant itself.
 DIRECT = {"kernels/half.h": [("tests/unit/kernels/half_test.cc", ["kernels_half_test"])]}
 # Sources of the converter that have not just the test of their name; every other one has.
-WHOLE = ["converter_convert_test", "converter_convert_auto_test", "converter_convert_rank_test"]
-BUNDLE = ["converter_bundle_test", "converter_bundle_fault_test", "converter_bundle_limits_test"]
-CONVERTER = {"assemble": ["converter_assemble_test", *WHOLE], "attempts": ["converter_attempts_test", *WHOLE],
+WHOLE = ["converter_convert_test", "converter_attempts_test", "converter_convert_rank_test"]
+BUNDLE = ["converter_bundle_test", "converter_bundle_fault_test"]
+CONVERTER = {"assemble": ["converter_assemble_test", *WHOLE], "attempts": WHOLE,
              "body_surface": ["converter_body_surface_test", "converter_body_surface_cloud_test"],
-             "bundle": BUNDLE, "bundle_metadata": BUNDLE, "convert": WHOLE,
+             "bundle": BUNDLE, "bundle_metadata": BUNDLE, "convert": WHOLE, "model_maker": WHOLE, "stages": WHOLE,
              "file": ["converter_file_test", "converter_file_fault_test"],
              "calibrate": ["converter_rank_test", "converter_convert_rank_test"],
              "reduce": ["converter_reduce_test", "converter_rank_test"],

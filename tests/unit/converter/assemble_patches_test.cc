@@ -13,8 +13,7 @@
 #include "converter/stages.h"
 #include "dcloth/dcloth.h"
 #include "kernels/matvec/matvec.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 #ifndef FLATBUFFERS_MAX_ALIGNMENT
 #define FLATBUFFERS_MAX_ALIGNMENT 64
@@ -23,14 +22,6 @@
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseRawBundle;
-using dcloth::testing::RawFile;
 
 constexpr BundleSpec kSpec{.patches = 4};
 

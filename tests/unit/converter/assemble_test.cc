@@ -6,13 +6,10 @@
 #include <cstring>
 #include <map>
 
-#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ParseBundle;
 
 template <typename Number>
 std::vector<Number> Numbers(const PackedTensor& tensor) {

@@ -9,13 +9,10 @@
 
 #include "converter/body_surface.h"
 #include "kernels/nearest/nearest_order.h"
-#include "tests/unit/converter/body_wall.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::Corners;
-using dcloth::testing::WithWall;
 
 // In the kernel's own order, which its tests hold to whole sorts.
 std::vector<uint32_t> Ordered(const Matrix& positions, const std::vector<uint32_t>& vertices) {

@@ -13,18 +13,10 @@
 #include "converter/assemble.h"
 #include "converter/rollout.h"
 #include "kernels/nearest/nearest.h"
-#include "tests/unit/converter/body_wall.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::Corners;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::WithWall;
 
 std::multiset<Corners> FacesOf(const BodySurface& surface) {
   std::multiset<Corners> faces;

@@ -1,25 +1,17 @@
-// Bundles with one thing wrong: what a refusal names.
+// Bundles with one thing wrong: what a refusal names; and the least and the most that a bundle may hold.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <string>
 #include <utility>
 
 #include "converter/bundle.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/bundle_refusal.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
-using dcloth::testing::RawFile;
-using dcloth::testing::Refusal;
 
 // Of bundles with so many patches, or with the other stages.
 class BundleDamageTest : public ::testing::TestWithParam<uint32_t> {};
@@ -91,25 +83,6 @@ TEST_P(BundleDamageTest, NanAndInfinityAnywhereAreRefused) {
   }
 }
 
-TEST(BundleFaultsTest, EveryTruncatedPrefixIsRefused) {
-  const BundleSpec spec{.vertices = 12,
-                        .joints = 3,
-                        .feature_joints = 1,
-                        .bones = 2,
-                        .body_vertices = 3,
-                        .static_width = 2,
-                        .skeleton_basis = 2,
-                        .mesh_basis = 2,
-                        .layers = 1,
-                        .mesh_width = 2};
-  const AlignedBytes whole = BuildBundle(spec).Bytes();
-  ASSERT_EQ(ErrorText([&] { BundleFrom(SafeFile::Parse(whole, "b")); }), "");
-  for (size_t size = 0; size < whole.size(); ++size) {
-    AlignedBytes prefix(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
-    ASSERT_TRUE(Mentions(ErrorText([&] { BundleFrom(SafeFile::Parse(std::move(prefix), "b")); }), "b: ")) << size;
-  }
-}
-
 TEST(BundleFaultsTest, EachMissingMetadatumIsNamed) {
   const RawFile whole = BuildBundle({});
   for (const auto& [key, value] : whole.metadata) {
@@ -145,26 +118,10 @@ Fault Meta(const char* name, const char* key, const char* value, const char* fou
 
 const Fault kFaults[] = {
     {"Unknown", [](RawFile* raw) { raw->Replace("mesh.layer.0.b", {1}, {0}); }, "mesh.layer.0.b", "an unknown tensor"},
-    {"FaceTooHigh", [](RawFile* raw) { raw->SetInt("template.faces", 4, 60); }, "template.faces",
-     "vertex 60 in face 1"},
-    {"FaceNegative", [](RawFile* raw) { raw->SetInt("body.faces", 0, -1); }, "body.faces", "vertex -1 in face 0"},
-    {"FaceDegenerate", [](RawFile* raw) { raw->SetInt("template.faces", 1, 0); }, "template.faces",
-     "the same vertex twice in face 0"},
-    {"RowSum", [](RawFile* raw) { raw->SetFloat("body.joint_weights", 0, 0.9f); }, "body.joint_weights", "in row 0"},
-    {"NegativeWeight", [](RawFile* raw) { raw->SetFloat("nearest.joint_weights", 7, -0.1f); }, "nearest.joint_weights",
-     "negative"},
     {"ZeroDeviation", [](RawFile* raw) { raw->SetFloat("features.deviation", 2, 0); }, "features.deviation",
      "at element 2"},
     {"NegativeDeviation", [](RawFile* raw) { raw->SetFloat("mesh.input_deviation", 1, -1); }, "mesh.input_deviation",
      "at element 1"},
-    {"LowAboveHigh", [](RawFile* raw) { raw->SetFloat("features.low", 3, 9); }, "features.low",
-     "above features.high at element 3"},
-    {"SingularBind",
-     [](RawFile* raw) {
-       for (size_t i = 0; i < 12; ++i) raw->SetFloat("character.bind", i, 0);
-     },
-     "character.bind", "has no inverse for joint 'joint_0'"},
-    {"TransposedBind", [](RawFile* raw) { raw->SetFloat("character.bind", 12, 0.5f); }, "character.bind", "0 0 0 1"},
     Meta("Format", "format", "onnx", "'onnx'"),
     Meta("Version", "format_version", "2", "'2'"),
     Meta("NoName", "garment", "", "a garment name that is empty"),
@@ -206,6 +163,182 @@ const Fault kFaults[] = {
 };
 INSTANTIATE_TEST_SUITE_P(Bundle, BundleFaultTest, ::testing::ValuesIn(kFaults),
                          [](const auto& test) { return std::string(test.param.name); });
+
+// A determinant of 1e-9 is the least: in three floats that add up to it to the last of a double's bits, and one bit
+// below.
+TEST(BundleLimitsTest, TheLeastDeterminantOfABindMatrixIsTaken) {
+  const auto with_determinant = [](double determinant) {
+    const auto high = static_cast<float>(determinant);
+    const auto middle = static_cast<float>(determinant - static_cast<double>(high));
+    const double rest = determinant - static_cast<double>(high) - static_cast<double>(middle);
+    const auto low = static_cast<float>(rest);
+    EXPECT_EQ(static_cast<double>(low), rest);
+    RawFile raw = BuildBundle({});
+    const float rows[16] = {1, low, 0, 0, -1, high, middle, 0, 0, -1, 1, 0, 0, 0, 0, 1};
+    for (size_t i = 0; i < 16; ++i) raw.SetFloat("character.bind", i, rows[i]);
+    return raw;
+  };
+  EXPECT_EQ(ParseRawBundle(with_determinant(1e-9)).bind[0](1, 0), -1);
+  EXPECT_EQ(ParseRawBundle(with_determinant(-1e-9)).bind[0](1, 0), -1);
+  EXPECT_TRUE(Mentions(Refusal(with_determinant(std::nextafter(1e-9, 0))), "has no inverse for joint 'joint_0'"));
+}
+
+TEST(BundleLimitsTest, OddMetadataAreTaken) {
+  RawFile raw = BuildBundle({.root_motion = RootMotion::kNone});
+  EXPECT_EQ(ParseRawBundle(raw).feature_count(), 27u);
+  EXPECT_EQ(ParseRawBundle(raw).root_motion, RootMotion::kNone);
+  EXPECT_EQ(ParseRawBundle(BuildBundle({.root_motion = RootMotion::kAir})).feature_count(), 34u);
+  raw.metadata["garment"] = "a\1b";
+  EXPECT_EQ(ParseRawBundle(raw).garment, "a\1b");
+  for (const auto& [text, rate] : {std::pair("1000", 1000.0), {"0.25", 0.25}, {"1", 1.0}}) {
+    raw.metadata["tick_rate"] = text;
+    EXPECT_EQ(ParseRawBundle(raw).tick_rate, rate);
+  }
+  // Objects in objects: 32 deep and one more.
+  const auto nested = [](size_t depth) {
+    std::string text = "1";
+    for (size_t i = 0; i < depth; ++i) text = R"({"a":)" + text + "}";
+    return text;
+  };
+  raw.metadata["training"] = nested(32);
+  EXPECT_EQ(ParseRawBundle(raw).training, nested(32));
+  raw.metadata["training"] = nested(33);
+  EXPECT_TRUE(Mentions(Refusal(raw), "metadata 'training'", "a JSON object"));
+  raw.metadata.erase("training");
+  EXPECT_EQ(ParseRawBundle(raw).training, "{}");
+}
+
+// A triangle is the least garment; no residual matrix is needed.
+TEST(BundleLimitsTest, LeastAndMostVerticesAreTaken) {
+  const auto refusal = [](uint32_t vertices) {
+    RawFile raw = BuildBundle({.vertices = vertices, .bones = 1, .residuals = 0, .skeleton = false, .mesh = false});
+    RawTensor& faces = raw.At("template.faces");
+    faces.shape = {1, 3};
+    faces.bytes.assign(12, std::byte{0});
+    raw.SetInt("template.faces", 1, 1);
+    raw.SetInt("template.faces", 2, static_cast<int32_t>(vertices) - 1);
+    return Refusal(raw);
+  };
+  EXPECT_TRUE(Mentions(refusal(2), "template.positions", "found 2 vertices, expected 3 to 65535"));
+  EXPECT_EQ(refusal(3), "");
+  EXPECT_EQ(refusal(65535), "");
+  EXPECT_TRUE(Mentions(refusal(65536), "template.positions", "found 65536 vertices"));
+}
+
+TEST(BundleLimitsTest, EachNumberOfALastRowOfABindMatrixCounts) {
+  for (size_t i = 12; i < 16; ++i) {
+    for (const float value : {0.0f, 1.0f, 0.5f}) {
+      RawFile raw = BuildBundle({});
+      raw.SetFloat("character.bind", 16 + i, value);
+      const std::string text = Refusal(raw);
+      if (value == (i == 15 ? 1.0f : 0.0f)) {
+        EXPECT_EQ(text, "");
+      } else {
+        EXPECT_TRUE(Mentions(text, "character.bind", "a last row other than 0 0 0 1 in the matrix of joint 'joint_1'"))
+            << i;
+      }
+    }
+  }
+}
+
+TEST(BundleLimitsTest, LimitsThemselvesAreTaken) {
+  RawFile raw = BuildBundle({});
+  const float low = ParseRawBundle(raw).feature_low[0];
+  raw.SetFloat("features.high", 0, low);
+  EXPECT_EQ(Refusal(raw), "");
+  raw.SetFloat("features.high", 0, std::nextafter(low, -INFINITY));
+  EXPECT_TRUE(Mentions(Refusal(raw), "features.low", "above features.high at element 0"));
+
+  const std::pair<float, bool> deviations[] = {
+      {1e-30f, true}, {std::nextafter(1e-30f, 0.0f), false}, {1e30f, true}, {std::nextafter(1e30f, INFINITY), false}};
+  for (const auto& [value, good] : deviations) {
+    raw = BuildBundle({});
+    raw.SetFloat("features.deviation", 0, value);
+    EXPECT_EQ(Refusal(raw).empty(), good) << value;
+  }
+
+  // As many components as rows.
+  const BundleSpec spec{.skeleton_basis = 2};
+  raw = BuildBundle(spec);
+  raw.Erase("skeleton.basis");
+  raw.Replace("skeleton.readout", {2, 2}, {1, 0, 0, 1});
+  raw.Replace("skeleton.components", {2, spec.vertices, 3}, std::vector<float>(6 * spec.vertices, 0.5f));
+  EXPECT_EQ(ParseRawBundle(raw).skeleton->basis, Matrix::Constant(2, 3 * spec.vertices, 0.5f));
+
+  // Where a unit's three gates end.
+  for (const uint64_t rows : {uint64_t{1}, uint64_t{2}, uint64_t{29}, uint64_t{31}}) {
+    raw = BuildBundle({});
+    raw.Replace("skeleton.gru.bias_hh", {rows}, std::vector<float>(rows));
+    EXPECT_TRUE(Mentions(Refusal(raw), "skeleton.gru.bias_hh", "found " + std::to_string(rows) + " values"));
+  }
+}
+
+TEST(BundleLimitsTest, ExtentsEndAt16777216) {
+  for (const bool more : {false, true}) {
+    RawFile raw = BuildBundle({});
+    RawTensor& bias = raw.At("skeleton.gru.bias_hh");
+    bias.type = SafeType::kF16;
+    bias.shape = {(uint64_t{1} << 24) + (more ? 1 : 0)};
+    bias.bytes.assign(2 * bias.shape[0], std::byte{0});
+    EXPECT_TRUE(Mentions(Refusal(raw), "skeleton.gru.bias_hh", more ? "shape [16777217]" : "16777216 values"));
+  }
+}
+
+TEST(BundleLimitsTest, SkinWeightsSumToOneAndMayBeZero) {
+  const auto refusal = [](size_t row, float first, float second) {
+    RawFile raw = BuildBundle({});
+    for (size_t j = 0; j < 6; ++j) raw.SetFloat("body.joint_weights", 6 * row + j, 0);
+    raw.SetFloat("body.joint_weights", 6 * row, first);
+    raw.SetFloat("body.joint_weights", 6 * row + 1, second);
+    return Refusal(raw);
+  };
+  for (const size_t row : {size_t{0}, size_t{5}, size_t{11}}) {
+    const std::string place = " in row " + std::to_string(row) + ",";
+    EXPECT_EQ(refusal(row, 1, 0), "");
+    EXPECT_EQ(refusal(row, 1, 0.00009f), "");
+    EXPECT_EQ(refusal(row, 0.9f, 0.09991f), "");
+    EXPECT_TRUE(Mentions(refusal(row, 1, 0.00011f), "found a sum of 1.00011" + place, "expected 1 within 0.0001"));
+    EXPECT_TRUE(Mentions(refusal(row, 0.9f, 0.09989f), "found a sum of 0.99989" + place));
+    EXPECT_TRUE(Mentions(refusal(row, 1.5f, -0.5f), "found a negative weight" + place));
+    EXPECT_TRUE(Mentions(refusal(row, 2, -1), "found a negative weight" + place));
+  }
+}
+
+TEST(BundleLimitsTest, FacesNameThreeVerticesThatThereAre) {
+  const auto refusal = [](size_t face, std::array<int32_t, 3> corners) {
+    RawFile raw = BuildBundle({});
+    for (size_t c = 0; c < 3; ++c) raw.SetInt("body.faces", 3 * face + c, corners[c]);
+    return Refusal(raw);
+  };
+  for (const size_t face : {size_t{0}, size_t{4}, size_t{9}}) {
+    const std::string place = " in face " + std::to_string(face) + ",";
+    EXPECT_EQ(refusal(face, {0, 11, 1}), "");
+    for (const std::array<int32_t, 3> twice : {std::array{3, 3, 4}, std::array{4, 3, 3}, std::array{3, 4, 3}}) {
+      EXPECT_TRUE(Mentions(refusal(face, twice), "body.faces: found the same vertex twice" + place, "three different"));
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      for (const int32_t vertex : {-1, 12}) {
+        std::array corners = {1, 2, 3};
+        corners[c] = vertex;
+        EXPECT_TRUE(Mentions(refusal(face, corners), "found vertex " + std::to_string(vertex) + place, "from 0 to 11"));
+      }
+    }
+  }
+}
+
+TEST(BundleLimitsTest, FeatureWidthIsWhatTheKernelsTake) {
+  BundleSpec spec{.feature_width = 12};
+  EXPECT_TRUE(Mentions(Refusal(BuildBundle(spec)), "feature width 12"));
+  spec.feature_width = 72;
+  EXPECT_TRUE(Mentions(Refusal(BuildBundle(spec)), "feature width 72"));
+  spec.feature_width = 64;
+  EXPECT_EQ(Refusal(BuildBundle(spec)), "");
+  spec.feature_width = 8;
+  spec.layers = 8;
+  EXPECT_EQ(Refusal(BuildBundle(spec)), "");
+  spec.layers = 9;
+  EXPECT_TRUE(Mentions(Refusal(BuildBundle(spec)), "more than 8 layers"));
+}
 
 }  // namespace
 }  // namespace dcloth::converter

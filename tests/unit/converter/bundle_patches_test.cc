@@ -8,19 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/bundle_refusal.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BundleSpec;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseRawBundle;
-using dcloth::testing::RawFile;
-using dcloth::testing::Refusal;
 
 TEST(BundlePatchesTest, SizesFollowFromTheTensors) {
   for (const bool half : {false, true}) {

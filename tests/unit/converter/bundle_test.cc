@@ -6,44 +6,10 @@
 #include <string>
 #include <utility>
 
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/bundle_refusal.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BundleSpec;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseRawBundle;
-using dcloth::testing::RawFile;
-using dcloth::testing::RawTensor;
-using dcloth::testing::Refusal;
-
-TEST(BundleTest, ReadsEveryField) {
-  BundleSpec spec;
-  const RawFile raw = BuildBundle(spec);
-  const Bundle bundle = ParseRawBundle(raw);
-  EXPECT_EQ(bundle.garment, "tube");
-  EXPECT_EQ(bundle.tick_rate, 30);
-  EXPECT_EQ(bundle.vertex_count(), spec.vertices);
-  EXPECT_EQ(bundle.feature_count(), spec.features());
-  EXPECT_EQ(bundle.joint_names.size(), spec.joints);
-  EXPECT_EQ(bundle.bones, (std::vector<uint32_t>{2, 3, 4, 5}));
-  EXPECT_EQ(bundle.feature_joints, (std::vector<uint32_t>{0, 1, 2}));
-  EXPECT_EQ(bundle.residual_weights.size(), spec.residuals);
-  ASSERT_TRUE(bundle.skeleton && bundle.mesh);
-  EXPECT_EQ(bundle.skeleton->basis.rows(), spec.skeleton_basis);
-  EXPECT_EQ(bundle.skeleton->basis.cols(), 3 * spec.vertices);
-  EXPECT_EQ(bundle.mesh->layers.size(), spec.layers);
-  // The last number of a tensor lands at the end of the matrix: nothing is transposed.
-  const SafeFile file = SafeFile::Parse(raw.Bytes(), "b");
-  const std::vector<float> basis = FloatsOf(file, file.Require("mesh.basis"));
-  EXPECT_EQ(bundle.mesh->basis(6, 3 * spec.vertices - 1), basis.back());
-  EXPECT_EQ(bundle.mesh->basis(0, 1), basis[1]);
-}
 
 TEST(BundleTest, ParentsMayBeAbsent) {
   RawFile raw = BuildBundle({});
@@ -171,6 +137,11 @@ TEST(BundleTest, MasksAreReadBothOrNone) {
 TEST(BundleTest, EveryNumberIsTheFiles) {
   RawFile raw = BuildBundle({});
   const Bundle bundle = ParseRawBundle(raw);
+  EXPECT_EQ(bundle.garment, "tube");
+  EXPECT_EQ(bundle.tick_rate, 30);
+  EXPECT_EQ(bundle.joint_names.size(), 6u);
+  EXPECT_EQ(bundle.bones, (std::vector<uint32_t>{2, 3, 4, 5}));
+  EXPECT_EQ(bundle.feature_joints, (std::vector<uint32_t>{0, 1, 2}));
   const SafeFile file = SafeFile::Parse(raw.Bytes(), "b");
   size_t compared = 0;
   const auto same = [&](const std::string& name, const auto& found) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {

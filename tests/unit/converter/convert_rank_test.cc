@@ -1,25 +1,18 @@
 // Models with a reduced basis, from the bundle to the engine's vertices.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include "converter/convert.h"
 #include "converter/error.h"
+#include "converter/model_maker.h"
 #include "converter/rollout.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
-#include "tests/unit/converter/low_rank.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::LowerRank;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseSequence;
 
 ConvertOptions With(Precision precision, RankMode mode = RankMode::kExact, uint32_t rank = 0) {
   return {.precision = precision, .rank = {mode, rank}};
@@ -71,16 +64,9 @@ TEST(ConvertRankTest, EveryLevelAgreesWithTheFullBasis) {
   const Sequence motion = ParseSequence(spec, 20);
   const OpenModel reduced(Convert(bundle, With(Precision::kFp32)).bytes);
   const OpenModel full(Convert(bundle, With(Precision::kFp32, RankMode::kFull)).bytes);
-  const auto play = [&](const OpenModel& model, uint32_t stages) {
-    std::vector<float> all;
-    Rollout(model, motion, stages, [&](size_t, std::span<const float> positions, std::span<const float>) {
-      all.insert(all.end(), positions.begin(), positions.end());
-    });
-    return all;
-  };
   std::vector<std::vector<float>> levels;
   for (const uint32_t stages : {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH}) {
-    const std::vector<float> expected = play(full, stages), found = play(reduced, stages);
+    const std::vector<float> expected = Played(full, motion, stages), found = Played(reduced, motion, stages);
     double worst = 0;
     for (size_t i = 0; i < expected.size(); ++i)
       worst = std::max(worst, std::abs(static_cast<double>(expected[i] - found[i])));
@@ -104,16 +90,6 @@ TEST(ConvertRankTest, BundlesOfFullRankStayAsTheyAre) {
   EXPECT_EQ(std::memcmp(exact.bytes.data(), full.bytes.data(), full.bytes.size()), 0);
   const BundleSpec still{.skeleton = false, .mesh = false};
   EXPECT_EQ(Convert(ParseBundle(still), With(Precision::kFp32)).report.rank.full, 0u);
-}
-
-TEST(ConvertRankTest, SameInputGivesSameBytes) {
-  const BundleSpec spec = Spec();
-  const std::vector<Sequence> motion = {ParseSequence(spec, 10)};
-  ConvertOptions options = With(Precision::kInt8, RankMode::kFixed, 7);
-  options.calibration = motion;
-  const AlignedBytes a = Convert(ParseBundle(spec), options).bytes, b = Convert(ParseBundle(spec), options).bytes;
-  ASSERT_EQ(a.size(), b.size());
-  EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size()), 0);
 }
 
 // The search's answer against every rank tried by hand.
@@ -245,6 +221,19 @@ TEST(ConvertRankTest, BadRequestsAreRefused) {
   BundleSpec still = spec;
   still.skeleton = still.mesh = false;
   EXPECT_TRUE(Mentions(refusal(ParseBundle(still), With(Precision::kFp32, RankMode::kFixed, 4)), "no skeleton stage"));
+}
+
+// What measures models of many ranks makes those that a conversion writes.
+TEST(ConvertRankTest, ModelMakerMakesTheSameModels) {
+  Bundle bundle = ParseBundle(Spec());
+  LowerRank(&bundle, 6);
+  ModelMaker maker(bundle, {});
+  for (const RankMode mode : {RankMode::kFull, RankMode::kExact}) {
+    const ConvertOptions options{.precision = Precision::kFp16, .rank = {.mode = mode}};
+    const uint32_t rank = mode == RankMode::kFull ? RankMaker::kFullRank : maker.DefaultRank(Precision::kFp16);
+    const MadeModel made = maker.Make(Precision::kFp16, rank);
+    EXPECT_TRUE(std::ranges::equal(made.model.bytes(), Convert(bundle, options).bytes));
+  }
 }
 
 }  // namespace

@@ -10,18 +10,12 @@
 
 #include "converter/assemble.h"
 #include "converter/rollout.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
-#include "tests/unit/converter/skinning_reference.h"
+#include "converter/stages.h"
+#include "dcloth/dcloth.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseSequence;
 
 TEST(ConvertTest, EngineOpensEverySizeAndPrecision) {
   std::vector<BundleSpec> specs(8);
@@ -61,6 +55,9 @@ TEST(ConvertTest, SameInputGivesSameBytes) {
     ASSERT_EQ(a.size(), b.size());
     EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size()), 0);
   }
+  const std::vector<Sequence> motion = {ParseSequence({}, 10)};
+  const ConvertOptions ranked{.precision = Precision::kInt8, .rank = {RankMode::kFixed, 7}, .calibration = motion};
+  EXPECT_EQ(Convert(bundle, ranked).bytes, Convert(ParseBundle({}), ranked).bytes);
   const BundleSpec other{.seed = 2};
   const AlignedBytes a = Convert(bundle, {}).bytes, c = Convert(ParseBundle(other), {}).bytes;
   EXPECT_TRUE(a.size() != c.size() || std::memcmp(a.data(), c.data(), a.size()) != 0);
@@ -84,7 +81,7 @@ TEST(ConvertTest, PlainSkinningAgreesWithDouble) {
       const OpenModel model(result.bytes);
       Rollout(model, sequence, DCLOTH_STAGES_MESH,
               [&](size_t frame, std::span<const float> positions, std::span<const float>) {
-                const MatrixD expected = dcloth::testing::SkinFrame(bundle, sequence, frame);
+                const MatrixD expected = SkinFrame(bundle, sequence, frame);
                 for (Eigen::Index i = 0; i < expected.rows(); ++i) {
                   for (Eigen::Index axis = 0; axis < 3; ++axis) {
                     const auto got = static_cast<double>(positions[static_cast<size_t>(3 * i + axis)]);
@@ -108,7 +105,7 @@ TEST(ConvertTest, NetworksMoveTheCloth) {
     double sum = 0;
     Rollout(model, sequence, stages,
             [&](size_t frame, std::span<const float> positions, std::span<const float> normals) {
-              const MatrixD plain = dcloth::testing::SkinFrame(bundle, sequence, frame);
+              const MatrixD plain = SkinFrame(bundle, sequence, frame);
               for (Eigen::Index i = 0; i < plain.rows(); ++i) {
                 const float* const p = positions.data() + 3 * i;
                 sum += (plain.row(i) - Eigen::RowVector3d(p[0], p[1], p[2])).norm();
@@ -180,14 +177,7 @@ TEST(ConvertTest, PruningIsMeasuredOnPosesByHand) {
     for (const Sequence& sequence : motion) {
       for (size_t frame = 0; frame < sequence.frame_count; frame += stride) {
         std::vector<Eigen::Matrix4d>& pose = joints.emplace_back();
-        for (size_t joint = 0; joint < 6; ++joint) {
-          Eigen::Matrix4d world;
-          for (int i = 0; i < 16; ++i) {
-            world(i / 4, i % 4) =
-                static_cast<double>(sequence.joint_matrices[(frame * 6 + joint) * 16 + static_cast<size_t>(i)]);
-          }
-          pose.push_back(world * bundle.bind[joint].cast<double>().inverse());
-        }
+        for (size_t joint = 0; joint < 6; ++joint) pose.push_back(SkinMatrix(bundle, sequence, frame, joint));
         bones.push_back({pose.begin() + 2, pose.end()});
       }
     }
@@ -245,6 +235,73 @@ TEST(ConvertTest, HalfOverflowNamesBundleTensorAndWayOut) {
   EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, {.precision = Precision::kFp16}); }), "b.safetensors",
                        "mesh.basis", "[2, 1, 2]", "--precision fp32"));
   EXPECT_EQ(ErrorText([&] { Convert(bundle, {.precision = Precision::kFp32}); }), "");
+}
+
+constexpr uint32_t kStages[] = {DCLOTH_STAGES_STATIC, DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_MESH};
+
+Bundle Holding(uint32_t stages) {
+  const BundleSpec spec{.skeleton = stages != DCLOTH_STAGES_STATIC, .mesh = stages == DCLOTH_STAGES_MESH};
+  return ParseBundle(spec);
+}
+
+ConvertOptions Keeping(uint32_t stages) { return {.rank = {.mode = RankMode::kFull}, .stages = stages}; }
+
+TEST(StagesTest, KeepsWhatTheBundleHoldsAndNoMore) {
+  for (const uint32_t held : kStages) {
+    const Bundle bundle = Holding(held);
+    EXPECT_EQ(StagesOf(bundle), held);
+    EXPECT_EQ(ParseStages(StagesName(held)), held);
+    for (const uint32_t asked : kStages) {
+      if (asked <= held) {
+        EXPECT_EQ(StagesOf(KeepStages(bundle, asked)), asked);
+      } else {
+        EXPECT_TRUE(Mentions(ErrorText([&] { KeepStages(bundle, asked); }), "b.safetensors", StagesName(asked),
+                             std::string("at most '") + StagesName(held) + "'", "--stages"));
+      }
+    }
+  }
+}
+
+// To the bit what the whole model draws when its ticks stop there.
+TEST(StagesTest, DrawsWhatTheWholeModelDrawsUpToThere) {
+  const Bundle bundle = ParseBundle({});
+  const Sequence motion = ParseSequence({}, 20);
+  const ConvertResult whole = Convert(bundle, Keeping(DCLOTH_STAGES_MESH));
+  const OpenModel all(whole.bytes);
+  uint64_t more = whole.report.model_bytes;
+  uint32_t joints = whole.report.joint_count;
+  for (const uint32_t stages : {DCLOTH_STAGES_SKELETON, DCLOTH_STAGES_STATIC}) {
+    const ConvertResult result = Convert(bundle, Keeping(stages));
+    const OpenModel model(result.bytes);
+    EXPECT_EQ(model.info().stages, stages);
+    EXPECT_EQ(result.report.stages, stages);
+    EXPECT_EQ(Played(model, motion, stages), Played(all, motion, stages));
+    EXPECT_NE(Played(model, motion, stages), Played(all, motion, DCLOTH_STAGES_MESH));
+    EXPECT_LT(result.report.model_bytes, more);
+    EXPECT_LE(result.report.joint_count, joints);
+    more = result.report.model_bytes;
+    joints = result.report.joint_count;
+  }
+}
+
+// What is left out counts as error.
+TEST(StagesTest, ErrorsAreAgainstAllStages) {
+  const Bundle bundle = ParseBundle({});
+  const std::vector<Sequence> motion = {ParseSequence({}, 20)};
+  const OpenModel all(Convert(bundle, {}).bytes);
+  ConvertOptions options = Keeping(DCLOTH_STAGES_SKELETON);
+  options.motion = motion;
+  const ConvertResult result = Convert(bundle, options);
+  const double missing_mm = result.report.trials.at(0).error.position_mm.max;
+  EXPECT_GT(missing_mm, 1) << "the mesh stage of this garment does too little to tell";
+  EXPECT_EQ(missing_mm, CompareModels(OpenModel(result.bytes), all, motion).position_mm.max);
+  options.max_error_mm = missing_mm;
+  EXPECT_EQ(Convert(bundle, options).report.stages, uint32_t{DCLOTH_STAGES_SKELETON});
+  options.max_error_mm = 0.99 * missing_mm;
+  EXPECT_THROW(Convert(bundle, options), ThresholdError);
+  EXPECT_TRUE(Mentions(ErrorText([&] { Convert(bundle, options); }), "fp32", "keep all stages"));
+  options.precision.reset();
+  EXPECT_THROW(Convert(bundle, options), ThresholdError) << "no format makes up for a stage";
 }
 
 }  // namespace

@@ -6,12 +6,10 @@
 #include <cmath>
 #include <random>
 
-#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::ParseBundle;
 
 // Twelve directions, each half as strong as the one before: as a trained basis, steeper.
 ReducedBasis Steep(double ratio = 0.5) {

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "converter/file.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace {
 
@@ -56,8 +56,6 @@ namespace dcloth::converter {
 namespace {
 
 namespace fs = std::filesystem;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
 
 class FileFaultTest : public ::testing::Test {
  protected:

@@ -14,7 +14,7 @@
 #include <fstream>
 #include <string>
 
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
@@ -26,8 +26,6 @@ int ProcessId() { return ::getpid(); }
 #endif
 
 namespace fs = std::filesystem;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
 
 class FileTest : public ::testing::Test {
  protected:

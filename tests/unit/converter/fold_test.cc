@@ -5,18 +5,10 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BuildBundle;
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseRawBundle;
 
 constexpr double kHalfUlp = 0x1p-24;  // relative rounding of a float
 
@@ -43,7 +35,7 @@ TEST(FoldTest, SkinWeightsAreTheNormalisedClampedSum) {
 
 TEST(FoldTest, VertexWithoutWeightIsRefused) {
   BundleSpec spec;
-  dcloth::testing::RawFile raw = BuildBundle(spec);
+  RawFile raw = BuildBundle(spec);
   for (uint32_t j = 0; j < spec.bones; ++j) {
     raw.SetFloat("static.initial_weights", 5 * spec.bones + j, -10);
   }

@@ -10,14 +10,10 @@
 
 #include "converter/convert.h"
 #include "converter/rollout.h"
-#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseSequence;
 
 // Integers times the stacked weights are inputs times the folded ones, whatever the steps.
 TEST(IntegerLayerTest, StepsAreInTheWeights) {
@@ -66,28 +62,6 @@ TEST(IntegerLayerTest, StepsReachWhatTheNormGives) {
   }
 }
 
-size_t LayersInIntegers(const ConvertResult& result) {
-  size_t count = 0;
-  for (const TensorReport& tensor : result.report.tensors) {
-    count += tensor.name.starts_with("mesh_stage.layers.") && tensor.name.ends_with(".weights") && tensor.dtype == "i8";
-  }
-  return count;
-}
-
-TEST(IntegerLayerTest, WideLayersOfInt8ModelsHaveThem) {
-  for (const uint32_t width : {8u, 16u, 40u}) {
-    const BundleSpec spec{.feature_width = width};
-    const Bundle bundle = ParseBundle(spec);
-    for (const Precision precision : kPrecisions) {
-      const ConvertOptions options{.precision = precision};
-      const size_t expected = precision == Precision::kInt8 && width >= 16 ? bundle.mesh->layers.size() : 0;
-      const ConvertResult result = Convert(bundle, options);
-      EXPECT_EQ(LayersInIntegers(result), expected) << width << " " << PrecisionName(precision);
-      EXPECT_EQ(OpenModel(result.bytes).info().format_minor, 6u) << "with the coarse mesh";
-    }
-  }
-}
-
 class IntegerClothTest : public ::testing::Test {
  protected:
   IntegerClothTest() {
@@ -102,12 +76,7 @@ class IntegerClothTest : public ::testing::Test {
 
   // [frames, n, 3] one after another.
   std::vector<float> Positions(const PrecisionPlan& plan, uint32_t stages) const {
-    const OpenModel model(WriteModel(Assemble(bundle_, folded_, plan)), "b");
-    std::vector<float> all;
-    Rollout(model, sequence_, stages, [&](size_t, std::span<const float> frame, std::span<const float>) {
-      all.insert(all.end(), frame.begin(), frame.end());
-    });
-    return all;
+    return Played(OpenModel(WriteModel(Assemble(bundle_, folded_, plan)), "b"), sequence_, stages);
   }
 
   static double Rms(std::span<const float> a, std::span<const float> b) {

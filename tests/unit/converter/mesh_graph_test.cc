@@ -4,7 +4,7 @@
 
 #include <set>
 
-#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
@@ -18,8 +18,8 @@ TEST(MeshGraphTest, TwoTrianglesAndAVertexAlone) {
 }
 
 TEST(MeshGraphTest, AgreesWithSetsOnATube) {
-  const dcloth::testing::BundleSpec spec{.vertices = 997};
-  const Bundle bundle = dcloth::testing::ParseBundle(spec);
+  const BundleSpec spec{.vertices = 997};
+  const Bundle bundle = ParseBundle(spec);
   std::vector<std::set<int>> neighbours(spec.vertices);
   for (int i = 0; i < static_cast<int>(spec.vertices); ++i) neighbours[static_cast<size_t>(i)].insert(i);
   for (Eigen::Index face = 0; face < bundle.template_faces.rows(); ++face) {

@@ -5,13 +5,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
 
 const std::vector<uint16_t> kTriangle = {0, 1, 2};
 const std::vector<float> kFlat = {0, 0, 0, 1, 0, 0, 0, 1, 0};

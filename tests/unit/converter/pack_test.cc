@@ -9,7 +9,7 @@
 #include "kernels/half.h"
 #include "kernels/kernels.h"
 #include "kernels/matvec/matvec_pack.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {

@@ -7,13 +7,10 @@
 #include <vector>
 
 #include "kernels/half.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
 
 Matrix Random(Eigen::Index rows, Eigen::Index columns, unsigned seed) {
   std::srand(seed);

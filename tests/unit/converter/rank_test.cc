@@ -9,16 +9,10 @@
 #include "converter/calibrate.h"
 #include "converter/correct.h"
 #include "converter/fold.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
-#include "tests/unit/converter/low_rank.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseSequence;
 
 TEST(SmallestGoodRankTest, FindsEveryThresholdInFewCalls) {
   for (uint32_t top = 2; top <= 130; top += 2) {
@@ -90,7 +84,7 @@ TEST(DisplacementMomentTest, IsAMeanOverFramesWhoseBonesHaveAnInverse) {
     const float rows[16] = {1, low, 0, 0, -1, high, middle, 0, 0, -1, 1, 0, 0, 0, 0, 1};
     float* const matrix = motion[0].joint_matrices.data() + (2 * spec.joints + bundle.bones[0]) * 16;
     std::copy_n(rows, 16, matrix);
-    return dcloth::testing::ErrorText([&] { DisplacementMoment(bundle, folded, frame, motion); });
+    return ErrorText([&] { DisplacementMoment(bundle, folded, frame, motion); });
   };
   for (const double determinant : {0.0, 1e-9, -1e-9}) {
     EXPECT_EQ(refusal(determinant),
@@ -120,7 +114,7 @@ TEST(DisplacementMomentTest, KeepsBothLevels) {
 Bundle OfRank44(uint32_t vertices) {
   const BundleSpec spec{.vertices = vertices, .skeleton_basis = 48, .mesh_basis = 16};
   Bundle bundle = ParseBundle(spec);
-  dcloth::testing::LowerRank(&bundle, 44);
+  LowerRank(&bundle, 44);
   return bundle;
 }
 

@@ -6,18 +6,10 @@
 
 #include "converter/error.h"
 #include "converter/fold.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
-#include "tests/unit/converter/low_rank.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::LowerRank;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
 
 constexpr uint32_t kRows = 17;  // k_S + k_M of BundleSpec
 
@@ -63,8 +55,7 @@ TEST(BasisRankTest, ToleranceIsThatOfTheStoredNumbers) {
   tilted.skeleton->basis.row(3) += 1e-4f * other.row(0);
   EXPECT_EQ(BasisRank(tilted).rank(), 5u);
   Bundle halves = tilted;
-  for (Matrix* basis : {&halves.skeleton->basis, &halves.mesh->basis})
-    *basis = basis->unaryExpr([](float x) { return kernels::FloatFromHalf(kernels::HalfFromFloat(x)); }).eval();
+  for (Matrix* basis : {&halves.skeleton->basis, &halves.mesh->basis}) *basis = AsHalves(*basis);
   EXPECT_EQ(BasisRank(halves).rank(), 4u);
   Bundle small = bundle;
   small.mesh->basis.row(2) = 1e-5f * other.row(1);

@@ -8,17 +8,10 @@
 #include <vector>
 
 #include "converter/convert.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseSequence;
 
 AlignedBytes Model(const BundleSpec& spec) { return Convert(ParseBundle(spec), {}).bytes; }
 

@@ -10,14 +10,10 @@
 #include <string>
 
 #include "converter/safetensors_header.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
 
 AlignedBytes File(const std::string& header, size_t data_bytes) {
   AlignedBytes bytes(8 + header.size() + data_bytes);
@@ -82,7 +78,7 @@ TEST(SafetensorsTest, HalvesBecomeFloats) {
 
 // Each prefix in a block of exactly its size, so that a sanitizer sees any read past it.
 TEST(SafetensorsTest, EveryTruncatedPrefixIsRefused) {
-  dcloth::testing::RawFile raw;
+  RawFile raw;
   raw.metadata = {{"k", "v"}};
   raw.Replace("a", {3, 2}, {1, 2, 3, 4, 5, 6});
   raw.Replace("b", {1}, {7});
@@ -100,7 +96,7 @@ TEST(SafetensorsTest, EveryTruncatedPrefixIsRefused) {
 
 // No single changed header byte may crash; most must be refused, all parse deterministically.
 TEST(SafetensorsTest, ChangedBytesNeverCrash) {
-  dcloth::testing::RawFile raw;
+  RawFile raw;
   raw.Replace("a", {3, 2}, {1, 2, 3, 4, 5, 6});
   const AlignedBytes whole = raw.Bytes();
   size_t refused = 0, tried = 0;
@@ -227,7 +223,7 @@ TEST(SafetensorsTest, HeaderLengthIsBounded) {
 }
 
 TEST(SafetensorsTest, NumbersThatAreNoneAreRefusedWithTheirPlace) {
-  dcloth::testing::RawFile raw;
+  RawFile raw;
   raw.Replace("a", {3}, {1, NAN, 3});
   raw.Replace("b", {2}, {1, -INFINITY});
   raw.Replace("c", {2}, {NAN, NAN});

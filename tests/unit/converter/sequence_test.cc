@@ -7,21 +7,12 @@
 #include <filesystem>
 
 #include "kernels/half.h"
-#include "tests/unit/converter/bundle_builder.h"
-#include "tests/unit/converter/error_text.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
 
-using dcloth::testing::BuildSequence;
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ErrorText;
-using dcloth::testing::Mentions;
-using dcloth::testing::ParseRawSequence;
-using dcloth::testing::ParseSequence;
-using dcloth::testing::RawFile;
-
-std::string Refusal(const RawFile& raw) {
+std::string SequenceRefusal(const RawFile& raw) {
   return ErrorText([&] { ParseRawSequence(raw); });
 }
 
@@ -48,7 +39,7 @@ TEST(SequenceTest, HalfTruthIsAddedToItsOrigin) {
   truth.type = SafeType::kF16;
   const auto bytes = std::as_bytes(std::span(halves));
   truth.bytes.assign(bytes.begin(), bytes.end());
-  EXPECT_TRUE(Mentions(Refusal(raw), "F16 without truth_origin"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "F16 without truth_origin"));
   raw.Replace("truth_origin", {2, 3}, {1, 2, 3, 4, 5, 6});
   const Sequence sequence = ParseRawSequence(raw);
   EXPECT_EQ(sequence.truth[0], 1.0f);
@@ -61,44 +52,45 @@ TEST(SequenceTest, HalfTruthIsAddedToItsOrigin) {
   const auto huge_bytes = std::as_bytes(std::span(huge));
   large.bytes.assign(huge_bytes.begin(), huge_bytes.end());
   raw.Replace("truth_origin", {2, 3}, {0, 0, 0, 0, 3e38f, 0});
-  EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found a sum with truth that a float cannot hold at element 28"));
+  EXPECT_TRUE(
+      Mentions(SequenceRefusal(raw), "truth_origin: found a sum with truth that a float cannot hold at element 28"));
   raw.Replace("truth_origin", {3, 3}, std::vector<float>(9));
-  EXPECT_TRUE(Mentions(Refusal(raw), "truth_origin: found shape [3, 3], expected [2, 3]"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "truth_origin: found shape [3, 3], expected [2, 3]"));
 }
 
 TEST(SequenceTest, FaultsAreRefused) {
   BundleSpec spec;
   const RawFile whole = BuildSequence(spec, 3, true);
-  ASSERT_EQ(Refusal(whole), "");
+  ASSERT_EQ(SequenceRefusal(whole), "");
   RawFile raw = whole;
   raw.Erase("joint_matrices");
-  EXPECT_TRUE(Mentions(Refusal(raw), "tensor joint_matrices: found no such tensor"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "tensor joint_matrices: found no such tensor"));
   raw = whole;
   raw.At("joint_matrices").shape = {3, 6, 16};
-  EXPECT_TRUE(Mentions(Refusal(raw), "shape [3, 6, 16], expected [T, 6, 4, 4]"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "shape [3, 6, 16], expected [T, 6, 4, 4]"));
   raw = whole;
   raw.Replace("joint_matrices", {0, 6, 4, 4}, {});
-  EXPECT_TRUE(Mentions(Refusal(raw), "T of 1 or more"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "T of 1 or more"));
   raw = whole;
   raw.Replace("truth", {2, spec.vertices, 3}, std::vector<float>(6 * spec.vertices));
-  EXPECT_TRUE(Mentions(Refusal(raw), "tensor truth: found shape [2, 60, 3], expected [3, n, 3]"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "tensor truth: found shape [2, 60, 3], expected [3, n, 3]"));
   raw = whole;
   raw.SetFloat("joint_matrices", 17, NAN);
-  EXPECT_TRUE(Mentions(Refusal(raw), "NaN at element 17"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "NaN at element 17"));
   raw = whole;
   raw.SetFloat("truth", 3, INFINITY);
-  EXPECT_TRUE(Mentions(Refusal(raw), "infinity at element 3"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "infinity at element 3"));
   raw = whole;
   raw.SetFloat("joint_matrices", 16 * 7 + 12, 0.4f);  // a translation where a transposed matrix has it
-  EXPECT_TRUE(Mentions(Refusal(raw), "frame 1, joint 'joint_1'"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "frame 1, joint 'joint_1'"));
   for (const char* fps : {"0", "-30", "inf", "", "30 Hz"}) {
     raw = whole;
     raw.metadata["fps"] = fps;
-    EXPECT_TRUE(Mentions(Refusal(raw), "metadata 'fps'")) << fps;
+    EXPECT_TRUE(Mentions(SequenceRefusal(raw), "metadata 'fps'")) << fps;
   }
   raw = whole;
   raw.metadata["joint_names"] = R"(["a","a"])";
-  EXPECT_TRUE(Mentions(Refusal(raw), "'a' twice"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(raw), "'a' twice"));
 }
 
 TEST(SequenceTest, ShapesAreRefusedAxisByAxis) {
@@ -108,7 +100,7 @@ TEST(SequenceTest, ShapesAreRefusedAxisByAxis) {
     size_t count = 1;
     for (const uint64_t extent : shape) count *= extent;
     raw.Replace(name, shape, std::vector<float>(count));
-    return Refusal(raw);
+    return SequenceRefusal(raw);
   };
   for (const Shape& shape : {Shape{2, 6, 4}, Shape{2, 6, 4, 4, 1}, Shape{2, 5, 4, 4}, Shape{2, 7, 4, 4},
                              Shape{2, 6, 5, 4}, Shape{2, 6, 4, 5}}) {
@@ -123,14 +115,14 @@ TEST(SequenceTest, ShapesAreRefusedAxisByAxis) {
   EXPECT_EQ(refusal("truth", {2, 1, 3}), "");
   RawFile halves = whole;
   halves.Replace("truth_origin", {2, 3}, std::vector<float>(6));
-  EXPECT_EQ(Refusal(halves), "");
+  EXPECT_EQ(SequenceRefusal(halves), "");
   halves.At("truth_origin").type = SafeType::kF16;
   halves.At("truth_origin").bytes.resize(12);
-  EXPECT_TRUE(Mentions(Refusal(halves), "truth_origin: found dtype F16, expected F32"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(halves), "truth_origin: found dtype F16, expected F32"));
   halves = whole;
   halves.At("joint_matrices").type = SafeType::kF16;
   halves.At("joint_matrices").bytes.resize(2 * 6 * 16 * 2);
-  EXPECT_TRUE(Mentions(Refusal(halves), "dtype F16, expected F32"));
+  EXPECT_TRUE(Mentions(SequenceRefusal(halves), "dtype F16, expected F32"));
 }
 
 // By less than 1e-5, in any number of the row, in any joint and frame.
@@ -142,7 +134,7 @@ TEST(SequenceTest, LastRowsMayMissByRoundings) {
         const auto refusal = [&](float off) {
           RawFile raw = whole;
           raw.SetFloat("joint_matrices", 16 * matrix + 12 + column, (column == 3 ? 1.0f : 0.0f) + sign * off);
-          return Refusal(raw);
+          return SequenceRefusal(raw);
         };
         EXPECT_EQ(refusal(column == 3 ? 0x53p-23f : 1e-5f), "");  // beside 1 floats are 2^-23 or 2^-24 apart
         const std::string place =

@@ -7,14 +7,10 @@
 
 #include "converter/convert.h"
 #include "kernels/half.h"
-#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
-
-using dcloth::testing::BundleSpec;
-using dcloth::testing::ParseBundle;
-using dcloth::testing::ParseSequence;
 
 ConvertReport ReportOf(const Bundle& bundle, Precision precision, std::span<const Sequence> motion) {
   const ConvertOptions options{.precision = precision, .motion = motion};

@@ -10,16 +10,16 @@
 #include "converter/convert.h"
 #include "converter/error.h"
 #include "converter/rollout.h"
-#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
 
 // A bundle of the builder's whose corners lie at `place(corner, vertex)`.
 template <typename Place>
-dcloth::testing::RawFile Textured(const dcloth::testing::BundleSpec& spec, const Place& place) {
-  dcloth::testing::RawFile raw = dcloth::testing::BuildBundle(spec);
-  const Bundle plain = dcloth::testing::ParseRawBundle(raw);
+RawFile Textured(const BundleSpec& spec, const Place& place) {
+  RawFile raw = BuildBundle(spec);
+  const Bundle plain = ParseRawBundle(raw);
   std::vector<float> corners;
   for (Eigen::Index i = 0; i < plain.template_faces.size(); ++i) {
     const auto [u, v] = place(i, plain.template_faces.data()[i]);
@@ -40,7 +40,7 @@ std::vector<std::tuple<uint32_t, float, float>> Corners(const TextureMesh& mesh,
 }
 
 TEST(TextureMeshTest, NothingComesOfNothing) {
-  const Bundle bundle = dcloth::testing::ParseBundle({});
+  const Bundle bundle = ParseBundle({});
   EXPECT_TRUE(MakeTextureMesh(bundle).empty());
   EXPECT_EQ(OpenModel(Convert(bundle, {}).bytes).info().textured_vertex_count, 0u);
 }
@@ -49,7 +49,7 @@ TEST(TextureMeshTest, WithoutSeamsItIsTheGarment) {
   const auto raw = Textured({}, [](Eigen::Index, int vertex) {
     return std::pair(0.01f * static_cast<float>(vertex), 1 - 0.02f * static_cast<float>(vertex));
   });
-  const Bundle bundle = dcloth::testing::ParseRawBundle(raw);
+  const Bundle bundle = ParseRawBundle(raw);
   const TextureMesh mesh = MakeTextureMesh(bundle);
   EXPECT_TRUE(mesh.seam_vertices.empty());
   EXPECT_TRUE(std::equal(mesh.faces.begin(), mesh.faces.end(), bundle.template_faces.data(),
@@ -73,7 +73,7 @@ TEST(TextureMeshTest, RepeatsAVertexForEachFurtherPlace) {
     const auto raw = Textured({}, [&](Eigen::Index, int vertex) {
       return std::pair(static_cast<float>(random() % static_cast<unsigned>(places)), static_cast<float>(vertex % 7));
     });
-    const Bundle bundle = dcloth::testing::ParseRawBundle(raw);
+    const Bundle bundle = ParseRawBundle(raw);
     const uint32_t n = bundle.vertex_count();
     const TextureMesh mesh = MakeTextureMesh(bundle);
     ASSERT_EQ(static_cast<size_t>(mesh.coordinates.rows()), n + mesh.seam_vertices.size());
@@ -99,9 +99,9 @@ TEST(TextureMeshTest, RepeatsAVertexForEachFurtherPlace) {
 }
 
 TEST(TextureMeshTest, RefusesMoreVerticesThanIndicesReach) {
-  const dcloth::testing::BundleSpec spec{.vertices = 12000, .skeleton = false, .mesh = false};
+  const BundleSpec spec{.vertices = 12000, .skeleton = false, .mesh = false};
   const auto raw = Textured(spec, [](Eigen::Index corner, int) { return std::pair(static_cast<float>(corner), 0.0f); });
-  const Bundle bundle = dcloth::testing::ParseRawBundle(raw);
+  const Bundle bundle = ParseRawBundle(raw);
   try {
     MakeTextureMesh(bundle);
     FAIL() << bundle.template_faces.size();
@@ -115,9 +115,9 @@ TEST(TextureMeshTest, RefusesMoreVerticesThanIndicesReach) {
 TEST(TextureMeshTest, ABundleHasAPlaceForEveryCorner) {
   auto raw = Textured({}, [](Eigen::Index, int) { return std::pair(0.5f, 0.5f); });
   raw.SetFloat("template.texture_coordinates", 4, NAN);
-  EXPECT_THROW(dcloth::testing::ParseRawBundle(raw), Error);
+  EXPECT_THROW(ParseRawBundle(raw), Error);
   raw.Replace("template.texture_coordinates", {60, 2}, std::vector<float>(120));
-  EXPECT_THROW(dcloth::testing::ParseRawBundle(raw), Error);
+  EXPECT_THROW(ParseRawBundle(raw), Error);
 }
 
 }  // namespace

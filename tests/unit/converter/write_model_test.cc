@@ -12,7 +12,7 @@
 #include "converter/assemble.h"
 #include "dcloth_generated.h"
 #include "engine/format/checksum.h"
-#include "tests/unit/converter/bundle_builder.h"
+#include "tests/unit/converter/converter_testing.h"
 
 namespace dcloth::converter {
 namespace {
@@ -26,7 +26,7 @@ TEST(WriteModelTest, StoredTypesAreTheSchemas) {
 }
 
 ModelParts Parts(Precision precision) {
-  const Bundle bundle = dcloth::testing::ParseBundle({});
+  const Bundle bundle = ParseBundle({});
   return Assemble(bundle, FoldBundle(bundle, 4, 4), {precision, {}});
 }
 
@@ -72,8 +72,8 @@ TEST(WriteModelTest, MinorVersionIsThatOfItsParts) {
     const AlignedBytes bytes = WriteModel(parts);
     return format::GetModel(bytes.data())->format_minor();
   };
-  const dcloth::testing::BundleSpec spec{.feature_width = 16};
-  const Bundle bundle = dcloth::testing::ParseBundle(spec);
+  const BundleSpec spec{.feature_width = 16};
+  const Bundle bundle = ParseBundle(spec);
   const FoldedBundle folded = FoldBundle(bundle, 4, 4);
   ModelParts floats = Assemble(bundle, folded, {Precision::kFp32, {}});
   ModelParts integers = Assemble(bundle, folded, {Precision::kInt8, {}});
