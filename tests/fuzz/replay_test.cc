@@ -6,7 +6,6 @@
 #include <iostream>
 #include <random>
 
-#include "tests/fuzz/kept.h"
 #include "tests/fuzz/targets.h"
 
 namespace dcloth::testing {

@@ -12,7 +12,6 @@
 #include "engine/format/checksum.h"
 #include "engine/src/state/state.h"
 #include "tests/attack/variants.h"
-#include "tests/fuzz/chosen_isa.h"
 #include "tests/fuzz/targets.h"
 #include "tests/unit/engine/aligned_bytes.h"
 #include "tests/unit/engine/all_finite.h"

@@ -8,6 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "dcloth/dcloth.h"
+#include "kernels/kernels.h"
+
 namespace dcloth::testing {
 
 struct Verdict {
@@ -34,6 +37,18 @@ Verdict FuzzGltf(const uint8_t* bytes, size_t size);
 // assimp.
 Verdict FuzzScene(const uint8_t* bytes, size_t size);
 
+// The instruction set that an input runs on: each of those that this CPU has gets its share, scalar too.
+// While it lives; 0 is the CPU's best.
+class ChosenIsa {
+ public:
+  explicit ChosenIsa(uint64_t choice) {
+    (void)dcloth_isa_select(kernels::KernelTableAt(choice % kernels::KernelTableCount())->name);
+  }
+  ~ChosenIsa() { (void)dcloth_isa_select(nullptr); }
+  ChosenIsa(const ChosenIsa&) = delete;
+  ChosenIsa& operator=(const ChosenIsa&) = delete;
+};
+
 struct FuzzTarget {
   const char* name;
   Verdict (*run)(const uint8_t* bytes, size_t size);
@@ -55,7 +70,18 @@ struct Seed {
 // files.
 std::vector<Seed> Seeds(const std::string& target);
 
-// The parts of it for "state", "gltf" and "scene".
+// What earlier fuzzing left: inputs that broke something, and those that reach every edge (kept/README.md).
+struct KeptInput {
+  std::string name;
+  std::vector<uint8_t> bytes;
+};
+
+std::vector<KeptInput> Findings(const std::string& target);
+
+// Throws std::runtime_error where the pack is missing or cut off.
+std::vector<KeptInput> PackedInputs(const std::string& target);
+
+// The parts of Seeds for "state", "gltf" and "scene".
 std::vector<Seed> StateSeeds();
 std::vector<Seed> GltfSeeds();
 std::vector<Seed> SceneSeeds();

@@ -6,7 +6,6 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "tests/fuzz/kept.h"
 #include "tests/fuzz/targets.h"
 
 namespace {

@@ -2,7 +2,7 @@
 #ifndef DCLOTH_TESTS_SCENE_SMOOTH_MOTION_H_
 #define DCLOTH_TESTS_SCENE_SMOOTH_MOTION_H_
 
-#include "tests/stability/motion.h"
+#include "tests/stability/garment.h"
 
 namespace dcloth::stability {
 

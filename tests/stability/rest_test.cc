@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "tests/stability/player.h"
-#include "tests/stability/record.h"
 #include "tests/stability/stability_case.h"
 #include "tests/stability/statistics.h"
 

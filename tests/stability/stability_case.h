@@ -1,9 +1,11 @@
-// The parameter of every test here: one garment in one precision.
+// The parameter of every test here, one garment in one precision, and the record of every figure that the tests find:
+// one table on stdout and one JSON file, of which scripts/stability.sh makes a document.
 #ifndef DCLOTH_TESTS_STABILITY_STABILITY_CASE_H_
 #define DCLOTH_TESTS_STABILITY_STABILITY_CASE_H_
 
 #include <gtest/gtest.h>
 
+#include <span>
 #include <string>
 #include <tuple>
 
@@ -48,6 +50,21 @@ class StabilityCase : public testing::TestWithParam<CaseParameter> {
 #define DCLOTH_STABILITY_SUITE(suite) \
   INSTANTIATE_TEST_SUITE_P(           \
       Models, suite, testing::Combine(testing::ValuesIn(GarmentNames()), testing::ValuesIn(kPrecisions)), CaseName)
+
+enum class Allowed { kAtMost, kAtLeast, kAnything };
+
+struct Figure {
+  const char* name;  // "jitter after settling"
+  double value = 0;
+  const char* unit = "";
+  Allowed allowed = Allowed::kAnything;
+  double bound = 0;
+};
+
+// Keeps a row and fails the running test where the figure misses its bound (NaN always does). `tick_ms` are
+// the times of the case's own ticks, warm caches: a figure never stands without its price.
+void Record(const Garment& garment, Precision precision, const std::string& test, std::span<const double> tick_ms,
+            const Figure& figure);
 
 }  // namespace dcloth::stability
 
