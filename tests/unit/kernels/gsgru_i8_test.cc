@@ -3,7 +3,6 @@
 #include <memory>
 #include <string>
 
-#include "tests/unit/kernels/gsgru_graph.h"
 #include "tests/unit/kernels/gsgru_i8_oracle.h"
 #include "tests/unit/kernels/kernel_test.h"
 

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <memory>
 
-#include "tests/unit/kernels/gsgru_graph.h"
 #include "tests/unit/kernels/gsgru_oracle.h"
 #include "tests/unit/kernels/kernel_test.h"
 

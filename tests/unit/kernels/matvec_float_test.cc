@@ -1,13 +1,12 @@
 // The f32 and f16 products against plain loops in double.
-#ifndef DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
-#define DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
-
 #include <cstring>
 
+#include "kernels/half.h"
 #include "kernels/matvec/matvec_pack.h"
 #include "tests/unit/kernels/kernel_test.h"
 
 namespace dcloth::kernels {
+namespace {
 
 struct MatvecCase {
   size_t rows;
@@ -76,6 +75,60 @@ void CheckMatvecRowSubsets(const KernelTable& table) {
   for (size_t count : {0, 1, 2, 3, 8, 15, 30}) CheckMatvec<Format>(table, {31, 65, count, count % 2 == 0, false});
 }
 
-}  // namespace dcloth::kernels
+struct F32 {
+  using Job = MatvecF32Job;
+  using Weight = float;
+  static void Pack(const float* source, const MatrixShape& shape, float* packed) {
+    PackPanelsF32(source, shape, packed);
+  }
+  static double Decode(float value) { return value; }
+  static void Run(const KernelTable& table, const MatvecF32Job& job) { table.matvec_f32(job); }
+};
 
-#endif  // DCLOTH_TESTS_UNIT_KERNELS_MATVEC_FLOAT_TEST_H_
+class MatvecF32Test : public KernelTest {};
+DCLOTH_TEST_EVERY_TABLE(MatvecF32Test);
+
+TEST_P(MatvecF32Test, EverySizeStaysWithinTheBound) { CheckMatvecSizes<F32>(table()); }
+TEST_P(MatvecF32Test, RowSubsets) { CheckMatvecRowSubsets<F32>(table()); }
+
+TEST(MatvecPackF32, PutsElementsWhereTheSchemaSays) {
+  constexpr size_t kRows = 5, kColumns = 70;
+  std::vector<float> source(kRows * kColumns);
+  for (size_t i = 0; i < source.size(); ++i) source[i] = static_cast<float>(i + 1);
+  std::vector<float> packed(PanelElements(kRows, kColumns), -1.0f), transposed(packed);
+  ASSERT_EQ(packed.size(), 3 * kRows * kPanelColumns);
+  PackPanelsF32(source.data(), {kRows, kColumns, kColumns, 1}, packed.data());
+  for (size_t j = 0; j < kRows; ++j) {
+    for (size_t c = 0; c < 96; ++c) {
+      const float expected = c < kColumns ? source[j * kColumns + c] : 0.0f;
+      ASSERT_EQ(packed[(c / 32 * kRows + j) * 32 + c % 32], expected) << j << " " << c;
+    }
+  }
+  // The same matrix stored [out, in].
+  std::vector<float> out_in(source.size());
+  for (size_t j = 0; j < kRows; ++j) {
+    for (size_t c = 0; c < kColumns; ++c) out_in[c * kRows + j] = source[j * kColumns + c];
+  }
+  PackPanelsF32(out_in.data(), {kRows, kColumns, 1, kRows}, transposed.data());
+  EXPECT_EQ(packed, transposed);
+}
+
+// Decode rounds as the packing does; that the conversions themselves are exact is half_test's matter.
+struct F16 {
+  using Job = MatvecF16Job;
+  using Weight = uint16_t;
+  static void Pack(const float* source, const MatrixShape& shape, uint16_t* packed) {
+    PackPanelsF16(source, shape, packed);
+  }
+  static double Decode(float value) { return FloatFromHalf(HalfFromFloat(value)); }
+  static void Run(const KernelTable& table, const MatvecF16Job& job) { table.matvec_f16(job); }
+};
+
+class MatvecF16Test : public KernelTest {};
+DCLOTH_TEST_EVERY_TABLE(MatvecF16Test);
+
+TEST_P(MatvecF16Test, EverySizeStaysWithinTheBound) { CheckMatvecSizes<F16>(table()); }
+TEST_P(MatvecF16Test, RowSubsets) { CheckMatvecRowSubsets<F16>(table()); }
+
+}  // namespace
+}  // namespace dcloth::kernels
