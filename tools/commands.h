@@ -17,6 +17,9 @@ void AddRun(CLI::App& app, int& exit_code);
 void AddProfile(CLI::App& app, int& exit_code);
 void AddEvaluate(CLI::App& app, int& exit_code);
 void AddDress(CLI::App& app, int& exit_code);
+void AddPoses(CLI::App& app, int& exit_code);
+void AddBody(CLI::App& app, int& exit_code);
+void AddHero(CLI::App& app, int& exit_code);
 
 }  // namespace dcloth::tools
 

@@ -15,10 +15,7 @@
 #include "converter/stages.h"
 #include "tools/commands.h"
 #include "tools/convert_output.h"
-#include "tools/number_check.h"
-#include "tools/path_check.h"
 #include "tools/progress.h"
-#include "tools/rank_output.h"
 
 namespace dcloth::tools {
 namespace {

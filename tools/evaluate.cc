@@ -14,8 +14,6 @@
 #include "tools/evaluate_output.h"
 #include "tools/html_report.h"
 #include "tools/machine.h"
-#include "tools/number_check.h"
-#include "tools/path_check.h"
 #include "tools/report_scene.h"
 
 namespace dcloth::tools {

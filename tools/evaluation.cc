@@ -11,8 +11,7 @@
 #include "tools/playback.h"
 #include "tools/pose_track.h"
 #include "tools/progress.h"
-#include "tools/variant_grid.h"
-#include "tools/variant_runner.h"
+#include "tools/variants.h"
 
 namespace dcloth::tools {
 namespace {

@@ -73,7 +73,7 @@ using PlayedVisitor = std::function<void(const Played&)>;
 size_t FramesPerTick(const converter::Bundle& bundle, const converter::Sequence& sequence);
 size_t TickCount(const converter::Bundle& bundle, const converter::Sequence& sequence);
 
-// Rigid hips, plain skinning, then the variants of variant_grid.h.
+// Rigid hips, plain skinning, then the variants of variants.h.
 std::vector<Variant> Evaluate(const converter::Bundle& bundle, std::span<const converter::Sequence> sequences,
                               const EvaluationOptions& options, const PlayedVisitor& visit);
 

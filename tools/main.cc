@@ -10,7 +10,6 @@
 #include "dcloth/dcloth.h"
 #include "tools/arguments.h"
 #include "tools/commands.h"
-#include "tools/import/commands.h"
 
 namespace {
 

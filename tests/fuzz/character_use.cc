@@ -5,7 +5,7 @@
 
 #include "converter/error.h"
 #include "tests/unit/engine/all_finite.h"
-#include "tools/character/clip_matrices.h"
+#include "tools/character/skeleton.h"
 #include "tools/character/skinned_body.h"
 
 namespace dcloth::testing {

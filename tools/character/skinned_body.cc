@@ -5,7 +5,7 @@
 
 #include "converter/error.h"
 #include "tools/character/matrix_values.h"
-#include "tools/character/retarget.h"
+#include "tools/character/skeleton.h"
 
 namespace dcloth::tools {
 namespace {

@@ -7,10 +7,8 @@
 #include "converter/error.h"
 #include "converter/safetensors.h"
 #include "tools/character/skinned_body.h"
-#include "tools/import/commands.h"
-#include "tools/import/in_child.h"
-#include "tools/import/space_options.h"
-#include "tools/path_check.h"
+#include "tools/commands.h"
+#include "tools/import/import.h"
 #include "tools/progress.h"
 
 namespace dcloth::tools {

@@ -9,11 +9,8 @@
 
 #include "converter/error.h"
 #include "converter/safetensors.h"
-#include "tools/import/commands.h"
-#include "tools/import/in_child.h"
-#include "tools/import/space_options.h"
-#include "tools/number_check.h"
-#include "tools/path_check.h"
+#include "tools/commands.h"
+#include "tools/import/import.h"
 #include "tools/progress.h"
 
 namespace dcloth::tools {

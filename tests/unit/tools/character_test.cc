@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "converter/error.h"
-#include "tools/character/clip_matrices.h"
+#include "tools/character/skeleton.h"
 #include "tools/character/skinned_body.h"
 
 namespace dcloth::tools {
