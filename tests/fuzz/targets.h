@@ -33,7 +33,7 @@ Verdict FuzzState(const uint8_t* bytes, size_t size);
 // A glTF file, plain or binary, alone in its folder: read, sampled as a sequence, gathered as a body.
 Verdict FuzzGltf(const uint8_t* bytes, size_t size);
 
-// What assimp could hand over, see scene_bytes.h: read, sampled as a sequence, gathered as a body. In builds with
+// What assimp could hand over, see scene_target.cc: read, sampled as a sequence, gathered as a body. In builds with
 // assimp.
 Verdict FuzzScene(const uint8_t* bytes, size_t size);
 
