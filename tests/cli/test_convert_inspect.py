@@ -153,6 +153,17 @@ def test_rows_that_an_outlier_takes_are_told(dcloth, files, outlier, tmp_path):
         assert sound.stderr == "" and json.loads(sound.stdout)["warnings"] == []
 
 
+def test_auto_stores_an_outlier_where_it_fits(dcloth, files, outlier, tmp_path):
+    """No half float holds it: int8 loses the rest, so float32 is what is left for this tensor."""
+    result = dcloth("convert", outlier, "-o", tmp_path / "m.dcloth", "--precision", "auto", "--max-error-mm", 5,
+                    "--motion", files.walk, "--rank", "full", "--json")
+    assert result.returncode == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert said["warnings"] == [] and said["trials"][-1]["error"]["position_mm"]["max"] <= 5
+    basis = next(t for t in said["auto"]["tensors"] if t["name"] == "displacement.basis.weights")
+    assert basis["format"] == "fp32" and basis["cheaper"] == "int8" and basis["cheaper_mm"] > 5
+
+
 @pytest.mark.parametrize("name, matrix, at, precision", [
     ("skeleton.gru.weight_hh", "skeleton_stage", (7, 9), "int8"),
     ("skeleton.basis", "displacement", (2, 77, 1), "int8"),
