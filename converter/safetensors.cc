@@ -152,6 +152,7 @@ void RefuseType(const SafeFile& file, const SafeTensor& tensor, const std::strin
   };
   std::string mend = "export the file again";
   if (tensor.type == SafeType::kF64) mend = cast("float", "float64");
+  if (tensor.type == SafeType::kF16) mend = cast("float", "float16");
   if (tensor.type == SafeType::kBF16) mend = cast("float", "bfloat16");
   if (tensor.type == SafeType::kI64) mend = cast("int", "int64");
   throw Error({file.path(), tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), expected, mend});
