@@ -34,34 +34,44 @@ class Blobs {
  public:
   template <typename T>
   size_t Add(const std::vector<T>& values) {
-    html_ += "<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(count_) + "\">" +
-             PackBlob(std::as_bytes(std::span(values))) + "</script>\n";
-    return count_++;
+    return AddPacked(PackBlob(std::as_bytes(std::span(values))));
   }
-  const std::string& html() const { return html_; }
+
+  size_t AddPacked(std::string blob) {
+    const size_t index = html_.size() / 3;
+    html_.push_back("<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(index) + "\">");
+    html_.push_back(std::move(blob));
+    html_.emplace_back("</script>\n");
+    return index;
+  }
+
+  const std::vector<std::string>& html() const { return html_; }  // in pieces, none of which is copied
 
  private:
-  std::string html_;
-  size_t count_ = 0;
+  std::vector<std::string> html_;
 };
 
-Json SequenceJson(const ReportSequence& sequence, std::span<const int32_t> parents, Blobs* blobs) {
-  Json json = {{"name", sequence.name},
-               {"fps", sequence.fps},
-               {"frames", sequence.origins.size() / 3},
-               {"origins", blobs->Add(sequence.origins)},
-               {"hips", blobs->Add(sequence.hips)},
-               {"joints", blobs->Add(sequence.joints)},
+Json SequenceJson(std::span<const int32_t> parents, ReportSequence* sequence, Blobs* blobs) {
+  Json json = {{"name", sequence->name},
+               {"fps", sequence->fps},
+               {"frames", sequence->origins.size() / 3},
+               {"origins", blobs->Add(sequence->origins)},
+               {"hips", blobs->Add(sequence->hips)},
+               {"joints", blobs->Add(sequence->joints)},
                {"tracks", Json::array()},
                {"error_mm", Json::object()}};
-  for (size_t i = 0; i < sequence.tracks.size(); ++i) {
-    const EncodedTrack encoded = EncodeTrack(sequence.tracks[i], std::span(sequence.tracks).first(i), parents);
-    json["tracks"].push_back({{"name", sequence.tracks[i].name},
-                              {"predictor", static_cast<int>(encoded.predictor)},
-                              {"reference", encoded.reference},
-                              {"data", blobs->Add(encoded.bytes)}});
+  if (!sequence->tracks.empty() && !sequence->tracks.front().values.empty()) PackFrames(parents, sequence->tracks);
+  for (Track& track : sequence->tracks) {
+    Json parts = Json::array();
+    for (PackedFrames& part : track.packed) {
+      parts.push_back({{"frames", part.frames},
+                       {"predictor", static_cast<int>(part.predictor)},
+                       {"reference", part.reference},
+                       {"data", blobs->AddPacked(std::move(part.blob))}});
+    }
+    json["tracks"].push_back({{"name", track.name}, {"parts", parts}});
   }
-  for (const auto& [name, errors] : sequence.error_mm) json["error_mm"][name] = errors;
+  for (const auto& [name, errors] : sequence->error_mm) json["error_mm"][name] = errors;
   return json;
 }
 
@@ -82,7 +92,7 @@ void AddParts(const ReportBody& body, Blobs* blobs, Json* json) {
 
 }  // namespace
 
-void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
+void WriteHtmlReport(const std::filesystem::path& path, Report report) {
   Blobs blobs;
   Json json = {{"title", report.title},
                {"subtitle", report.subtitle},
@@ -106,8 +116,8 @@ void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
     if (!report.body->parts.empty()) AddParts(*report.body, &blobs, &json["body"]);
   }
   const std::vector<int32_t> parents = SpatialParents(report.triangles, report.vertex_count);
-  for (const ReportSequence& sequence : report.sequences) {
-    json["sequences"].push_back(SequenceJson(sequence, parents, &blobs));
+  for (ReportSequence& sequence : report.sequences) {
+    json["sequences"].push_back(SequenceJson(parents, &sequence, &blobs));
   }
   const std::string data = ScriptJson(json);
 
@@ -118,9 +128,10 @@ void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
     throw std::logic_error("report.html lacks @DATA@ before @BLOBS@");
   }
   const size_t after_data = data_at + kDataMark.size(), after_blobs = blobs_at + kBlobsMark.size();
-  const std::array<std::span<const std::byte>, 5> pieces = {Bytes(page.substr(0, data_at)), Bytes(data),
-                                                            Bytes(page.substr(after_data, blobs_at - after_data)),
-                                                            Bytes(blobs.html()), Bytes(page.substr(after_blobs))};
+  std::vector<std::span<const std::byte>> pieces = {Bytes(page.substr(0, data_at)), Bytes(data),
+                                                    Bytes(page.substr(after_data, blobs_at - after_data))};
+  for (const std::string& piece : blobs.html()) pieces.push_back(Bytes(piece));
+  pieces.push_back(Bytes(page.substr(after_blobs)));
   converter::WriteFileAtomically(path, pieces);
 }
 

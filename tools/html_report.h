@@ -61,7 +61,7 @@ struct Report {
 };
 
 // Writes atomically. Throws converter::Error.
-void WriteHtmlReport(const std::filesystem::path& path, const Report& report);
+void WriteHtmlReport(const std::filesystem::path& path, Report report);
 
 }  // namespace dcloth::tools
 
