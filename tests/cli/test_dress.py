@@ -320,8 +320,9 @@ def test_the_fit_alone_plays_nothing(importing, dcloth, files, tmp_path):
 
 def peak_bytes(*command):
     """Of the command and its children. A process counts what it was forked from: so a small one forks it."""
-    run = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stderr=subprocess.DEVNULL, " \
-          "stdout=subprocess.DEVNULL); print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+    run = """import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"""
     said = subprocess.run([sys.executable, "-I", "-S", "-c", run, *map(str, command)], capture_output=True, check=True)
     return 1024 * int(said.stdout)
 
