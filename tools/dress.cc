@@ -392,7 +392,7 @@ int Dress(const Options& options) {
   for (const std::filesystem::path& output : options.outputs) {
     const std::string extension = output.extension().string();
     if (extension == ".html") {
-      WriteHtmlReport(output, std::move(page));
+      WriteHtmlReport(output, &page);
     } else if (extension == ".glb") {
       const std::string bytes = GlbBytes(SceneOf(hero, model, clips.front(), recording));
       converter::WriteFileAtomically(output, std::as_bytes(std::span(bytes)));

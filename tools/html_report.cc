@@ -1,5 +1,6 @@
 #include "tools/html_report.h"
 
+#include <deque>
 #include <span>
 #include <stdexcept>
 #include <string_view>
@@ -34,21 +35,26 @@ class Blobs {
  public:
   template <typename T>
   size_t Add(const std::vector<T>& values) {
-    return AddPacked(PackBlob(std::as_bytes(std::span(values))));
+    return AddPacked(owned_.emplace_back(PackBlob(std::as_bytes(std::span(values)))));
   }
 
-  size_t AddPacked(std::string blob) {
-    const size_t index = html_.size() / 3;
-    html_.push_back("<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(index) + "\">");
-    html_.push_back(std::move(blob));
-    html_.emplace_back("</script>\n");
-    return index;
+  // `blob` outlives the page.
+  size_t AddPacked(std::string_view blob) {
+    const std::string begin = "<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(count_) + "\">";
+    for (const std::string_view piece : {std::string_view(owned_.emplace_back(begin)), blob, kEnd}) {
+      html_.push_back(std::as_bytes(std::span(piece)));
+    }
+    return count_++;
   }
 
-  const std::vector<std::string>& html() const { return html_; }  // in pieces, none of which is copied
+  const std::vector<std::span<const std::byte>>& html() const { return html_; }
 
  private:
-  std::vector<std::string> html_;
+  static constexpr std::string_view kEnd = "</script>\n";
+
+  std::deque<std::string> owned_;  // which stay in their places
+  std::vector<std::span<const std::byte>> html_;
+  size_t count_ = 0;
 };
 
 Json SequenceJson(std::span<const int32_t> parents, ReportSequence* sequence, Blobs* blobs) {
@@ -61,13 +67,13 @@ Json SequenceJson(std::span<const int32_t> parents, ReportSequence* sequence, Bl
                {"tracks", Json::array()},
                {"error_mm", Json::object()}};
   if (!sequence->tracks.empty() && !sequence->tracks.front().values.empty()) PackFrames(parents, sequence->tracks);
-  for (Track& track : sequence->tracks) {
+  for (const Track& track : sequence->tracks) {
     Json parts = Json::array();
-    for (PackedFrames& part : track.packed) {
+    for (const PackedFrames& part : track.packed) {
       parts.push_back({{"frames", part.frames},
                        {"predictor", static_cast<int>(part.predictor)},
                        {"reference", part.reference},
-                       {"data", blobs->AddPacked(std::move(part.blob))}});
+                       {"data", blobs->AddPacked(part.blob)}});
     }
     json["tracks"].push_back({{"name", track.name}, {"parts", parts}});
   }
@@ -92,31 +98,31 @@ void AddParts(const ReportBody& body, Blobs* blobs, Json* json) {
 
 }  // namespace
 
-void WriteHtmlReport(const std::filesystem::path& path, Report report) {
+void WriteHtmlReport(const std::filesystem::path& path, Report* report) {
   Blobs blobs;
-  Json json = {{"title", report.title},
-               {"subtitle", report.subtitle},
-               {"facts", report.facts},
-               {"cpu", report.cpu},
+  Json json = {{"title", report->title},
+               {"subtitle", report->subtitle},
+               {"facts", report->facts},
+               {"cpu", report->cpu},
                {"quantum_mm", kQuantumMm},
-               {"vertex_count", report.vertex_count},
-               {"joint_count", report.joint_count},
-               {"faces", blobs.Add(report.triangles)},
+               {"vertex_count", report->vertex_count},
+               {"joint_count", report->joint_count},
+               {"faces", blobs.Add(report->triangles)},
                {"body", nullptr},
-               {"sticks", report.sticks},
-               {"variants", report.variants},
+               {"sticks", report->sticks},
+               {"variants", report->variants},
                {"sequences", Json::array()}};
-  if (report.body) {
-    json["body"] = {{"count", report.body->positions.size() / 3},
-                    {"positions", blobs.Add(report.body->positions)},
-                    {"faces", blobs.Add(report.body->faces)},
-                    {"joints", blobs.Add(report.body->joints)},
-                    {"weights", blobs.Add(report.body->weights)}};
-    if (!report.body->colours.empty()) json["body"]["colours"] = blobs.Add(report.body->colours);
-    if (!report.body->parts.empty()) AddParts(*report.body, &blobs, &json["body"]);
+  if (report->body) {
+    json["body"] = {{"count", report->body->positions.size() / 3},
+                    {"positions", blobs.Add(report->body->positions)},
+                    {"faces", blobs.Add(report->body->faces)},
+                    {"joints", blobs.Add(report->body->joints)},
+                    {"weights", blobs.Add(report->body->weights)}};
+    if (!report->body->colours.empty()) json["body"]["colours"] = blobs.Add(report->body->colours);
+    if (!report->body->parts.empty()) AddParts(*report->body, &blobs, &json["body"]);
   }
-  const std::vector<int32_t> parents = SpatialParents(report.triangles, report.vertex_count);
-  for (ReportSequence& sequence : report.sequences) {
+  const std::vector<int32_t> parents = SpatialParents(report->triangles, report->vertex_count);
+  for (ReportSequence& sequence : report->sequences) {
     json["sequences"].push_back(SequenceJson(parents, &sequence, &blobs));
   }
   const std::string data = ScriptJson(json);
@@ -130,7 +136,7 @@ void WriteHtmlReport(const std::filesystem::path& path, Report report) {
   const size_t after_data = data_at + kDataMark.size(), after_blobs = blobs_at + kBlobsMark.size();
   std::vector<std::span<const std::byte>> pieces = {Bytes(page.substr(0, data_at)), Bytes(data),
                                                     Bytes(page.substr(after_data, blobs_at - after_data))};
-  for (const std::string& piece : blobs.html()) pieces.push_back(Bytes(piece));
+  pieces.insert(pieces.end(), blobs.html().begin(), blobs.html().end());
   pieces.push_back(Bytes(page.substr(after_blobs)));
   converter::WriteFileAtomically(path, pieces);
 }
