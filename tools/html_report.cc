@@ -40,10 +40,9 @@ class Blobs {
 
   // `blob` outlives the page.
   size_t AddPacked(std::string_view blob) {
-    const std::string begin = "<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(count_) + "\">";
-    for (const std::string_view piece : {std::string_view(owned_.emplace_back(begin)), blob, kEnd}) {
-      html_.push_back(std::as_bytes(std::span(piece)));
-    }
+    const std::string_view begin =
+        owned_.emplace_back("<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(count_) + "\">");
+    for (const std::string_view piece : {begin, blob, kEnd}) html_.push_back(std::as_bytes(std::span(piece)));
     return count_++;
   }
 
