@@ -12,6 +12,7 @@
 #include "converter/rollout.h"
 #include "converter/stages.h"
 #include "converter/weight_place.h"
+#include "kernels/half.h"
 
 namespace dcloth::converter {
 namespace {
@@ -76,13 +77,24 @@ std::vector<std::vector<Eigen::Matrix4d>> SkinningPoses(const Bundle& bundle, st
   return poses;
 }
 
-// Tensors in which a row lost more than a twentieth of itself: which, by which weight, and what to do.
+// Tensors in which a row lost more than a twentieth of itself, or whose weights fp32 alone holds: which, by which
+// weight, and what to do.
 std::vector<std::string> Warnings(const Bundle& bundle, const std::vector<TensorReport>& tensors) {
   std::vector<std::string> warnings;
   for (const TensorReport& tensor : tensors) {
     const std::optional<RowLoss>& worst = tensor.loss.worst_row;
-    if (!worst || worst->low_count == 0) continue;
+    const bool lossy = worst && worst->low_count != 0;
+    const bool huge = tensor.dtype == "f32" && tensor.shape.size() == 2 &&
+                      std::max(-tensor.loss.lowest, tensor.loss.highest) > static_cast<double>(kernels::kMaxHalf);
+    if (!lossy && !huge) continue;
     const WeightPlace place = LargestWeight(bundle, tensor.name);
+    if (place.tensor.empty()) continue;  // geometry
+    if (huge) {
+      warnings.push_back(tensor.name + ": stored as fp32, as fp16 ends at 65504; the largest weight is " +
+                         place.tensor + place.element + " = " + NumberText(place.value) +
+                         ": check whether training diverged, or clip it");
+      continue;
+    }
     const bool integers = tensor.dtype == "i8";
     warnings.push_back(tensor.name + ": " + std::to_string(worst->low_count) + " of " +
                        std::to_string(tensor.shape[0]) + " rows lose more than a twentieth of their size as " +

@@ -84,7 +84,7 @@ struct ConvertReport {
   RankReport rank;
   std::vector<Trial> trials;  // empty without motion and calibration
   std::optional<AutoReport> automatic;
-  std::vector<std::string> warnings;  // a sentence for each tensor of which whole rows were lost
+  std::vector<std::string> warnings;  // a sentence for each tensor of which rows were lost, or with huge weights
 };
 
 struct ConvertResult {

@@ -33,6 +33,7 @@ constexpr TypeInfo kTypes[] = {{SafeType::kBool, "BOOL", 1}, {SafeType::kU8, "U8
 // Ranges must tile the data: sorted, each begins where the one before it ended, and the last ends with the file.
 void CheckTiling(const std::filesystem::path& path, const std::vector<HeaderTensor>& tensors, uint64_t data_bytes) {
   std::vector<const HeaderTensor*> order;
+  order.reserve(tensors.size());
   for (const HeaderTensor& tensor : tensors) order.push_back(&tensor);
   std::sort(order.begin(), order.end(), [](const HeaderTensor* a, const HeaderTensor* b) {
     return std::pair(a->begin, a->end) < std::pair(b->begin, b->end);
@@ -152,6 +153,7 @@ void RefuseType(const SafeFile& file, const SafeTensor& tensor, const std::strin
   };
   std::string mend = "export the file again";
   if (tensor.type == SafeType::kF64) mend = cast("float", "float64");
+  if (tensor.type == SafeType::kF16) mend = cast("float", "float16");
   if (tensor.type == SafeType::kBF16) mend = cast("float", "bfloat16");
   if (tensor.type == SafeType::kI64) mend = cast("int", "int64");
   throw Error({file.path(), tensor.name, std::string("dtype ") + SafeTypeName(tensor.type), expected, mend});

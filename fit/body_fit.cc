@@ -39,6 +39,9 @@ constexpr uint32_t kCells = 4096;
 // In looks into a cell: of a visit to a vertex, and of a sample or a corner of a triangle beside its influences.
 constexpr uint64_t kVisitWork = 2, kSampleWork = 8;
 constexpr double kCell = 0.06;
+// Between the places along its normal at which a vertex is found, and how many of them body and garment have.
+constexpr double kPlaceStep = 0.04;
+constexpr uint32_t kBodyPlaces = 6, kGarmentPlaces = 2;
 constexpr double kFarthest = 1e12;
 constexpr double kTurned = 0.3;  // cosine between a face and its vertices, under which it is smoothed
 constexpr int kUntangleSteps = 30, kFillSteps = 40, kSmoothSteps = 3, kMostClothSteps = 64;
@@ -77,31 +80,38 @@ int64_t CellAt(double x) {
   return x < 0 ? cell - 1 : cell;
 }
 
-// Points by the cell that they lie in, and the box around all of them.
+// Vertices by the cell that they lie in, and the box around all of them. With more than one place, a vertex lies in the
+// cells along its normal: a sample finds there what it lies over, without a look at all around.
+template <uint32_t kPlaces>
 class Grid {
  public:
-  // `heads` [kCells], `next` [count]. Points that are not `wanted` are left out. Each look into a cell takes of
-  // `work_left`; at 0 nothing is found any more.
+  // `heads` [kCells], `next` [kPlaces * count], `normals` [count, 3], null with one place. Vertices that are not
+  // `wanted` are left out. Each look into a cell takes of `work_left`; at 0 nothing is found any more.
   template <typename Wanted>
-  Grid(const float* positions, uint32_t count, uint32_t* heads, uint32_t* next, uint64_t* work_left, Wanted wanted)
+  Grid(const float* positions, const float* normals, uint32_t count, uint32_t* heads, uint32_t* next,
+       uint64_t* work_left, Wanted wanted)
       : heads_(heads), next_(next), work_left_(work_left) {
     for (uint32_t i = 0; i < kCells; ++i) heads[i] = UINT32_MAX;
     for (uint32_t v = 0; v < count; ++v) {
       if (!wanted(v)) continue;
-      int64_t cell[3];
-      for (size_t a = 0; a < 3; ++a) {
-        const auto at = static_cast<double>(positions[size_t{3} * v + a]);
-        cell[a] = CellAt(at);
-        low_[a] = at < low_[a] ? at : low_[a];
-        high_[a] = at > high_[a] ? at : high_[a];
+      for (uint32_t place = kPlaces * v; place < kPlaces * (v + 1); ++place) {
+        const double along = (static_cast<double>(place % kPlaces) - 0.5 * (kPlaces - 1)) * kPlaceStep;
+        int64_t cell[3];
+        for (size_t a = 0; a < 3; ++a) {
+          auto at = static_cast<double>(positions[size_t{3} * v + a]);
+          if constexpr (kPlaces > 1) at += along * static_cast<double>(normals[size_t{3} * v + a]);
+          cell[a] = CellAt(at);
+          low_[a] = at < low_[a] ? at : low_[a];
+          high_[a] = at > high_[a] ? at : high_[a];
+        }
+        uint32_t* head = heads + CellOf(cell[0], cell[1], cell[2]);
+        next[place] = *head;
+        *head = place;
       }
-      uint32_t* head = heads + CellOf(cell[0], cell[1], cell[2]);
-      next[v] = *head;
-      *head = v;
     }
   }
 
-  // Calls visit(v) for all that lie within `reach`, for some further and for some twice.
+  // Calls visit(v) for all with a place within `reach`, for some further and for some twice.
   template <typename Visit>
   void VisitNear(const double (&at)[3], double reach, Visit visit) const {
     int64_t low[3], high[3];
@@ -117,7 +127,8 @@ class Grid {
     for (int64_t x = low[0]; x <= high[0]; ++x) {
       for (int64_t y = low[1]; y <= high[1]; ++y) {
         for (int64_t z = low[2]; z <= high[2]; ++z) {
-          for (uint32_t v = heads_[CellOf(x, y, z)]; v != UINT32_MAX; v = next_[v], ++work) visit(v);
+          for (uint32_t place = heads_[CellOf(x, y, z)]; place != UINT32_MAX; place = next_[place], ++work)
+            visit(place / kPlaces);
         }
       }
     }
@@ -144,11 +155,11 @@ double Dot3(const double (&a)[3], const double (&b)[3]) { return a[0] * b[0] + a
 
 // take(v, height, alike, plane) for the vertices that have the sample within `reach` along their normal and `beside`
 // from it. `alike` is the cosine between their normals, `plane` the height of the sample's plane over the vertex.
-template <typename Take>
-void VisitBeside(const PlacedSurface& surface, const Grid& grid, const Sample& sample, double reach, double beside,
-                 Take take) {
+template <uint32_t kPlaces, typename Take>
+void VisitBeside(const PlacedSurface& surface, const Grid<kPlaces>& grid, const Sample& sample, double reach,
+                 double beside, Take take) {
   const double aside = sample.spread * beside;
-  grid.VisitNear(sample.at, reach, [&](uint32_t v) {
+  grid.VisitNear(sample.at, std::sqrt(0.25 * kPlaceStep * kPlaceStep + aside * aside), [&](uint32_t v) {
     if (!Meet(sample.region, surface.regions[v])) return;
     const float *at = surface.positions + size_t{3} * v, *n = surface.normals + size_t{3} * v;
     const double normal[3] = {static_cast<double>(n[0]), static_cast<double>(n[1]), static_cast<double>(n[2])};
@@ -289,7 +300,9 @@ void SampleSkin(const dcloth_character& character, const Space& space, const uin
 // The outermost skin beside each vertex of a garment, whichever way it faces: pleats do not face as skin does.
 void FindOutermost(const dcloth_character& character, const Space& space, const uint8_t* regions,
                    const PlacedSurface& surface, uint32_t* cells, uint64_t* work_left) {
-  const Grid grid(surface.positions, surface.count, cells, surface.next, work_left, [](uint32_t) { return true; });
+  const Grid<kGarmentPlaces> grid(surface.positions, surface.normals, surface.count, cells, surface.next, work_left,
+                                  [](uint32_t) { return true; });
+  static_assert(kClothReach <= 0.5 * kPlaceStep * kGarmentPlaces);
   for (uint32_t v = 0; v < surface.count; ++v) surface.heights[v] = kNoHeight;
   SampleSkin(character, space, regions, work_left, [&](const Sample& sample) {
     VisitBeside(surface, grid, sample, kClothReach, kClothBeside, [&](uint32_t v, float height, double, float) {
@@ -358,7 +371,9 @@ template <typename Wanted>
 void FindSkinOver(const dcloth_character& character, const Space& space, const uint8_t* regions,
                   const PlacedSurface& surface, uint32_t* cells, Layers* layers, Layers* near_sides,
                   uint64_t* work_left, Wanted wanted) {
-  const Grid grid(surface.positions, surface.count, cells, surface.next, work_left, wanted);
+  const Grid<kBodyPlaces> grid(surface.positions, surface.normals, surface.count, cells, surface.next, work_left,
+                               wanted);
+  static_assert(kReach <= 0.5 * kPlaceStep * kBodyPlaces);
   for (uint32_t v = 0; v < surface.count; ++v) {
     for (Layers* of : {layers + v, near_sides + v}) {
       for (size_t k = 0; k < kMostLayers; ++k) of->low[k] = kFar, of->high[k] = kNoHeight;
@@ -670,8 +685,8 @@ void FindSkin(const ModelView& model, const dcloth_character& character, const S
               const BodyFitMemory& memory, float* rises) {
   const format::BodyView& body = model.body;
   constexpr double kReachSquared = kSkinReach * kSkinReach;
-  const Grid grid(memory.body.positions, body.vertex_count, memory.cells, memory.body.next, memory.work_left,
-                  [](uint32_t) { return true; });
+  const Grid<1> grid(memory.body.positions, nullptr, body.vertex_count, memory.cells, memory.body.next,
+                     memory.work_left, [](uint32_t) { return true; });
   for (size_t v = 0; v < body.vertex_count; ++v) memory.skin[v].squared = static_cast<float>(kReachSquared);
   std::memset(rises, 0, body.vertex_count * sizeof(float));
   SampleSkin(character, space, memory.joint_regions, memory.work_left, [&](const Sample& sample) {
@@ -769,8 +784,8 @@ void MoveGarment(const ModelView& model, const BodyFitMemory& memory) {
   const format::BodyView& body = model.body;
   const size_t n = model.vertex_count;
   // Where skin and cloth were at bind; normals of the body at bind are in body.normals, moves go into garment.normals.
-  const Grid grid(body.positions, body.vertex_count, memory.cells, memory.body.next, memory.work_left,
-                  [](uint32_t) { return true; });
+  const Grid<1> grid(body.positions, nullptr, body.vertex_count, memory.cells, memory.body.next, memory.work_left,
+                     [](uint32_t) { return true; });
   float* moves = memory.garment.normals;
   for (size_t g = 0; g < n; ++g) {
     const float* x = model.template_positions + 3 * g;
@@ -855,14 +870,14 @@ void MeasureGarment(const ModelView& model, const dcloth_character& character, c
   if (report->penetration_mm > 5) report->warnings |= DCLOTH_FIT_PENETRATION;
 }
 
-PlacedSurface PlaceSurface(uint32_t count, Arena* arena) {
+PlacedSurface PlaceSurface(uint32_t count, uint32_t places, Arena* arena) {
   PlacedSurface surface = {};
   surface.count = count;
   surface.positions = arena->Take<float>(size_t{3} * count);
   surface.normals = arena->Take<float>(size_t{3} * count);
   surface.heights = arena->Take<float>(count);
   surface.regions = arena->Take<uint8_t>(count);
-  surface.next = arena->Take<uint32_t>(count);
+  surface.next = arena->Take<uint32_t>(size_t{places} * count);
   return surface;
 }
 
@@ -909,8 +924,8 @@ BodyFitMemory PlaceBodyFit(const ModelView& model, uint32_t host_joint_count, Ar
   memory.skin = arena->Take<SkinPoint>(b);
   memory.places = arena->Take<float>(size_t{12} * model.joint_count);
   memory.cells = arena->Take<uint32_t>(kCells);
-  memory.garment = PlaceSurface(n, arena);
-  memory.body = PlaceSurface(b, arena);
+  memory.garment = PlaceSurface(n, kGarmentPlaces, arena);
+  memory.body = PlaceSurface(b, kBodyPlaces, arena);
   memory.layers = arena->Take<Layers>(b);
   memory.near_sides = arena->Take<Layers>(b);
   memory.pushes = arena->Take<float>(b);

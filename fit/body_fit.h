@@ -31,7 +31,7 @@ struct PlacedSurface {
   float* normals;    // [count, 3]
   float* heights;    // [count] of skin beside the vertex over it, along the normal; kNoHeight where there is none
   uint8_t* regions;  // [count]
-  uint32_t* next;    // [count] of the same cell
+  uint32_t* next;    // [places of all vertices] of the same cell
   uint32_t count;
 };
 

@@ -14,8 +14,8 @@ namespace dcloth::fit {
 
 // The work that a fit may take: looks into cells of the grid in which samples of the skin find the vertices beside
 // them, and what costs as much. It grows with the skin's triangles, their size, and the vertices around them. A hundred
-// thousand triangles of a person's skin take half of it, or less.
-constexpr uint64_t kFitWork = uint64_t{1} << 30;
+// thousand triangles of a person's skin take two thirds of it, or less.
+constexpr uint64_t kFitWork = 420'000'000;
 
 size_t FitStorageSize(const format::ModelView& model, const dcloth_character& character);
 

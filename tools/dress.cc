@@ -30,6 +30,7 @@ constexpr size_t kSettleTicks = 30;  // in a clip's first pose, before its first
 constexpr size_t kStandingSeconds = 3;
 constexpr size_t kMostGlbFrames = 600;    // one morph target each
 constexpr size_t kMostPageFrames = 3600;  // of all clips
+constexpr size_t kPackedFrames = 120;     // of a clip that are packed for the page at once
 
 struct Options {
   std::filesystem::path hero, map;
@@ -198,7 +199,8 @@ class PageClip {
     sequence_->name = clip.name;
     sequence_->fps = clip.fps;
     sequence_->tracks.push_back({.name = "cloth", .values = {}});
-    sequence_->tracks.back().values.reserve(clip.frames * 3 * report->vertex_count);
+    sequence_->joints.reserve(clip.frames * inverse_.size() * 12);
+    parents_ = SpatialParents(report->triangles, report->vertex_count);
   }
 
   void Append(std::span<const float> pose, std::span<const float> garment) {
@@ -207,7 +209,9 @@ class PageClip {
     for (size_t i = 0; i < garment.size(); ++i) center[static_cast<Eigen::Index>(i % 3)] += double{garment[i]} / n;
     const Eigen::Vector3f point = center.cast<float>();
     AppendOrigin(std::span(point.data(), 3), sequence_);
-    AppendFrame(garment, LastOrigin(*sequence_), &sequence_->tracks.back());
+    Track& track = sequence_->tracks.back();
+    AppendFrame(garment, LastOrigin(*sequence_), &track);
+    if (track.values.size() == kPackedFrames * garment.size()) PackFrames(parents_, sequence_->tracks);
     for (size_t j = 0; j < inverse_.size(); ++j) {
       RowMajor joint = Eigen::Map<const RowMajor>(pose.data() + 16 * j);
       // G P^-1 skins the body; without one, sticks are drawn between joints in the world.
@@ -220,6 +224,7 @@ class PageClip {
   using RowMajor = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
   bool skinned_;
   std::vector<Eigen::Matrix4d> inverse_;
+  std::vector<int32_t> parents_;
   ReportSequence* sequence_;
 };
 
@@ -384,7 +389,7 @@ int Dress(const Options& options) {
   for (const std::filesystem::path& output : options.outputs) {
     const std::string extension = output.extension().string();
     if (extension == ".html") {
-      WriteHtmlReport(output, page);
+      WriteHtmlReport(output, &page);
     } else if (extension == ".glb") {
       const std::string bytes = GlbBytes(SceneOf(hero, model, clips.front(), recording));
       converter::WriteFileAtomically(output, std::as_bytes(std::span(bytes)));

@@ -167,7 +167,10 @@ int RunEvaluate(const Options& options) {
   });
 
   const Json rows = VariantsJson(variants);
-  if (scene) WriteHtmlReport(options.html, scene->Finish(rows, dcloth_isa_name()));
+  if (scene) {
+    Report report = scene->Finish(rows, dcloth_isa_name());
+    WriteHtmlReport(options.html, &report);
+  }
   if (options.json) {
     PrintJson({{"version", dcloth_version()},
                {"bundle", converter::PathText(options.bundle)},

@@ -1,5 +1,6 @@
 #include "tools/html_report.h"
 
+#include <deque>
 #include <span>
 #include <stdexcept>
 #include <string_view>
@@ -34,34 +35,48 @@ class Blobs {
  public:
   template <typename T>
   size_t Add(const std::vector<T>& values) {
-    html_ += "<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(count_) + "\">" +
-             PackBlob(std::as_bytes(std::span(values))) + "</script>\n";
+    return AddPacked(owned_.emplace_back(PackBlob(std::as_bytes(std::span(values)))));
+  }
+
+  // `blob` outlives the page.
+  size_t AddPacked(std::string_view blob) {
+    const std::string_view begin =
+        owned_.emplace_back("<script type=\"application/octet-stream\" id=\"blob-" + std::to_string(count_) + "\">");
+    for (const std::string_view piece : {begin, blob, kEnd}) html_.push_back(std::as_bytes(std::span(piece)));
     return count_++;
   }
-  const std::string& html() const { return html_; }
+
+  const std::vector<std::span<const std::byte>>& html() const { return html_; }
 
  private:
-  std::string html_;
+  static constexpr std::string_view kEnd = "</script>\n";
+
+  std::deque<std::string> owned_;  // which stay in their places
+  std::vector<std::span<const std::byte>> html_;
   size_t count_ = 0;
 };
 
-Json SequenceJson(const ReportSequence& sequence, std::span<const int32_t> parents, Blobs* blobs) {
-  Json json = {{"name", sequence.name},
-               {"fps", sequence.fps},
-               {"frames", sequence.origins.size() / 3},
-               {"origins", blobs->Add(sequence.origins)},
-               {"hips", blobs->Add(sequence.hips)},
-               {"joints", blobs->Add(sequence.joints)},
+Json SequenceJson(std::span<const int32_t> parents, ReportSequence* sequence, Blobs* blobs) {
+  Json json = {{"name", sequence->name},
+               {"fps", sequence->fps},
+               {"frames", sequence->origins.size() / 3},
+               {"origins", blobs->Add(sequence->origins)},
+               {"hips", blobs->Add(sequence->hips)},
+               {"joints", blobs->Add(sequence->joints)},
                {"tracks", Json::array()},
                {"error_mm", Json::object()}};
-  for (size_t i = 0; i < sequence.tracks.size(); ++i) {
-    const EncodedTrack encoded = EncodeTrack(sequence.tracks[i], std::span(sequence.tracks).first(i), parents);
-    json["tracks"].push_back({{"name", sequence.tracks[i].name},
-                              {"predictor", static_cast<int>(encoded.predictor)},
-                              {"reference", encoded.reference},
-                              {"data", blobs->Add(encoded.bytes)}});
+  if (!sequence->tracks.empty() && !sequence->tracks.front().values.empty()) PackFrames(parents, sequence->tracks);
+  for (const Track& track : sequence->tracks) {
+    Json parts = Json::array();
+    for (const PackedFrames& part : track.packed) {
+      parts.push_back({{"frames", part.frames},
+                       {"predictor", static_cast<int>(part.predictor)},
+                       {"reference", part.reference},
+                       {"data", blobs->AddPacked(part.blob)}});
+    }
+    json["tracks"].push_back({{"name", track.name}, {"parts", parts}});
   }
-  for (const auto& [name, errors] : sequence.error_mm) json["error_mm"][name] = errors;
+  for (const auto& [name, errors] : sequence->error_mm) json["error_mm"][name] = errors;
   return json;
 }
 
@@ -82,32 +97,32 @@ void AddParts(const ReportBody& body, Blobs* blobs, Json* json) {
 
 }  // namespace
 
-void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
+void WriteHtmlReport(const std::filesystem::path& path, Report* report) {
   Blobs blobs;
-  Json json = {{"title", report.title},
-               {"subtitle", report.subtitle},
-               {"facts", report.facts},
-               {"cpu", report.cpu},
+  Json json = {{"title", report->title},
+               {"subtitle", report->subtitle},
+               {"facts", report->facts},
+               {"cpu", report->cpu},
                {"quantum_mm", kQuantumMm},
-               {"vertex_count", report.vertex_count},
-               {"joint_count", report.joint_count},
-               {"faces", blobs.Add(report.triangles)},
+               {"vertex_count", report->vertex_count},
+               {"joint_count", report->joint_count},
+               {"faces", blobs.Add(report->triangles)},
                {"body", nullptr},
-               {"sticks", report.sticks},
-               {"variants", report.variants},
+               {"sticks", report->sticks},
+               {"variants", report->variants},
                {"sequences", Json::array()}};
-  if (report.body) {
-    json["body"] = {{"count", report.body->positions.size() / 3},
-                    {"positions", blobs.Add(report.body->positions)},
-                    {"faces", blobs.Add(report.body->faces)},
-                    {"joints", blobs.Add(report.body->joints)},
-                    {"weights", blobs.Add(report.body->weights)}};
-    if (!report.body->colours.empty()) json["body"]["colours"] = blobs.Add(report.body->colours);
-    if (!report.body->parts.empty()) AddParts(*report.body, &blobs, &json["body"]);
+  if (report->body) {
+    json["body"] = {{"count", report->body->positions.size() / 3},
+                    {"positions", blobs.Add(report->body->positions)},
+                    {"faces", blobs.Add(report->body->faces)},
+                    {"joints", blobs.Add(report->body->joints)},
+                    {"weights", blobs.Add(report->body->weights)}};
+    if (!report->body->colours.empty()) json["body"]["colours"] = blobs.Add(report->body->colours);
+    if (!report->body->parts.empty()) AddParts(*report->body, &blobs, &json["body"]);
   }
-  const std::vector<int32_t> parents = SpatialParents(report.triangles, report.vertex_count);
-  for (const ReportSequence& sequence : report.sequences) {
-    json["sequences"].push_back(SequenceJson(sequence, parents, &blobs));
+  const std::vector<int32_t> parents = SpatialParents(report->triangles, report->vertex_count);
+  for (ReportSequence& sequence : report->sequences) {
+    json["sequences"].push_back(SequenceJson(parents, &sequence, &blobs));
   }
   const std::string data = ScriptJson(json);
 
@@ -118,9 +133,10 @@ void WriteHtmlReport(const std::filesystem::path& path, const Report& report) {
     throw std::logic_error("report.html lacks @DATA@ before @BLOBS@");
   }
   const size_t after_data = data_at + kDataMark.size(), after_blobs = blobs_at + kBlobsMark.size();
-  const std::array<std::span<const std::byte>, 5> pieces = {Bytes(page.substr(0, data_at)), Bytes(data),
-                                                            Bytes(page.substr(after_data, blobs_at - after_data)),
-                                                            Bytes(blobs.html()), Bytes(page.substr(after_blobs))};
+  std::vector<std::span<const std::byte>> pieces = {Bytes(page.substr(0, data_at)), Bytes(data),
+                                                    Bytes(page.substr(after_data, blobs_at - after_data))};
+  pieces.insert(pieces.end(), blobs.html().begin(), blobs.html().end());
+  pieces.push_back(Bytes(page.substr(after_blobs)));
   converter::WriteFileAtomically(path, pieces);
 }
 

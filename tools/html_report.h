@@ -60,8 +60,8 @@ struct Report {
   std::vector<ReportSequence> sequences;
 };
 
-// Writes atomically. Throws converter::Error.
-void WriteHtmlReport(const std::filesystem::path& path, const Report& report);
+// Packs the frames that are not packed yet, and writes atomically. Throws converter::Error.
+void WriteHtmlReport(const std::filesystem::path& path, Report* report);
 
 }  // namespace dcloth::tools
 

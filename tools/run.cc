@@ -158,7 +158,7 @@ void WritePage(const Options& options, const converter::OpenModel& model, const 
   }
   sequence.tracks.push_back(std::move(track));
   report.sequences.push_back(std::move(sequence));
-  WriteHtmlReport(options.output, report);
+  WriteHtmlReport(options.output, &report);
 }
 
 // Animations of artists' files are no sequences yet.

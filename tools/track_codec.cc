@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstddef>
+
+#include "tools/blob.h"
 
 namespace dcloth::tools {
 namespace {
@@ -51,6 +54,43 @@ uint64_t Cost(const Track& track, const Track* reference, Predictor predictor, s
   return bits;
 }
 
+PackedFrames Pack(const Track& track, std::span<const Track> earlier, std::span<const int32_t> parents) {
+  PackedFrames packed;
+  uint64_t best = UINT64_MAX;
+  const auto consider = [&](Predictor predictor, int32_t reference) {
+    const Track* other = reference < 0 ? nullptr : &earlier[static_cast<size_t>(reference)];
+    const uint64_t cost = Cost(track, other, predictor, parents);
+    if (cost < best) {
+      best = cost;
+      packed.predictor = predictor;
+      packed.reference = reference;
+    }
+  };
+  for (Predictor p : {Predictor::kNone, Predictor::kPrevious, Predictor::kLinear}) consider(p, -1);
+  for (size_t i = 0; i < earlier.size(); ++i) {
+    consider(Predictor::kReference, static_cast<int32_t>(i));
+    consider(Predictor::kReferenceMotion, static_cast<int32_t>(i));
+  }
+  const Track* reference = packed.reference < 0 ? nullptr : &earlier[static_cast<size_t>(packed.reference)];
+  const size_t total = track.values.size();
+  packed.frames = total / (3 * parents.size());
+  std::vector<std::byte> bytes(2 * total);
+  std::vector<uint16_t> residuals(parents.size());
+  size_t at = 0;
+  for (size_t frame = 0; frame < packed.frames; ++frame) {
+    for (size_t axis = 0; axis < 3; ++axis) {
+      Residuals(track, reference, packed.predictor, frame, axis, parents, residuals);
+      for (uint16_t z : residuals) {
+        bytes[at] = static_cast<std::byte>(z & 0xFF);
+        bytes[total + at] = static_cast<std::byte>(z >> 8);
+        ++at;
+      }
+    }
+  }
+  packed.blob = PackBlob(bytes);
+  return packed;
+}
+
 }  // namespace
 
 void AppendFrame(std::span<const float> positions, std::span<const int32_t> origin, Track* track) {
@@ -78,39 +118,9 @@ std::vector<int32_t> SpatialParents(std::span<const uint16_t> triangles, size_t 
   return parents;
 }
 
-EncodedTrack EncodeTrack(const Track& track, std::span<const Track> earlier, std::span<const int32_t> parents) {
-  EncodedTrack encoded;
-  uint64_t best = UINT64_MAX;
-  const auto consider = [&](Predictor predictor, int32_t reference) {
-    const Track* other = reference < 0 ? nullptr : &earlier[static_cast<size_t>(reference)];
-    const uint64_t cost = Cost(track, other, predictor, parents);
-    if (cost < best) {
-      best = cost;
-      encoded.predictor = predictor;
-      encoded.reference = reference;
-    }
-  };
-  for (Predictor p : {Predictor::kNone, Predictor::kPrevious, Predictor::kLinear}) consider(p, -1);
-  for (size_t i = 0; i < earlier.size(); ++i) {
-    consider(Predictor::kReference, static_cast<int32_t>(i));
-    consider(Predictor::kReferenceMotion, static_cast<int32_t>(i));
-  }
-  const Track* reference = encoded.reference < 0 ? nullptr : &earlier[static_cast<size_t>(encoded.reference)];
-  const size_t total = track.values.size(), frames = total / (3 * parents.size());
-  encoded.bytes.resize(2 * total);
-  std::vector<uint16_t> residuals(parents.size());
-  size_t at = 0;
-  for (size_t frame = 0; frame < frames; ++frame) {
-    for (size_t axis = 0; axis < 3; ++axis) {
-      Residuals(track, reference, encoded.predictor, frame, axis, parents, residuals);
-      for (uint16_t z : residuals) {
-        encoded.bytes[at] = static_cast<std::byte>(z & 0xFF);
-        encoded.bytes[total + at] = static_cast<std::byte>(z >> 8);
-        ++at;
-      }
-    }
-  }
-  return encoded;
+void PackFrames(std::span<const int32_t> parents, std::span<Track> tracks) {
+  for (size_t i = 0; i < tracks.size(); ++i) tracks[i].packed.push_back(Pack(tracks[i], tracks.first(i), parents));
+  for (Track& track : tracks) track.values.clear();
 }
 
 }  // namespace dcloth::tools

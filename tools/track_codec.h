@@ -24,9 +24,18 @@ enum class Predictor : uint8_t {
   kReferenceMotion = 4,  // reference[t] + x[t-1] - reference[t-1]
 };
 
+// Frames as the page carries them.
+struct PackedFrames {
+  size_t frames = 0;
+  Predictor predictor = Predictor::kNone;
+  int32_t reference = -1;  // index of an earlier track
+  std::string blob;        // of residuals: all low bytes, then all high bytes
+};
+
 struct Track {
   std::string name;
-  std::vector<int16_t> values;  // [frames, xyz, n] quanta about the frame's origin
+  std::vector<PackedFrames> packed = {};
+  std::vector<int16_t> values;  // [frames, xyz, n] quanta about the frame's origin, of the frames after those
 };
 
 // Appends one frame. Points further than the 16 bits reach are put on the limit.
@@ -35,14 +44,9 @@ void AppendFrame(std::span<const float> positions, std::span<const int32_t> orig
 // For each vertex the largest mesh neighbour with a smaller index, or the vertex before it; -1 for vertex 0.
 std::vector<int32_t> SpatialParents(std::span<const uint16_t> triangles, size_t vertex_count);
 
-struct EncodedTrack {
-  Predictor predictor = Predictor::kNone;
-  int32_t reference = -1;        // index of an earlier track
-  std::vector<std::byte> bytes;  // low bytes of all residuals, then high bytes
-};
-
-// Picks predictor and reference by the cost of sampled frames. `earlier` tracks have as many frames.
-EncodedTrack EncodeTrack(const Track& track, std::span<const Track> earlier, std::span<const int32_t> parents);
+// Packs the frames that the tracks hold, as many each, and lets go of them: a long clip need not fit into memory.
+// Predictor and reference of each are those of least cost in sampled frames.
+void PackFrames(std::span<const int32_t> parents, std::span<Track> tracks);
 
 }  // namespace dcloth::tools
 

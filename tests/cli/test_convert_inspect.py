@@ -159,7 +159,9 @@ def test_auto_stores_an_outlier_where_it_fits(dcloth, files, outlier, tmp_path):
                     "--motion", files.walk, "--rank", "full", "--json")
     assert result.returncode == 0, result.stderr
     said = json.loads(result.stdout)
-    assert said["warnings"] == [] and said["trials"][-1]["error"]["position_mm"]["max"] <= 5
+    warning, = said["warnings"]
+    assert "displacement.basis.weights: stored as fp32" in warning and "components[3, 100, 1] = 100000" in warning
+    assert said["trials"][-1]["error"]["position_mm"]["max"] <= 5
     basis = next(t for t in said["auto"]["tensors"] if t["name"] == "displacement.basis.weights")
     assert basis["format"] == "fp32" and basis["cheaper"] == "int8" and basis["cheaper_mm"] > 5
 
@@ -177,6 +179,10 @@ def test_weights_beyond_a_format_are_named_as_the_bundle_does(dcloth, tmp_path, 
     result = dcloth("convert", path, "-o", tmp_path / "m.dcloth", "--precision", precision)
     refused(result, path, f"tensor {name}: found the weight", f"element {list(at)} is the largest, -3e+38")
     assert matrix not in result.stderr and "000000" not in result.stderr
+    result = dcloth("convert", path, "-o", tmp_path / "m.dcloth", "--rank", "full")
+    assert result.returncode == 0 and len(result.stderr.splitlines()) == 1
+    for word in (matrix, "stored as fp32", f"{name}{list(at)} = -3e+38: check whether training diverged"):
+        assert word in result.stderr
 
 
 def test_a_model_without_its_last_stages(dcloth, files, tmp_path):

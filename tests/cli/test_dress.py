@@ -3,6 +3,8 @@ import json
 import re
 import shutil
 import struct
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -306,6 +308,44 @@ def test_the_fit_alone_plays_nothing(importing, dcloth, files, tmp_path):
                     timeout=20)
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["clips"] == [{"name": "Raise", "frames": 43_200 * 30 + 1}]
+
+
+def peak_bytes(*command):
+    """Of the command and its children. A process counts what it was forked from: so a small one forks it."""
+    run = """import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"""
+    said = subprocess.run([sys.executable, "-I", "-S", "-c", run, *map(str, command)], capture_output=True, check=True)
+    return 1024 * int(said.stdout)
+
+
+def test_frames_of_a_page_are_packed_while_they_are_played(importing, binary, files, tmp_path):
+    """So a longer clip takes less memory than its frames would, of six bytes a vertex."""
+    peak = []
+    for seconds in (12, 119):
+        (tmp_path / "hero.glb").write_bytes(Figure().raise_leg(seconds=float(seconds)).glb())
+        peak.append(peak_bytes(binary, "dress", tmp_path / "hero.glb", "--garment", files.model,
+                               "-o", tmp_path / f"{seconds}.html"))
+    assert peak[1] - peak[0] < (119 - 12) * 30 * 6 * small_garment.VERTICES
+
+
+def test_page_and_gltf_hold_the_same_frames(importing, dcloth, files, tmp_path):
+    """The page's in several parts, the last of which is not full."""
+    (tmp_path / "hero.glb").write_bytes(Figure().raise_leg(seconds=9.0).glb())
+    page, scene = tmp_path / "o.html", tmp_path / "o.glb"
+    outputs = [part for path in (page, scene, tmp_path / "again.html") for part in ("-o", path)]
+    result = dcloth("dress", tmp_path / "hero.glb", "--garment", files.model, *outputs)
+    assert result.returncode == 0, result.stderr
+    document, accessor = read_glb(scene)
+    primitive = document["meshes"][1]["primitives"][0]
+    rest = accessor(primitive["attributes"]["POSITION"])
+    frames = np.stack([rest, *(rest + accessor(target["POSITION"]) for target in primitive["targets"])])
+    _, data, blobs = test_report.page_parts(page)
+    track, = data["sequences"][0]["tracks"]
+    assert [part["frames"] for part in track["parts"]] == [120, 120, 31]
+    shown = test_report.metres_of(data, blobs)["cloth"]
+    assert shown.shape == frames.shape and page.read_bytes() == (tmp_path / "again.html").read_bytes()
+    assert np.abs(shown - frames).max() <= data["quantum_mm"] / 2000 + 1e-5
 
 
 @pytest.mark.parametrize("name, seconds, most", [("o.html", 200.0, 3600), ("o.glb", 30.0, 600)])

@@ -236,6 +236,23 @@ def test_a_view_that_is_not_there(view, dcloth, tmp_path):
             f"buffer view {view} for the places of mesh 'Figure'", "one of the file's")
 
 
+def version_1_glb(text):
+    text += b" " * (-len(text) % 4)
+    return b"glTF" + struct.pack("<IIII", 1, 20 + len(text), len(text), 0) + text
+
+
+def test_other_versions_of_gltf_are_named(dcloth, tmp_path):
+    """Version 1 names its nodes in an object, so that 2.0 finds none; its binary has no chunks."""
+    first = json.dumps({"asset": {"version": "1.0"}, "nodes": {"Hips": {"name": "Hips"}}}).encode()
+    newer = bytearray(Figure().glb())
+    struct.pack_into("<I", newer, 4, 3)
+    for name, contents, version in (("a.gltf", first, "1.0"), ("a.glb", version_1_glb(first), "1.0"),
+                                    ("b.glb", newer, "3.0")):
+        (tmp_path / name).write_bytes(contents)
+        refused(dcloth("hero", tmp_path / name, "-o", tmp_path / "o.safetensors"), name,
+                f"found a file of glTF {version}, expected glTF 2.0", "npx gltf-pipeline -i OLD.gltf")
+
+
 @pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
 def test_compressed_meshes(name, dcloth, tmp_path):
     figure = Figure()

@@ -162,7 +162,8 @@ def test_prefixes_of_wrappers_are_named(dcloth, files, tmp_path, prefix, whose, 
 
 
 @pytest.mark.parametrize("name, dtype", [("mesh.mlp.0.weight", "F64"), ("mesh.mlp.0.weight", "BF16"),
-                                         ("template.positions", "F64"), ("template.faces", "I64")])
+                                         ("template.positions", "F64"), ("template.positions", "F16"),
+                                         ("template.faces", "I64")])
 def test_dtypes_that_must_be_cast_are_named(dcloth, files, tmp_path, name, dtype):
     tensors, metadata = safetensors_file.read(files.bundle)
     value = tensors[name]
@@ -171,6 +172,9 @@ def test_dtypes_that_must_be_cast_are_named(dcloth, files, tmp_path, name, dtype
         tensors[name] = value
         safetensors_file.write(tmp_path / "wanted.safetensors", tensors, metadata)
         value = (value.view(np.uint32) >> 16).astype(np.uint16)
+    elif dtype == "F16":
+        value = value.astype(np.float16)
+        safetensors_file.write(tmp_path / "wanted.safetensors", {**tensors, name: value.astype(np.float32)}, metadata)
     else:
         safetensors_file.write(tmp_path / "wanted.safetensors", tensors, metadata)
         value = value.astype({"F64": np.float64, "I64": np.int64}[dtype])

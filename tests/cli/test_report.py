@@ -32,8 +32,19 @@ def parents_of(faces, count):
     return parents
 
 
-def decode(track, blob, frames, parents, tracks):
-    """The documented rules of tools/track_codec.h, written a second time."""
+def decode(track, blobs, parents, tracks):
+    """The documented rules of tools/track_codec.h, written a second time. -> [frames, xyz, n]"""
+    out, first = [], 0
+    for part in track["parts"]:
+        last = first + part["frames"]
+        reference = tracks[part["reference"]][first:last] if part["reference"] >= 0 else None
+        out.append(decode_part(part, blobs[part["data"]], parents, reference))
+        first = last
+    return np.concatenate(out)
+
+
+def decode_part(track, blob, parents, reference):
+    frames = track["frames"]
     count = len(parents)
     half = len(blob) // 2
     zigzag = np.frombuffer(blob[:half],
@@ -42,7 +53,6 @@ def decode(track, blob, frames, parents, tracks):
     for i in range(1, count):
         residual[:, :, i] += residual[:, :, parents[i]]
     out = np.zeros((frames, 3, count), np.int64)
-    reference = tracks[track["reference"]] if track["reference"] >= 0 else None
     for f in range(frames):
         predicted = 0
         if track["predictor"] >= 3:
@@ -51,6 +61,19 @@ def decode(track, blob, frames, parents, tracks):
             predicted = out[f - 1] + (out[f - 1] - out[f - 2] if track["predictor"] == 2 and f > 1 else 0)
         out[f] = (residual[f] + predicted + 32768) % 65536 - 32768
     return out
+
+
+def metres_of(data, blobs):
+    """-> {track: [frames, n, 3]} of the page's first sequence."""
+    faces = np.frombuffer(blobs[data["faces"]], np.uint16).reshape(-1, 3).astype(int)
+    parents = parents_of(faces, data["vertex_count"])
+    sequence = data["sequences"][0]
+    origins = np.frombuffer(blobs[sequence["origins"]], np.int32).reshape(-1, 3)
+    tracks, metres = [], {}
+    for track in sequence["tracks"]:
+        tracks.append(decode(track, blobs, parents, tracks))
+        metres[track["name"]] = (tracks[-1].transpose(0, 2, 1) + origins[:, None]) * data["quantum_mm"] / 1000
+    return metres
 
 
 @pytest.fixture(scope="module")
@@ -71,16 +94,8 @@ def test_self_contained(report):
 
 def test_tracks_decode_to_what_was_simulated_and_run(report, files, dcloth, tmp_path):
     _, data, blobs = page_parts(report[0])
-    faces = np.frombuffer(blobs[data["faces"]], np.uint16).reshape(-1, 3).astype(int)
-    parents = parents_of(faces, data["vertex_count"])
-    sequence = data["sequences"][0]
-    assert [t["name"] for t in sequence["tracks"]] == [
-        "truth", "skinning", "static", "skeleton", "fp32", "fp16", "int8", "outside"]
-    origins = np.frombuffer(blobs[sequence["origins"]], np.int32).reshape(-1, 3)
-    tracks, metres = [], {}
-    for track in sequence["tracks"]:
-        tracks.append(decode(track, blobs[track["data"]], sequence["frames"], parents, tracks))
-        metres[track["name"]] = (tracks[-1].transpose(0, 2, 1) + origins[:, None]) * data["quantum_mm"] / 1000
+    metres = metres_of(data, blobs)
+    assert list(metres) == ["truth", "skinning", "static", "skeleton", "fp32", "fp16", "int8", "outside"]
     out = tmp_path / "x.safetensors"
     assert dcloth("run", files.model, files.walk, "-o", out).returncode == 0
     half_quantum = data["quantum_mm"] / 2000 * (1 + 1e-6)

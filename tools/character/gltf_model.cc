@@ -45,26 +45,37 @@ bool IsBinary(std::span<const std::byte> bytes) {
 void CheckLengths(const std::filesystem::path& path, std::span<const std::byte> bytes) {
   const uint64_t size = bytes.size(), whole = WordAt(bytes, 8);
   AtMost(path, "a binary glTF", whole, size);
-  // Version 1 has its one length where later ones have the first chunk's. Writers may leave a chunk's padding
-  // uncounted.
   uint64_t at = kHeaderBytes;
   do {
     const uint64_t length = WordAt(bytes, at);
     AtMost(path, "a chunk at byte " + std::to_string(at), length, size - at - kChunkHeaderBytes);
-    at += kChunkHeaderBytes + (length + 3) / 4 * 4;
-  } while (WordAt(bytes, 4) == 2 && at + kChunkHeaderBytes <= whole);
+    at += kChunkHeaderBytes + (length + 3) / 4 * 4;  // writers may leave a chunk's padding uncounted
+  } while (at + kChunkHeaderBytes <= whole);
 }
 
-// Takes any JSON that is not too deep, and keeps where it ends to be JSON.
+void CheckVersion(const std::filesystem::path& path, const std::string& version) {
+  if (version.empty() || version.starts_with("2.")) return;
+  Refuse(path, "a file of glTF " + version.substr(0, 8), "glTF 2.0",
+         "export it again as glTF 2.0; glTF 1.0 is rewritten by: npx gltf-pipeline -i OLD.gltf -o NEW.glb");
+}
+
+// Takes any JSON that is not too deep, and keeps the text asset.version and where it ends to be JSON.
 struct JsonCheck : nlohmann::json_sax<nlohmann::json> {
   bool null() override { return true; }
   bool boolean(bool) override { return true; }
   bool number_integer(int64_t) override { return true; }
   bool number_unsigned(uint64_t) override { return true; }
   bool number_float(double, const std::string&) override { return true; }
-  bool string(std::string&) override { return true; }
+  bool string(std::string& value) override {
+    if (at_version) version = value;
+    return true;
+  }
   bool binary(binary_t&) override { return true; }
-  bool key(std::string&) override { return true; }
+  bool key(std::string& name) override {
+    if (depth == 1) in_asset = name == "asset";
+    at_version = depth == 2 && in_asset && name == "version";
+    return true;
+  }
   bool start_object(size_t) override { return ++depth <= kDeepest; }
   bool start_array(size_t) override { return ++depth <= kDeepest; }
   bool end_object() override { return --depth >= 0; }
@@ -75,13 +86,15 @@ struct JsonCheck : nlohmann::json_sax<nlohmann::json> {
   }
 
   int depth = 0;
+  bool in_asset = false, at_version = false;
+  std::string version;
   std::optional<size_t> error_at;  // bytes read
 };
 
 void CheckJson(const std::filesystem::path& path, std::span<const std::byte> bytes, size_t first, size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()) + first, size);
   JsonCheck check;
-  if (nlohmann::json::sax_parse(text.begin(), text.end(), &check)) return;
+  if (nlohmann::json::sax_parse(text.begin(), text.end(), &check)) return CheckVersion(path, check.version);
   if (!check.error_at) {
     Refuse(path, "JSON that nests too deep", "at most " + std::to_string(kDeepest) + " levels",
            "the file is damaged; export it again");
@@ -140,9 +153,9 @@ std::filesystem::path UriPath(const std::string& uri) { return Utf8Path(tinygltf
 tinygltf::Model ReadGltfModel(const std::filesystem::path& path, std::span<const std::byte> bytes, Folder* folder) {
   const bool binary = IsBinary(bytes);
   if (binary) {
+    CheckVersion(path, std::to_string(WordAt(bytes, 4)) + ".0");
     CheckLengths(path, bytes);
-    if (WordAt(bytes, 4) == 2)
-      CheckJson(path, bytes, kHeaderBytes + kChunkHeaderBytes, static_cast<size_t>(WordAt(bytes, kHeaderBytes)));
+    CheckJson(path, bytes, kHeaderBytes + kChunkHeaderBytes, static_cast<size_t>(WordAt(bytes, kHeaderBytes)));
   } else {
     CheckJson(path, bytes, 0, bytes.size());
   }

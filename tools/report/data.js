@@ -27,16 +27,16 @@ function spatialParents(faces, count) {
   return parents;
 }
 
-// A track is [frames][xyz][count] int16 quanta about the frame's origin. Stored per number: (value - prediction), minus
-// the same of the parent vertex, zigzag, low bytes of the whole track before its high bytes. Arithmetic wraps at 16
-// bits.
+// A track is [frames][xyz][count] int16 quanta about the frame's origin, in parts of some frames. Stored per number:
+// (value - prediction), minus the same of the parent vertex, zigzag, low bytes of the whole part before its high bytes.
+// Arithmetic wraps at 16 bits.
 const PREDICT_PREVIOUS = 1, PREDICT_LINEAR = 2, PREDICT_REFERENCE = 3, PREDICT_REFERENCE_MOTION = 4;
 
-function decodeTrack(bytes, frames, parents, predictor, reference) {
+function decodeFrames(bytes, parents, predictor, reference, out) {
   const count = parents.length;
   const plane = 3 * count;
-  const total = frames * plane;
-  const out = new Int16Array(total);
+  const total = out.length;
+  const frames = total / plane;
   const residual = new Int16Array(count);
   for (let f = 0; f < frames; f++) {
     for (let c = 0; c < 3; c++) {
@@ -58,7 +58,6 @@ function decodeTrack(bytes, frames, parents, predictor, reference) {
       }
     }
   }
-  return out;
 }
 
 async function loadGarment() {
@@ -106,8 +105,15 @@ async function loadSequence(index, garment) {
   const tracks = new Map();
   const byIndex = [];
   for (const track of stored.tracks) {
-    const bytes = new Uint8Array(await readBlob(track.data));
-    const values = decodeTrack(bytes, stored.frames, garment.parents, track.predictor, byIndex[track.reference]);
+    const values = new Int16Array(3 * garment.count * stored.frames);
+    let from = 0;
+    for (const part of track.parts) {
+      const to = from + 3 * garment.count * part.frames;
+      const reference = part.reference < 0 ? null : byIndex[part.reference].subarray(from, to);
+      decodeFrames(new Uint8Array(await readBlob(part.data)), garment.parents, part.predictor, reference,
+                   values.subarray(from, to));
+      from = to;
+    }
     byIndex.push(values);
     tracks.set(track.name, values);
   }
