@@ -8,9 +8,11 @@
 //   is 1 - it
 // The figure's capsules are dynamic bodies of great mass that the host moves: against kinematic ones, 5.0 takes
 // friction and contact velocity relative to the world, and a walking figure would leave its skirt behind.
+// clang-format off: Jolt.h comes before all others of Jolt.
+#include <Jolt/Jolt.h>
+// clang-format on
 #include <Jolt/Core/Factory.h>
 #include <Jolt/Core/TempAllocator.h>
-#include <Jolt/Jolt.h>
 #include <Jolt/Physics/Body/BodyCreationSettings.h>
 #include <Jolt/Physics/Collision/Shape/SphereShape.h>
 #include <Jolt/Physics/Collision/Shape/TaperedCapsuleShape.h>

@@ -3,7 +3,7 @@
 #   bench/duel/run.sh [skirt|robe] [--data DATA] [--quick] [--rounds N] [--frames N] [--clips N]
 # DATA is ground truth of the garment (training/dcloth_training/simulate), whose reported clips play. Without it the
 # bundled test sequences do. Fetches Jolt's source with cargo (Rust 1.95 or later; without it the others play) into
-# out/duel, builds in build/duel, and keeps cases and figures in out/duel. An hour on an idle core with all clips, five
+# out/duel, builds in build/duel, and keeps cases and figures in out/duel. One to two hours with all clips of DATA, ten
 # minutes without DATA. `bench/duel/run.sh tune GARMENT --data DATA` chooses the rivals' settings again.
 set -euo pipefail
 cd "$(dirname "$0")/../.."

@@ -34,7 +34,7 @@ def program(folder, *plays, options=()):
 
 def test_every_method_plays_and_is_measured(played):
     rows = {row["name"]: row for row in played[1]["rows"]}
-    assert {row["method"] for row in rows.values()} == {"solver", "springs", "dcloth"}
+    assert {row["method"] for row in rows.values()} == {"solver", "springs", "dcloth", "contact"}
     for name, row in rows.items():
         # The truth moves by 30 mm, and a hem hangs half a metre below its pins.
         assert 1 < row["error_mm"] < 100, name

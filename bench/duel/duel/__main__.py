@@ -90,7 +90,8 @@ def play_all(steps, options, clips, entries, folder):
     out = []
     for one in entries:
         last = rows[one.name][-1]
-        out.append({"name": one.name, "method": one.method, "error_mm": sum(errors[one.name]) / len(clips),
+        method = "contact" if dict(one.settings).get("contact") else one.method
+        out.append({"name": one.name, "method": method, "error_mm": sum(errors[one.name]) / len(clips),
                     "errors_mm": errors[one.name], "wall_ms": contest.frames_ms(rows[one.name], "wall_ns"),
                     "thread_ms": contest.frames_ms(rows[one.name], "thread_ns"),
                     **{key: last[key] for key in ("instance_bytes", "shared_bytes", "isa")}})
@@ -135,7 +136,8 @@ def run(options):
     by_name = {one.name: one for one in entries}
     results = {"garment": options.garment, "hz": contest.HZ, "rounds": options.rounds, "quick": options.quick,
                "vertices": len(bundle[0]["template.positions"]), "jolt": options.jolt or "not built here",
-               "truth": truth_text(options, clips), "tuned": contest.all_tuned(options.garment),
+               "truth": truth_text(options, clips), "clips": [clip.name for clip in clips],
+               "tuned": contest.all_tuned(options.garment),
                "date": time.strftime("%Y-%m-%d", started)}
     case = safetensors_io.read(next(iter(cases.values())))[0]
     results["capsules"], results["body_faces"] = len(case["capsules"]), len(case["body.faces"])

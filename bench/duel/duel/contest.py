@@ -13,7 +13,8 @@ SIZES = (250, 500, 1000, 2000)       # vertices of a proxy, about
 HZ = 60
 AFTER = 1.0                          # s after an event that count
 TITLES = {"jolt": "Jolt soft body", "solver": "training solver, cut down", "springs": "spring bones",
-          "dcloth": "dcloth"}
+          "dcloth": "dcloth, contact off", "contact": "dcloth, contact on"}
+OURS = ("dcloth", "contact")
 # A 60 Hz frame of the training solver: small steps, passes over the springs in each.
 STEPS = ((1, 1), (2, 1), (2, 4), (4, 2), (8, 4))
 TUNED = os.path.join(os.path.dirname(__file__), "..", "tuned.json")

@@ -20,11 +20,11 @@ from . import contest
 
 # Tried in this order; the first of each is where the search begins.
 GRIDS = {
-    "jolt": {"follow": (0.5, 0, 0.75, 1), "damping": (2, 0.5, 1, 1.5, 3, 5), "bend": (1e4, 1e3, 3e3, 3e4, 1e5, 1e6),
+    "jolt": {"follow": (0.5, 0, 0.75, 1), "damping": (2, 0.1, 0.5, 1, 3, 5), "bend": (1e4, 1e3, 3e3, 3e4, 1e5, 1e6),
              "bias": (1e-3, 0, 1e-2, 0.1), "compliance": (0, 1e-5, 1e-4), "radius": (0.006, 0.003, 0.01, 0.014),
              "friction": (0.2, 0, 0.5), "tether": (1.02, 1, 1.05)},
-    "solver": {"damping": (1, 0.3, 2, 4), "bend": (1, 0.3, 3, 10), "stretch": (1, 0.3, 3), "bias": (1, 0.3, 3),
-               "layers": (0, 1)},
+    "solver": {"damping": (1, 0.03, 0.1, 0.3, 2, 4), "bend": (1, 0.3, 3, 10), "stretch": (1, 0.3, 3, 10, 30),
+               "bias": (1, 0.3, 3, 10), "layers": (0, 1)},
     "springs": {"stiffness": (2, 0.5, 1, 4, 8), "drag": (0.3, 0.05, 0.1, 0.2, 0.5, 0.7),
                 "gravity": (0.2, 0, 1, 2, 4, 8), "radius": (0.02, -0.01, 0.0, 0.01, 0.035),
                 "follow": (1, 0, 0.5, 0.7, 0.8, 0.9)},
