@@ -9,12 +9,9 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 scripts/install_dependencies.sh build bench train
-garment=${1:-skirt} tune=
-[ $# -eq 0 ] || shift
-if [ "$garment" = tune ]; then
-  tune=1 garment=${1:-skirt}
-  [ $# -eq 0 ] || shift
-fi
+tune= garment=skirt
+if [ "${1:-}" = tune ]; then tune=1; shift; fi
+case "${1:-}" in skirt | robe) garment=$1; shift ;; esac
 build=build/duel work=out/duel jolt_version=0.3.1
 mkdir -p $work
 

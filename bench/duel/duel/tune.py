@@ -16,7 +16,7 @@ import numpy as np
 
 from dcloth_training import dataset, safetensors_io
 
-from . import contest
+from . import contest, garment
 
 # Tried in this order; the first of each is where the search begins.
 GRIDS = {
@@ -80,6 +80,8 @@ def main(argv=None):
     with tempfile.TemporaryDirectory() as folder:
         for method in options.methods.split(","):
             case = options.cases / f"{options.garment}-{SIZE}.safetensors"
+            if not case.exists():
+                garment.write(case, options.garment, SIZE, home / f"{options.garment}.safetensors")
             own["settings"][method] = search(options.program, clips, method, case,
                                              own["settings"].get(method, {}), folder)
             Path(contest.TUNED).write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
