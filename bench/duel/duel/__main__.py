@@ -159,7 +159,8 @@ def run(options):
 def truth_text(options, clips):
     what = f"{len(clips)} reported clips" if options.data else f"{len(clips)} bundled sequences, no reported clips"
     frames = sum(len(clip.item.truth) for clip in clips)
-    return f"{what} ({', '.join(clip.name for clip in clips)}), {frames:,} frames"
+    first = f", of each the first {options.frames}" if options.frames else ""
+    return f"{what} ({', '.join(clip.name for clip in clips)}), {frames:,} frames at their own rate{first}"
 
 
 def machine_of(options, isa):
