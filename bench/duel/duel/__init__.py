@@ -1,0 +1,1 @@
+"""The duel: simulation that games ship beside dcloth, on the same clips, core and budget."""
