@@ -1,11 +1,14 @@
 // Jolt's soft body on the proxy, its host the only thread: SoftBodyMotionProperties::CustomUpdate after the figure
 // moved.
-//   iterations          Jolt's steps inside an update
-//   compliance, bias    m/N: of edges along the threads, and of those at 45 degrees to them
-//   bend                rad/(N m): of the dihedral constraints, whose rest angles are those of the hung garment; < 0:
-//   none damping             1/s; radius: m of a vertex; friction; tether: long-range attachment over the way along the
-//   cloth follow              share of the hips' way that the cloth is carried along: engines' "world velocity scale"
-//   is 1 - it
+//   iterations        Jolt's steps inside an update
+//   compliance, bias  m/N: of edges along the threads, and of those at 45 degrees to them
+//   bend              rad/(N m): of the dihedral constraints, whose rest angles the hung garment has; < 0: none
+//   damping           1/s
+//   radius            m: of a vertex
+//   friction
+//   tether            long-range attachment: its length over the way along the cloth; 0: none
+//   follow            share of the hips' way that the cloth is carried along (engines say 1 - it: world velocity scale)
+//
 // The figure's capsules are dynamic bodies of great mass that the host moves: against kinematic ones, 5.0 takes
 // friction and contact velocity relative to the world, and a walking figure would leave its skirt behind.
 // clang-format off: Jolt.h comes before all others of Jolt.

@@ -18,7 +18,8 @@ mkdir -p $work
 # The crate carries Jolt's C++ source. cargo keeps it in its registry; nothing of it is committed.
 jolt=()
 if command -v cargo >/dev/null && cargo info "joltc-sys@$jolt_version" >$work/cargo.log 2>&1; then
-  source=$(find "${CARGO_HOME:-$HOME/.cargo}/registry/src" -maxdepth 2 -type d -name "joltc-sys-$jolt_version*" | head -n 1)
+  crates=${CARGO_HOME:-$HOME/.cargo}/registry/src
+  source=$(find "$crates" -maxdepth 2 -type d -name "joltc-sys-$jolt_version*" -print -quit)
   [ -z "$source" ] || jolt=("${source##*/}" "$source/JoltC/JoltPhysics/Build")
 fi
 [ ${#jolt[@]} -gt 0 ] || echo "no Jolt: cargo did not fetch joltc-sys $jolt_version; the others play" >&2
