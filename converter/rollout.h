@@ -29,6 +29,7 @@ class OpenModel {
   std::span<const std::byte> bytes() const { return bytes_; }
   std::span<const uint16_t> triangles() const { return {info_.triangles, size_t{info_.triangle_count} * 3}; }
   size_t instance_bytes() const { return cloth_memory_.size(); }
+  std::span<const std::byte> instance_memory() const { return cloth_memory_; }
   dcloth_cloth* cloth() const { return cloth_; }
 
  private:

@@ -60,6 +60,11 @@ void Player::Skin(std::span<const float> pose, float blend, dcloth_timer* timer)
   Check(dcloth_cloth_skin(model_.cloth(), &p, blend, &output, timer), "skin");
 }
 
+void Player::Cool(std::span<const float> pose, CacheEvictor* evictor) const {
+  evictor->Evict({model_.bytes(), model_.instance_memory(), std::as_bytes(pose), std::as_bytes(positions()),
+                  std::as_bytes(normals())});
+}
+
 double Player::Update(std::span<const float> pose, float seconds, uint32_t flags, bool draw, dcloth_timer* timer) {
   const dcloth_pose p = Pose(pose);
   const dcloth_frame frame = {

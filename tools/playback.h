@@ -12,6 +12,7 @@
 #include "converter/rollout.h"
 #include "converter/stages.h"
 #include "dcloth/dcloth.h"
+#include "tools/timing.h"
 
 namespace dcloth::tools {
 
@@ -35,6 +36,9 @@ class Player {
   // dcloth_cloth_update; `draw` false leaves positions() and normals() alone. Returns ticks run, parts
   // included.
   double Update(std::span<const float> pose, float seconds, uint32_t flags, bool draw, dcloth_timer* timer = nullptr);
+
+  // What a frame reads and writes leaves the caches: the model, the instance, the pose and what was drawn.
+  void Cool(std::span<const float> pose, CacheEvictor* evictor) const;
 
   std::span<const float> positions() const { return positions_; }  // of the last Skin or Update, [n, 3] world, metres
   std::span<const float> normals() const { return normals_; }

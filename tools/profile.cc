@@ -68,7 +68,7 @@ class Profiler {
       const double seconds = static_cast<double>(f) / options_.fps;
       poses_.At(seconds, pose_);
       player_.SetWind(poses_.WindAt(seconds));
-      if (evictor_ && !first) evictor_->Evict();
+      if (evictor_ && !first) player_.Cool(pose_, &*evictor_);
       const ProfiledFrame frame = Time();
       if (f != 0) frames->push_back(frame);
       if (first) Compare(seconds);

@@ -6,7 +6,23 @@
 
 #include "tools/machine.h"
 
+#if defined(__x86_64__) || defined(_M_X64) || defined(__SSE2__)
+#include <emmintrin.h>
+#define DCLOTH_FLUSHES_LINES
+#elif defined(__aarch64__) && defined(__linux__)
+#define DCLOTH_FLUSHES_LINES
+#endif
+
 namespace dcloth::tools {
+namespace {
+
+#if defined(__x86_64__) || defined(_M_X64) || defined(__SSE2__)
+void FlushLine(const std::byte* at) { _mm_clflush(at); }
+#elif defined(__aarch64__) && defined(__linux__)
+void FlushLine(const std::byte* at) { asm volatile("dc civac, %0" : : "r"(at) : "memory"); }
+#endif
+
+}  // namespace
 
 uint64_t NowNanoseconds() {
   using std::chrono::nanoseconds;
@@ -37,13 +53,30 @@ StepTimes StepTimer::Take() {
   return times;
 }
 
-// Filled with something: untouched zero pages would all be one physical page, which fits any cache.
-CacheEvictor::CacheEvictor() : memory_((2 * LastLevelCacheBytes() + (uint64_t{4} << 20)) / sizeof(uint64_t), 1) {}
+void CacheEvictor::Evict(std::initializer_list<std::span<const std::byte>> memories) {
+#if defined(DCLOTH_FLUSHES_LINES)
+  constexpr size_t kLine = 64;
+  for (const std::span<const std::byte> memory : memories) {
+    for (size_t i = 0; i < memory.size(); i += kLine) FlushLine(memory.data() + i);
+    if (!memory.empty()) FlushLine(&memory.back());
+  }
+  Read(uint64_t{8} << 20, &near_);
+#else
+  static_cast<void>(memories);
+  EvictAll();
+#endif
+}
 
-void CacheEvictor::Evict() {
+uint64_t CacheEvictor::AllBytes() { return 2 * LastLevelCacheBytes() + (uint64_t{4} << 20); }
+
+void CacheEvictor::EvictAll() { Read(AllBytes(), &all_); }
+
+void CacheEvictor::Read(uint64_t bytes, std::vector<uint64_t>* memory) {
   constexpr size_t kLine = 64 / sizeof(uint64_t);
+  // Filled with something: untouched zero pages would all be one physical page, which fits any cache.
+  if (memory->empty()) memory->assign(bytes / sizeof(uint64_t), 1);
   uint64_t sum = 0;
-  for (size_t i = 0; i < memory_.size(); i += kLine) sum += memory_[i];
+  for (size_t i = 0; i < memory->size(); i += kLine) sum += (*memory)[i];
   sink_ = sum;
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <span>
 #include <vector>
 
@@ -37,17 +38,22 @@ class StepTimer {
   dcloth_timer timer_{};
 };
 
-// Empties the caches: reads more than twice the last level (writing would leave dirty lines for the timed part to write
-// back). The weights of a game's cloth do not stay in cache
-// while the rest of the frame runs.
+// The weights of a game's cloth do not stay in cache while the rest of the frame runs.
 class CacheEvictor {
  public:
-  CacheEvictor();
-  void Evict();
-  size_t size_bytes() const { return memory_.size() * sizeof(uint64_t); }
+  // Writes these bytes back to memory and drops them from all caches, line by line; then reads twice the second level,
+  // so that code and stack come from the third. Where the processor has no such instruction: EvictAll().
+  void Evict(std::initializer_list<std::span<const std::byte>> memories);
+
+  // Whatever anyone has in the caches: reads more than twice the last level (writing would leave dirty lines for the
+  // timed part to write back), which a server shares with its neighbours and takes tens of milliseconds to fill.
+  void EvictAll();
+  static uint64_t AllBytes();  // that EvictAll reads
 
  private:
-  std::vector<uint64_t> memory_;
+  void Read(uint64_t bytes, std::vector<uint64_t>* memory);
+
+  std::vector<uint64_t> all_, near_;
   volatile uint64_t sink_ = 0;  // keeps the reads
 };
 

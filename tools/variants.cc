@@ -146,7 +146,7 @@ void VariantRunner::PlayCold(size_t index, size_t first, size_t last, CacheEvict
   for (size_t t = first; t < std::min(last, ticks); ++t) {
     const std::span<const float> pose = poses_[index].Frame(t * step);
     player.SetWind(sequences_[index].FrameWind(t * step));
-    evictor->Evict();
+    player.Cool(pose, evictor);
     const uint64_t start = NowNanoseconds();
     player.Tick(pose, timer.get());
     player.Skin(pose, 1, timer.get());

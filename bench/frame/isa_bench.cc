@@ -107,7 +107,7 @@ int Run(int argc, char** argv) {
     for (size_t i = 0; i < contestants.size(); ++i) {
       Contestant& contestant = *contestants[(i + tick) % contestants.size()];
       if (frame == 0) contestant.player.Reset();
-      if (cold) evictor.Evict();
+      if (cold) contestant.player.Cool(poses.Frame(frame), &evictor);
       contestant.Tick(poses.Frame(frame));
     }
     for (const auto& contestant : contestants) Compare(*contestants[0], contestant.get());

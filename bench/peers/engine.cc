@@ -64,7 +64,7 @@ int peers_open_times(const char* path, int cold, uint32_t count, double* ms) {
     const dcloth::converter::AlignedBytes bytes = dcloth::converter::ReadFile(path);
     dcloth::converter::AlignedBytes view(dcloth_model_storage_size());
     for (uint32_t i = 0; i < count; ++i) {
-      if (cold != 0) Evictor().Evict();
+      if (cold != 0) Evictor().EvictAll();
       dcloth_model* model = nullptr;
       const uint64_t start = NowNanoseconds();
       const dcloth_status status =
@@ -105,5 +105,5 @@ const float* peers_positions(void* engine, uint32_t* vertex_count) {
   return EngineOf(engine).player.positions().data();
 }
 
-void peers_evict() { Evictor().Evict(); }
-uint64_t peers_evicted_bytes() { return Evictor().size_bytes(); }
+void peers_evict() { Evictor().EvictAll(); }
+uint64_t peers_evicted_bytes() { return dcloth::tools::CacheEvictor::AllBytes(); }

@@ -11,7 +11,7 @@ from pathlib import Path
 GRIDS = {"skirt": ["--rank", 72, "--rank", 36], "robe": ["--rank", 72]}
 QUICK_GRIDS = {"skirt": ["--precision", "int8", "--rank", 72]}
 PRECISIONS = ("fp32", "fp16", "int8")
-# Of emptied caches; a frame of them takes 60 ms where they are large. Whole passes of the sequence.
+# Whole passes of the sequence.
 FRAMES = {"warm": 600, "cold": 140, "contended": 140}
 FLAGS = {"warm": [], "cold": ["--cold"], "contended": ["--cold", "--contend"]}
 OPENINGS = 25

@@ -14,10 +14,10 @@ curves](../scaling/SCALING.md); do not edit. Beside general runtimes: [peers](..
 
 {machine}
 
-**Warm**: tick after tick. **Cold**: caches emptied before each tick by reading {evicted:.0f} MB. **Contended**: cold,
-with a thread on another core that wants memory and arithmetic. One thread, one tick a frame. **E_d**: distance of
-vertices to the simulation on motion that was not trained on, mean ± deviation over frames; **to fp32**: to the same
-network in float32.
+**Warm**: tick after tick. **Cold**: before each tick all that it reads and writes is dropped from the caches, and the
+two nearest caches are filled with other things. **Contended**: cold, with a thread on another core that wants memory
+and arithmetic. One thread, one tick a frame. **E_d**: distance of vertices to the simulation on motion that was not
+trained on, mean ± deviation over frames; **to fp32**: to the same network in float32.
 
 ## Against the goals
 
@@ -194,7 +194,7 @@ def pictures(results):
 
 def markdown(results):
     page = PAGE.format(
-        machine=machine_text(results), evicted=results["machine"]["evicted_bytes"] / 1e6, goals=goals_table(results),
+        machine=machine_text(results), goals=goals_table(results),
         groups=groups_table(results), peak=max(results["limits"]["fma_gmacs"].values(), default=0),
         losses=bullets(losses(results)),
         garments="\n".join(garment_section(name, garment)
