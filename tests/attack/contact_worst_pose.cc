@@ -1,7 +1,7 @@
 // Searches for the pose whose contact costs most: motions in which a few joints turn far beyond a human's, mutated from
 // the dearest one so far.
 //
-//   bench_worst_pose skirt.safetensors walk.safetensors --tries 400
+//   attack_contact_worst_pose skirt.safetensors walk.safetensors --tries 400
 //
 // A motion starts in a frame of the sequence, turns for six ticks and rests for four; a frame counts with the least of
 // three plays, in processor time of its thread. Beside it: the same of the sequence as it is.
@@ -12,12 +12,12 @@
 #include <cstdio>
 #include <cstring>
 #include <ctime>
+#include <exception>
 #include <numbers>
 #include <random>
 #include <string>
 #include <vector>
 
-#include "bench/frame/run.h"
 #include "converter/convert.h"
 #include "tools/machine.h"
 #include "tools/playback.h"
@@ -190,7 +190,7 @@ class Search {
 
 }  // namespace
 
-int Run(int argc, char** argv) {
+static int Run(int argc, char** argv) {
   CLI::App app("The pose whose contact costs most, by search.");
   std::string model, motion;
   size_t tries = 400;
@@ -225,3 +225,12 @@ int Run(int argc, char** argv) {
 }
 
 }  // namespace dcloth::tools
+
+int main(int argc, char** argv) {
+  try {
+    return dcloth::tools::Run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+}
