@@ -35,7 +35,6 @@ class Profiler {
  public:
   Profiler(const Options& options, const converter::OpenModel& model, const converter::Sequence& sequence)
       : options_(options),
-        model_(model),
         sequence_(sequence),
         poses_(sequence, model.joint_names()),
         player_(model, model.info().stages, converter::PathText(options.sequence)),
@@ -109,7 +108,6 @@ class Profiler {
   }
 
   const Options& options_;
-  const converter::OpenModel& model_;
   const converter::Sequence& sequence_;
   PoseTrack poses_;
   Player player_;

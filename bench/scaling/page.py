@@ -15,11 +15,12 @@ do not edit.
 
 Synthetic skirts with random weights, which cost what trained ones cost, in {precision}: {size}, unless the axis says
 otherwise. A frame is one tick with skinning and normals on one core. **Warm**: frame after frame, {warm} of them;
-**cold**: what it reads and writes is dropped from the caches before each, {cold} of them (the 99th percentile of so few is their maximum). **Bytes of a
-frame**: weights and states that its kernels read and write, counted from the sizes. **To fp32**: distance of vertices
-to the same garment in fp32, mean / max over {error_frames} ticks: what {precision} costs. **Growth**: exponent of warm
-p50 from the row above (1: in proportion) and the cache that a frame's bytes have outgrown since. The sentences below
-each table are written from its figures: an exponent that changes by 0.25 or more is called a bend.
+**cold**: what it reads and writes is dropped from the caches before each, {cold} of them (the 99th percentile of so few
+is their maximum). **Bytes of a frame**: weights and states that its kernels read and write, counted from the sizes.
+**To fp32**: distance of vertices to the same garment in fp32, mean / max over {error_frames} ticks: what {precision}
+costs. **Growth**: exponent of warm p50 from the row above (1: in proportion) and the cache that a frame's bytes have
+outgrown since. The sentences below each table are written from its figures: an exponent that changes by 0.25 or more is
+called a bend.
 
 {sections}
 """
