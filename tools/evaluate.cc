@@ -194,9 +194,10 @@ void AddEvaluate(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("evaluate", "Measure speed and error of a bundle on sequences");
   command->footer(
-      "tick_ms is one tick plus skinning with normals, on one thread, with caches emptied before every tick. "
-      "tick_warm_ms is\n"
-      "the same without emptying. Errors are distances to the truth. Recorded and scripted clips (\"procedural/...\") "
+      "tick_ms is one tick plus skinning with normals, on one thread, with the model and the cloth dropped from the "
+      "caches\n"
+      "before every tick. tick_warm_ms is the same without that. Errors are distances to the truth. Recorded and "
+      "scripted clips (\"procedural/...\") "
       "have a table\n"
       "each. The first 12 frames of a clip do not count. \"of motion\" is the error divided by how far the truth "
       "moves. fp32 is the\n"

@@ -41,8 +41,9 @@ class StepTimer {
 // The weights of a game's cloth do not stay in cache while the rest of the frame runs.
 class CacheEvictor {
  public:
-  // Writes these bytes back to memory and drops them from all caches, line by line; then reads twice the second level,
-  // so that code and stack come from the third. Where the processor has no such instruction: EvictAll().
+  // Writes these bytes back to memory and drops them from all caches, line by line; then reads 8 MB, so that code,
+  // stack and tables come from the last level, not from memory. Where the processor has no such instruction:
+  // EvictAll().
   void Evict(std::initializer_list<std::span<const std::byte>> memories);
 
   // Whatever anyone has in the caches: reads more than twice the last level (writing would leave dirty lines for the

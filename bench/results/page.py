@@ -14,8 +14,8 @@ curves](../scaling/SCALING.md); do not edit. Beside general runtimes: [peers](..
 
 {machine}
 
-**Warm**: tick after tick. **Cold**: before each tick all that it reads and writes is dropped from the caches, and the
-two nearest caches are filled with other things. **Contended**: cold, with a thread on another core that wants memory
+**Warm**: tick after tick. **Cold**: before each tick the model, the instance, the pose and what is drawn are dropped
+from all caches, and 8 MB of other things are read. **Contended**: cold, with a thread on another core that wants memory
 and arithmetic. One thread, one tick a frame. **E_d**: distance of vertices to the simulation on motion that was not
 trained on, mean ± deviation over frames; **to fp32**: to the same network in float32.
 

@@ -12,7 +12,7 @@ CHARACTERS = [1, 2, 4, 8, 16, 32, 64]
 QUICK = {"vertices": [1000, 2000, 4000], "width": [8, 16, 32], "layers": [1, 3], "rank": [16, 64, 192]}
 QUICK_CHARACTERS = [1, 2, 4]
 PRECISION = "int8"
-# Passes of 24 counted frames. A frame of emptied caches takes 60 ms where they are large.
+# Passes of 24 counted frames.
 FRAMES = {"warm": 240, "cold": 48}
 ERROR_FRAMES = 10
 

@@ -12,12 +12,12 @@
 #include <cstdio>
 #include <cstring>
 #include <ctime>
-#include <exception>
 #include <numbers>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "bench/frame/run.h"
 #include "converter/convert.h"
 #include "tools/machine.h"
 #include "tools/playback.h"
@@ -190,7 +190,7 @@ class Search {
 
 }  // namespace
 
-static int Run(int argc, char** argv) {
+int Run(int argc, char** argv) {
   CLI::App app("The pose whose contact costs most, by search.");
   std::string model, motion;
   size_t tries = 400;
@@ -225,12 +225,3 @@ static int Run(int argc, char** argv) {
 }
 
 }  // namespace dcloth::tools
-
-int main(int argc, char** argv) {
-  try {
-    return dcloth::tools::Run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
-}
