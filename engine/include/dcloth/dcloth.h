@@ -243,8 +243,8 @@ enum {
    * neighbours give way; then each vertex under the character's skin, or less than the model's clearance (4 mm) above
    * it, moves along the normal of the closest skin point until it is outside by the clearance. The cloth remembers
    * where it was drawn in the last frame with this flag; a frame with `seconds` 0 is drawn the same way and remembers
-   * nothing. After a reset or half a second without such a frame it starts from the bind pose, which costs as much as
-   * four frames' steps. The network's state does not change. Every step has a fixed bound, so in impossible poses some
+   * nothing. After a reset or half a second without such a frame it starts from the bind pose, which takes the steps
+   * of two frames. The network's state does not change. Every step has a fixed bound, so in impossible poses some
    * vertices may stay inside. Only skin that the vertex could touch in training counts. Does nothing where
    * dcloth_model_body_vertex_count is 0. */
   DCLOTH_OUTPUT_OUTSIDE_BODY = 1,

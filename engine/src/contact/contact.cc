@@ -14,7 +14,7 @@ using format::ModelView;
 constexpr float kFade = 6;             // offsets fade at this rate, 1/s
 constexpr float kLeastOffset = 1e-3f;  // metres: less is none
 constexpr float kOnTrunk = 0.012f;     // metres over it when bound: cloth that stays
-constexpr int kStartSteps = 4;         // from the bind pose to the first frame's
+constexpr int kStartSteps = 2;         // from the bind pose to the first frame's
 constexpr float kLongestGap = 0.5f;    // seconds without a drawn frame; then the last one tells nothing
 
 // exp(-x) within 0.2 % for a frame's time; libm's last bit differs from system to system.

@@ -20,7 +20,7 @@
 
 namespace dcloth::engine {
 
-constexpr size_t kMostActive = 4000;  // vertices that may be off their targets
+constexpr size_t kMostActive = 1500;  // vertices that may be off their targets
 constexpr size_t kMostTouches = 2 * kMostActive;
 
 // A vertex beside a core, in the frame of its bone: where it was last outside.
