@@ -117,7 +117,7 @@ std::vector<HeroClip> ReadClips(const Options& options, const CharacterFile& fil
 template <typename Frame>
 void Play(const converter::OpenModel& model, const HeroClip& clip, const std::filesystem::path& source,
           const Frame& frame) {
-  Player player(model, model.info().stages, converter::PathText(source), DCLOTH_OUTPUT_OUTSIDE_BODY);
+  Player player(model, model.info().stages, converter::PathText(source), {.flags = DCLOTH_OUTPUT_OUTSIDE_BODY});
   Progress progress("playing " + clip.name);
   player.Reset();
   std::vector<float> pose = clip.pose(0);

@@ -22,11 +22,23 @@ using converter::ParseStages;
 using converter::StagesName;
 double TickRate(const converter::OpenModel& model);  // Hz, rounded to the float's own precision
 
-// Drives the one cloth of `model`, which must outlive this. Stages are at most what the model holds; throws otherwise.
+// What is drawn of a frame beside positions.
+struct Drawn {
+  uint32_t flags = 0;  // DCLOTH_OUTPUT_*
+  bool normals = true, tangents = false;
+  bool half = false;  // all attributes as 16-bit floats
+};
+
+// Drives one cloth of `model`, both of which must outlive this. Stages are at most what the model holds, and so are
+// texture coordinates and the coarse mesh; throws otherwise.
 class Player {
  public:
-  // `output_flags` are DCLOTH_OUTPUT_*.
-  Player(const converter::OpenModel& model, uint32_t stages, std::string source, uint32_t output_flags = 0);
+  // `cloth` null: the one of `model` itself.
+  Player(const converter::OpenModel& model, uint32_t stages, std::string source, const Drawn& drawn = {},
+         dcloth_cloth* cloth = nullptr);
+
+  // Other stages, and what is drawn, from now on.
+  void Ask(uint32_t stages, const Drawn& drawn);
 
   void Reset();
   void SetWind(const std::array<float, 3>& wind);  // m/s, for ticks from now on
@@ -40,8 +52,10 @@ class Player {
   // What a frame reads and writes leaves the caches: the model, the instance, the pose and what was drawn.
   void Cool(std::span<const float> pose, CacheEvictor* evictor) const;
 
-  std::span<const float> positions() const { return positions_; }  // of the last Skin or Update, [n, 3] world, metres
+  // Of the last Skin or Update, [n, 3] world, metres; n vertices of the mesh that is drawn. Not for half floats.
+  std::span<const float> positions() const { return positions_; }
   std::span<const float> normals() const { return normals_; }
+  std::vector<float> ReadPositions() const;  // the same, of half floats too
   uint32_t stages() const { return stages_; }
 
  private:
@@ -50,9 +64,13 @@ class Player {
   dcloth_output Output();
 
   const converter::OpenModel& model_;
-  uint32_t stages_, output_flags_;
+  dcloth_cloth* cloth_;
+  uint32_t stages_;
+  Drawn drawn_;
   std::string source_;  // names the sequence in errors
-  std::vector<float> positions_, normals_;
+  uint32_t vertex_count_ = 0;
+  std::vector<float> positions_, normals_, tangents_;  // memory that half floats fill by half
+  std::vector<std::byte> scratch_;
 };
 
 }  // namespace dcloth::tools

@@ -14,6 +14,7 @@
 #include "tools/part_timer.h"
 #include "tools/playback.h"
 #include "tools/pose_track.h"
+#include "tools/profile_crowd.h"
 #include "tools/profile_output.h"
 #include "tools/progress.h"
 
@@ -22,14 +23,53 @@ namespace {
 
 // Fewer samples give no p99 worth its name: below a hundred it is the maximum.
 constexpr size_t kDefaultFrames = 600;
+constexpr size_t kMostInterrupted = 4;  // times the frames that are asked for: then the core is too busy to wait longer
 
 struct Options {
   std::filesystem::path model, sequence, trace;
+  std::string stages;
+  std::vector<std::string> output = {"positions", "normals"};
   double budget_ms = 0, fps = 60;
-  size_t frames = kDefaultFrames;
+  size_t frames = kDefaultFrames, characters = 1, workers = 1;
   int core = -1;
-  bool pipelined = false, cold = false, contend = false, project = false, json = false;
+  bool contact = false, pipelined = false, cold = false, contend = false, project = false, json = false;
 };
+
+// Throws for what cannot be drawn together.
+Drawn DrawnOf(const Options& options) {
+  const auto asks = [&](const char* what) {
+    return std::find(options.output.begin(), options.output.end(), what) != options.output.end();
+  };
+  Drawn drawn = {.flags = 0, .normals = asks("normals"), .tangents = asks("tangents"), .half = asks("half")};
+  if (asks("coarse")) drawn.flags |= DCLOTH_OUTPUT_COARSE;
+  if (asks("textured")) drawn.flags |= DCLOTH_OUTPUT_TEXTURED;
+  if (options.contact) drawn.flags |= DCLOTH_OUTPUT_OUTSIDE_BODY;
+  const auto refuse = [](const char* found, const char* expected, const char* mend) {
+    throw converter::Error({.path = {}, .tensor = {}, .found = found, .expected = expected, .mend = mend});
+  };
+  if (drawn.tangents && !drawn.normals)
+    refuse("--output tangents without normals", "both: tangents are made from normals", "add normals to --output");
+  if (asks("coarse") && asks("textured"))
+    refuse("--output coarse,textured", "one of them: the coarse mesh has no seams", "leave one out");
+  if (asks("coarse") && options.contact)
+    refuse("--output coarse with --contact", "one of them: contact moves the whole garment", "leave one out");
+  return drawn;
+}
+
+// The triangles of the mesh that is compared with the truth, and which of the garment's vertices it has; null: all.
+struct Compared {
+  std::span<const uint16_t> triangles;
+  const uint16_t* vertices;
+  size_t vertex_count;
+};
+
+Compared ComparedOf(const converter::OpenModel& model, const Drawn& drawn) {
+  const dcloth_model_info& info = model.info();
+  if ((drawn.flags & DCLOTH_OUTPUT_COARSE) == 0) return {model.triangles(), nullptr, info.vertex_count};
+  return {{info.coarse_triangles, size_t{3} * info.coarse_triangle_count},
+          info.coarse_vertices,
+          info.coarse_vertex_count};
+}
 
 class Profiler {
  public:
@@ -37,8 +77,10 @@ class Profiler {
       : options_(options),
         sequence_(sequence),
         poses_(sequence, model.joint_names()),
-        player_(model, model.info().stages, converter::PathText(options.sequence)),
-        meter_(model.triangles(), model.info().vertex_count),
+        player_(model, options.stages.empty() ? model.info().stages : converter::ParseStages(options.stages),
+                converter::PathText(options.sequence), DrawnOf(options)),
+        compared_(ComparedOf(model, DrawnOf(options))),
+        meter_(compared_.triangles, compared_.vertex_count),
         pose_(poses_.joint_count() * 16),
         frame_count_(FrameCount(poses_, options.fps, sequence.path)) {
     if (options.cold) evictor_.emplace();
@@ -61,7 +103,7 @@ class Profiler {
 
   // From a reset through the whole sequence. Only the engine's calls are timed, and the first frame, which
   // starts with a whole tick in any mode, is not kept. The first round is the one that does not count.
-  void Round(bool first, std::vector<ProfiledFrame>* frames) {
+  void Round(bool first, Profile* profile) {
     player_.Reset();
     for (size_t f = 0; f < frame_count_; ++f) {
       const double seconds = static_cast<double>(f) / options_.fps;
@@ -69,12 +111,18 @@ class Profiler {
       player_.SetWind(poses_.WindAt(seconds));
       if (evictor_ && !first) player_.Cool(pose_, &*evictor_);
       const ProfiledFrame frame = Time();
-      if (f != 0) frames->push_back(frame);
       if (first) Compare(seconds);
+      if (first || f == 0) continue;
+      if (IsInterrupted(frame.tick_ns + frame.skin_ns, frame.work_ns)) {
+        profile->interrupted_ms.push_back(FrameMs(frame));
+      } else {
+        profile->frames.push_back(frame);
+      }
     }
   }
 
   converter::MeshError error() const { return meter_.Result(); }
+  uint32_t stages() const { return player_.stages(); }
 
  private:
   // One frame in two calls, so that ticks and drawing are told apart: an update without drawing, then one
@@ -82,6 +130,7 @@ class Profiler {
   ProfiledFrame Time() {
     const uint32_t flags = options_.pipelined ? DCLOTH_FRAME_PIPELINED : 0;
     ProfiledFrame frame;
+    const uint64_t worked = ThreadNanoseconds();
     frame.start_ns = NowNanoseconds();
     frame.ticks = player_.Update(pose_, static_cast<float>(1 / options_.fps), flags, false, timer_.get());
     const uint64_t ticked = NowNanoseconds();
@@ -89,7 +138,9 @@ class Profiler {
     frame.tick_steps = tick.steps;
     const uint64_t skin_start = NowNanoseconds();
     player_.Update(pose_, 0, flags, true, timer_.get());
-    frame.skin_ns = NowNanoseconds() - skin_start;
+    const uint64_t drawn = NowNanoseconds();
+    frame.work_ns = ThreadNanoseconds() - worked;
+    frame.skin_ns = drawn - skin_start;
     frame.tick_ns = ticked - frame.start_ns;
     const TimedParts skin = timer_.Take();
     frame.skin_steps = skin.steps;
@@ -104,19 +155,80 @@ class Profiler {
     if (!sequence_.has_truth()) return;
     const double position = seconds * sequence_.fps, nearest = std::round(position);
     if (std::abs(position - nearest) > 1e-6) return;
-    meter_.AddFrame(player_.positions(), sequence_.FrameTruth(static_cast<size_t>(nearest)));
+    const std::span<const float> truth = sequence_.FrameTruth(static_cast<size_t>(nearest));
+    std::vector<float> drawn = player_.ReadPositions(), kept(truth.begin(), truth.end());
+    drawn.resize(3 * compared_.vertex_count);  // what repeats others at seams comes last
+    if (compared_.vertices != nullptr) {
+      for (size_t i = 0; i < drawn.size(); ++i) kept[i] = truth[size_t{3} * compared_.vertices[i / 3] + i % 3];
+      kept.resize(drawn.size());
+    }
+    meter_.AddFrame(drawn, kept);
   }
 
   const Options& options_;
   const converter::Sequence& sequence_;
   PoseTrack poses_;
   Player player_;
+  Compared compared_;
   converter::ErrorMeter meter_;
   std::vector<float> pose_;
   PartTimer timer_;
   size_t frame_count_;
   std::optional<CacheEvictor> evictor_;
 };
+
+// A budget that was missed.
+int Missed(size_t missed, size_t frames, double budget_ms) {
+  if (missed == 0) return kExitGood;
+  std::fprintf(stderr, "dcloth: %zu of %zu frames missed the budget of %g ms\n", missed, frames, budget_ms);
+  return kExitThresholdMissed;
+}
+
+int RunCrowd(const Options& options, const converter::OpenModel& model, const converter::Sequence& sequence,
+             std::vector<int> cores) {
+  CrowdOptions crowd = {.source = converter::PathText(options.sequence),
+                        .characters = options.characters,
+                        .workers = options.workers,
+                        .frames = options.frames,
+                        .stages = options.stages.empty() ? model.info().stages : converter::ParseStages(options.stages),
+                        .drawn = DrawnOf(options),
+                        .fps = options.fps,
+                        .budget_ms = options.budget_ms,
+                        .cores = {}};
+  // The last core first, as for one character.
+  std::reverse(cores.begin(), cores.end());
+  if (options.core >= 0) {
+    std::erase(cores, options.core);
+    cores.insert(cores.begin(), options.core);
+  }
+  if (options.workers > options.characters || (!cores.empty() && options.workers > cores.size())) {
+    throw converter::Error({.path = {},
+                            .tensor = {},
+                            .found = "--workers " + std::to_string(options.workers),
+                            .expected = "a core and a character for each",
+                            .mend = "pass --workers 1, or allow this process more cores"});
+  }
+  cores.resize(std::min(cores.size(), options.workers));
+  crowd.cores = std::move(cores);
+  const CrowdProfile profile = ProfileCrowd(model, sequence, crowd);
+  size_t frames = 0;
+  for (const CrowdWorker& worker : profile.workers) frames += worker.frame_ms.size();
+  if (options.json) {
+    Json json = CrowdJson(profile);
+    json["garment"] = model.info().name;
+    json["precision"] = model.info().precision;
+    json["cpu"] = CpuName();
+    json["isa"] = dcloth_isa_name();
+    json["output"] = options.output;
+    json["contact"] = options.contact;
+    json["model_bytes"] = model.bytes().size();
+    json["instance_bytes"] = model.instance_bytes();
+    PrintJson(json);
+  } else {
+    PrintCrowd(profile);
+  }
+  return Missed(profile.missed_frames(), frames, options.budget_ms);
+}
 
 int RunProfile(const Options& options) {
   CommandFiles files;
@@ -126,8 +238,9 @@ int RunProfile(const Options& options) {
   files.Check();
   const converter::OpenModel model = OpenModelFile(options.model);
   const converter::Sequence sequence = converter::ReadSequence(options.sequence);
-  Profile profile;
   const std::vector<int> cores = AllowedCores();
+  if (options.characters > 1) return RunCrowd(options, model, sequence, cores);
+  Profile profile;
   const int core = options.core >= 0 ? options.core : cores.empty() ? 0 : cores.back();
   if (PinThread(core)) profile.core = core;
   profile.work = converter::CountWork(model.bytes());
@@ -148,13 +261,19 @@ int RunProfile(const Options& options) {
   }
   Profiler profiler(options, model, sequence);
   {
-    std::vector<ProfiledFrame> warm_up;
-    profiler.Round(true, &warm_up);  // first touch of pages and code; not counted
+    profiler.Round(true, &profile);  // first touch of pages and code; not counted
     Progress progress("profiling");
     do {
-      profiler.Round(false, &profile.frames);
+      profiler.Round(false, &profile);
       progress.Step(std::min(profile.frames.size(), options.frames), options.frames);
-    } while (profile.frames.size() < options.frames);
+    } while (profile.frames.size() < options.frames && profile.interrupted_ms.size() < kMostInterrupted * options.frames);
+    if (profile.frames.empty()) {
+      throw converter::Error({.path = {},
+                              .tensor = {},
+                              .found = std::to_string(profile.interrupted_ms.size()) + " frames, all interrupted",
+                              .expected = "a core on which a frame can run without something else",
+                              .mend = "stop what else runs there, or choose another one with --core"});
+    }
   }
   profile.model = converter::PathText(options.model);
   profile.sequence = converter::PathText(options.sequence);
@@ -169,6 +288,9 @@ int RunProfile(const Options& options) {
   profile.cold = options.cold;
   profile.contend = options.contend;
   profile.project = options.project;
+  profile.contact = options.contact;
+  profile.output = options.output;
+  profile.stages = StagesName(profiler.stages());
   profile.error = profiler.error();
   if (!options.trace.empty()) WriteTrace(options.trace, profile);
   if (options.json) {
@@ -176,10 +298,7 @@ int RunProfile(const Options& options) {
   } else {
     PrintProfile(profile);
   }
-  if (profile.missed_frames() == 0) return kExitGood;
-  std::fprintf(stderr, "dcloth: %zu of %zu frames missed the budget of %g ms\n", profile.missed_frames(),
-               profile.frames.size(), options.budget_ms);
-  return kExitThresholdMissed;
+  return Missed(profile.missed_frames(), profile.frames.size(), options.budget_ms);
 }
 
 }  // namespace
@@ -207,6 +326,25 @@ void AddProfile(CLI::App& app, int& exit_code) {
   command->add_option("--core", options->core, "the core to stay on. Default: the last one allowed")
       ->check(NumberWithin(0, 65535));
   AddIsaOption(command);
+  command->add_option("--stages", options->stages, "static, skeleton or mesh. Default: all that the model holds");
+  command
+      ->add_option("--output", options->output,
+                   "what is drawn, with commas: positions, normals, tangents, half (16-bit floats), textured (with "
+                   "vertices of seams), coarse (half of the vertices)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"positions", "normals", "tangents", "half", "textured", "coarse"}))
+      ->capture_default_str();
+  CLI::Option* const characters =
+      command
+          ->add_option("--characters", options->characters,
+                       "a crowd of so many, planned by a scene on each worker; --budget-ms is each worker's")
+          ->check(NumberWithin(1, 1000))
+          ->capture_default_str();
+  command->add_option("--workers", options->workers, "threads, each on its own core, that share the characters")
+      ->check(NumberWithin(1, 2))
+      ->needs(characters)
+      ->capture_default_str();
+  command->add_flag("--contact", options->contact, "keep the garment outside of the body");
   command->add_flag("--pipelined", options->pipelined, "spread each tick over the frames until the next one");
   command->add_flag("--cold", options->cold, "empty the caches before every frame, outside of the timed part");
   command->add_flag("--contend", options->contend,
@@ -219,6 +357,8 @@ void AddProfile(CLI::App& app, int& exit_code) {
       ->excludes("--pipelined");
   command->add_flag("--json", options->json, "one JSON object on stdout");
   command->add_option("--trace", options->trace, "also write a Chrome trace (.json)");
+  for (const char* alone : {"--pipelined", "--cold", "--contend", "--project", "--trace"})
+    characters->excludes(command->get_option(alone));
   command->callback([options, &exit_code] { exit_code = RunProfile(*options); });
 }
 

@@ -65,10 +65,15 @@ Json ProfileJson(const Profile& profile) {
                {"core", profile.core < 0 ? Json(nullptr) : Json(profile.core)},
                {"fps", profile.fps},
                {"tick_rate", profile.tick_rate},
+               {"stages", profile.stages},
+               {"output", profile.output},
+               {"contact", profile.contact},
                {"pipelined", profile.pipelined},
                {"cold", profile.cold},
                {"contend", profile.contend},
                {"frames", profile.frames.size()},
+               {"interrupted_frames", profile.interrupted_ms.size()},
+               {"interrupted_ms", ToJson(PercentilesOf(profile.interrupted_ms))},
                {"budget_ms", profile.budget_ms > 0 ? Json(profile.budget_ms) : Json(nullptr)},
                {"missed_frames", profile.budget_ms > 0 ? Json(profile.missed_frames()) : Json(nullptr)},
                {"frame_ms", ToJson(Frames(profile))},
@@ -87,15 +92,23 @@ void PrintProfile(const Profile& profile) {
   std::printf("%s, %s, %.3f MB, %.1f KiB per instance\n", converter::PrintableText(profile.garment).c_str(),
               converter::PrintableText(profile.precision).c_str(), static_cast<double>(profile.model_bytes) / 1e6,
               static_cast<double>(profile.instance_bytes) / 1024);
-  std::printf("%s, %s, core %s, %s caches%s, %zu frames at %g Hz, ticks at %g Hz\n\n", CpuName().c_str(),
+  std::printf("%s, %s, core %s, %s caches%s, %zu frames at %g Hz, ticks at %g Hz\n", CpuName().c_str(),
               dcloth_isa_name(), profile.core < 0 ? "not pinned" : std::to_string(profile.core).c_str(),
               profile.cold ? "cold" : "warm", profile.contend ? ", a busy neighbour" : "", profile.frames.size(),
               profile.fps, profile.tick_rate);
+  std::string drawn;
+  for (const std::string& what : profile.output) drawn += (drawn.empty() ? "" : ", ") + what;
+  std::printf("stages up to %s, draws %s%s\n\n", profile.stages.c_str(), drawn.c_str(),
+              profile.contact ? ", kept outside of the body" : "");
   std::printf("  %-14s %9s %9s %9s %9s\n", "ms", "p50", "p95", "p99", "max");
   PrintRow("frame", Frames(profile));
   PrintRow(profile.pipelined ? "part of tick" : "tick", Ticks(profile));
   for (size_t s = 0; s < kStepNames.size(); ++s)
     PrintRow((std::string("  ") + kStepNames[s]).c_str(), Step(profile, s));
+  if (!profile.interrupted_ms.empty()) {
+    std::printf("  and %zu frames that the system interrupted, of up to %.4f ms; they count nowhere\n",
+                profile.interrupted_ms.size(), PercentilesOf(profile.interrupted_ms).max);
+  }
   PrintKernels(profile);
   PrintHistogram(profile);
   if (profile.error.frame_count > 0) {

@@ -67,7 +67,7 @@ Result Play(const Options& options, const converter::OpenModel& model, const Pos
   const auto updates = static_cast<size_t>(std::max(1.0, std::ceil(TickRate(model) / fps - 1e-6)));
   const double step = 1 / (fps * static_cast<double>(updates));
   Player player(model, stages, converter::PathText(options.sequence),
-                options.outside_body ? uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY} : 0);
+                {.flags = options.outside_body ? uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY} : 0});
   std::vector<float> pose(poses.joint_count() * 16);
   Result result;
   result.frame_count = FrameCount(poses, fps, options.sequence);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 
 #include "tools/machine.h"
 
@@ -28,6 +29,21 @@ uint64_t NowNanoseconds() {
   using std::chrono::nanoseconds;
   return static_cast<uint64_t>(
       std::chrono::duration_cast<nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count());
+}
+
+uint64_t ThreadNanoseconds() {
+#if defined(_WIN32)
+  return NowNanoseconds();
+#else
+  timespec spent{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &spent);
+  return static_cast<uint64_t>(spent.tv_sec) * 1'000'000'000 + static_cast<uint64_t>(spent.tv_nsec);
+#endif
+}
+
+bool IsInterrupted(uint64_t wall, uint64_t work) {
+  constexpr uint64_t kLeast = 20'000;
+  return wall > work + kLeast && (wall - work) * 20 > wall;
 }
 
 Percentiles PercentilesOf(std::span<const double> samples) {

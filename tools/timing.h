@@ -16,6 +16,14 @@ namespace dcloth::tools {
 // Monotonic; about 25 ns a call, against steps of 10 us and more.
 uint64_t NowNanoseconds();
 
+// Of this thread's work alone: what passes beside it is time that the system took. On Windows, whose clock of a thread
+// is too coarse for a frame, the same as above.
+uint64_t ThreadNanoseconds();
+
+// Whether the system took more of a piece of work than a clock's own cost and the ticks of its timer: 0.02 ms and a
+// twentieth. Nanoseconds, of the two clocks above.
+bool IsInterrupted(uint64_t wall, uint64_t work);
+
 // Nearest rank: the smallest sample that at least q of all samples do not exceed. All zero without samples.
 struct Percentiles {
   double p50 = 0, p95 = 0, p99 = 0, max = 0;

@@ -110,7 +110,7 @@ VariantRunner::VariantRunner(const converter::Bundle& bundle, const converter::O
 VariantRunner::Positions VariantRunner::Play(size_t index, std::vector<double>* warm_ms, size_t held_from,
                                              size_t held_to) const {
   const size_t ticks = TickCount(bundle_, sequences_[index]), step = FramesPerTick(bundle_, sequences_[index]);
-  Player player(model_, stages_, converter::PathText(sequences_[index].path), output_flags_);
+  Player player(model_, stages_, converter::PathText(sequences_[index].path), {.flags = output_flags_});
   Positions out;
   std::vector<float>& positions = out.positions;
   positions.reserve(ticks * player.positions().size());
@@ -140,7 +140,7 @@ VariantRunner::Positions VariantRunner::Play(size_t index, std::vector<double>* 
 void VariantRunner::PlayCold(size_t index, size_t first, size_t last, CacheEvictor* evictor,
                              TickSamples* samples) const {
   const size_t ticks = TickCount(bundle_, sequences_[index]), step = FramesPerTick(bundle_, sequences_[index]);
-  Player player(model_, stages_, converter::PathText(sequences_[index].path), output_flags_);
+  Player player(model_, stages_, converter::PathText(sequences_[index].path), {.flags = output_flags_});
   StepTimer timer;
   player.Reset();
   for (size_t t = first; t < std::min(last, ticks); ++t) {

@@ -17,7 +17,7 @@ class Network : public Method {
   Network(const std::filesystem::path& path, const Options& options, const std::vector<std::string>& joints)
       : model_(tools::OpenModelFile(path)),
         player_(model_, options.Get("level", 1) > 0 ? model_.info().stages : uint32_t{DCLOTH_STAGES_STATIC},
-                path.string(), options.Get("contact", 1) > 0 ? uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY} : 0U),
+                path.string(), {.flags = options.Get("contact", 1) > 0 ? uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY} : 0U}),
         flags_(options.Get("spread", 1) > 0 ? uint32_t{DCLOTH_FRAME_PIPELINED} : 0U) {
     std::vector<const char*> names;
     for (const std::string& joint : joints) names.push_back(joint.c_str());

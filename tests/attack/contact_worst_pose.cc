@@ -66,7 +66,7 @@ class Search {
   Search(const std::string& model, const std::string& motion, uint32_t seed)
       : model_(converter::Convert(converter::ReadBundle(model), {.precision = converter::Precision::kInt8}).bytes),
         poses_(converter::ReadSequence(motion), model_.joint_names()),
-        player_(model_, model_.info().stages, motion, DCLOTH_OUTPUT_OUTSIDE_BODY),
+        player_(model_, model_.info().stages, motion, {.flags = DCLOTH_OUTPUT_OUTSIDE_BODY}),
         random_(seed) {
     timer_.struct_size = sizeof(timer_);
     timer_.now = [](void*) {
