@@ -66,9 +66,8 @@ struct Compared {
 Compared ComparedOf(const converter::OpenModel& model, const Drawn& drawn) {
   const dcloth_model_info& info = model.info();
   if ((drawn.flags & DCLOTH_OUTPUT_COARSE) == 0) return {model.triangles(), nullptr, info.vertex_count};
-  return {{info.coarse_triangles, size_t{3} * info.coarse_triangle_count},
-          info.coarse_vertices,
-          info.coarse_vertex_count};
+  return {
+      {info.coarse_triangles, size_t{3} * info.coarse_triangle_count}, info.coarse_vertices, info.coarse_vertex_count};
 }
 
 class Profiler {
@@ -266,7 +265,8 @@ int RunProfile(const Options& options) {
     do {
       profiler.Round(false, &profile);
       progress.Step(std::min(profile.frames.size(), options.frames), options.frames);
-    } while (profile.frames.size() < options.frames && profile.interrupted_ms.size() < kMostInterrupted * options.frames);
+    } while (profile.frames.size() < options.frames &&
+             profile.interrupted_ms.size() < kMostInterrupted * options.frames);
     if (profile.frames.empty()) {
       throw converter::Error({.path = {},
                               .tensor = {},

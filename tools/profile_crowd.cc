@@ -52,8 +52,9 @@ Drawn DrawnAs(uint32_t draw, Drawn full) {
 }
 
 double MeanDistanceMm(std::span<const float> a, std::span<const float> b, const uint16_t* vertices) {
+  const size_t count = a.size() / 3;
   double sum = 0;
-  for (size_t i = 0; i < a.size() / 3; ++i) {
+  for (size_t i = 0; i < count; ++i) {
     double squared = 0;
     for (size_t c = 0; c < 3; ++c) {
       const size_t at = 3 * (vertices != nullptr ? vertices[i] : i) + c;
@@ -61,7 +62,7 @@ double MeanDistanceMm(std::span<const float> a, std::span<const float> b, const 
     }
     sum += std::sqrt(squared);
   }
-  return 1000 * sum / static_cast<double>(a.size() / 3);
+  return 1000 * sum / static_cast<double>(count);
 }
 
 double Median(std::vector<double> values) { return PercentilesOf(values).p50; }
@@ -143,8 +144,8 @@ class Crowd {
       for (size_t level = levels.size(); level-- > 0;) {
         if (levels[level] == nullptr) continue;
         const uint32_t stages = kLevels[level].stages & options_.stages;
-        ticks[level].push_back(levels[level]->Update(pose, f == 0 ? 0 : tick_seconds, stages, kLevels[level].flags,
-                                                     DCLOTH_DRAW_NONE));
+        ticks[level].push_back(
+            levels[level]->Update(pose, f == 0 ? 0 : tick_seconds, stages, kLevels[level].flags, DCLOTH_DRAW_NONE));
         levels[level]->Update(pose, 0, stages, kLevels[level].flags, DCLOTH_DRAW_FULL);
       }
       const std::vector<float> best = levels[DCLOTH_LEVEL_MESH]->positions();
@@ -212,7 +213,8 @@ class Crowd {
       for (size_t i = 0; i < characters.size(); ++i) {
         worker.levels[choices[i].level] += 1.0 / static_cast<double>(options_.frames);
         worker.draws[choices[i].draw] += 1.0 / static_cast<double>(options_.frames);
-        worker.longest_wait_ms = std::max(worker.longest_wait_ms, 1000.0 * static_cast<double>(choices[i].stale_seconds));
+        worker.longest_wait_ms =
+            std::max(worker.longest_wait_ms, 1000.0 * static_cast<double>(choices[i].stale_seconds));
         const double seconds = At(frame, starts[i]);
         const std::span<const float> truth = TruthAt(seconds);
         if (truth.empty() || choices[i].draw == DCLOTH_DRAW_NONE || seconds < settle_seconds_) continue;
@@ -311,8 +313,9 @@ std::vector<Setting> SettingsOf(const CrowdProfile& profile, const CrowdWorker& 
     const double ticks = level == DCLOTH_LEVEL_FROZEN ? 0 : tick_rate / profile.options.fps;
     for (size_t draw = DCLOTH_DRAW_COARSE; draw < DCLOTH_DRAW_COUNT; ++draw) {
       if (worker.draw_ms[draw] == 0) continue;
-      settings.push_back({level, draw, static_cast<double>(worker.characters) *
-                                           (ticks * profile.levels[level].tick_ms + worker.draw_ms[draw])});
+      settings.push_back(
+          {level, draw,
+           static_cast<double>(worker.characters) * (ticks * profile.levels[level].tick_ms + worker.draw_ms[draw])});
     }
   }
   std::sort(settings.begin(), settings.end(), [](const Setting& a, const Setting& b) { return a.ms > b.ms; });
@@ -423,7 +426,8 @@ void PrintCrowd(const CrowdProfile& profile) {
     std::printf("  worker %-3zu %9.4f %9.4f %9.4f  ", w, worker.draw_ms[1], worker.draw_ms[2], worker.draw_ms[3]);
     for (size_t level = 0; level < kLevels.size() && w == 0; ++level) {
       if (kLevels[level].name != nullptr)
-        std::printf(" %s %.4f, %.2f;", kLevels[level].name, profile.levels[level].tick_ms, profile.levels[level].error_mm);
+        std::printf(" %s %.4f, %.2f;", kLevels[level].name, profile.levels[level].tick_ms,
+                    profile.levels[level].error_mm);
     }
     std::printf("\n");
   }

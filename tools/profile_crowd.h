@@ -20,9 +20,9 @@ struct CrowdOptions {
   std::string source;  // names the sequence in errors
   size_t characters = 1, workers = 1, frames = 600;
   uint32_t stages = DCLOTH_STAGES_MESH;
-  Drawn drawn;           // at DCLOTH_DRAW_FULL
-  double fps = 60;       // drawn frames a second
-  double budget_ms = 0;  // a frame on each core; 0: all of each character in every frame
+  Drawn drawn;             // at DCLOTH_DRAW_FULL
+  double fps = 60;         // drawn frames a second
+  double budget_ms = 0;    // a frame on each core; 0: all of each character in every frame
   std::vector<int> cores;  // [workers]; empty where threads are not pinned
 };
 
@@ -34,9 +34,9 @@ struct CrowdLevel {
 
 struct CrowdWorker {
   size_t characters = 0;
-  std::array<double, DCLOTH_DRAW_COUNT> draw_ms{};     // measured in turns over the worker's characters
-  std::array<double, DCLOTH_LEVEL_COUNT> levels{};     // characters at each, in the mean frame
-  std::array<double, DCLOTH_DRAW_COUNT> draws{};       // characters drawn so
+  std::array<double, DCLOTH_DRAW_COUNT> draw_ms{};  // measured in turns over the worker's characters
+  std::array<double, DCLOTH_LEVEL_COUNT> levels{};  // characters at each, in the mean frame
+  std::array<double, DCLOTH_DRAW_COUNT> draws{};    // characters drawn so
   std::vector<double> frame_ms, interrupted_ms;
   double longest_wait_ms = 0;  // of a character for its tick
 };
@@ -44,7 +44,7 @@ struct CrowdWorker {
 struct CrowdProfile {
   CrowdOptions options;
   bool has_truth = false;
-  double tick_rate = 0;  // Hz
+  double tick_rate = 0;                               // Hz
   std::array<CrowdLevel, DCLOTH_LEVEL_COUNT> levels;  // the unused one is zero
   std::vector<CrowdWorker> workers;
   double error_mm = 0;  // of the vertices that were drawn

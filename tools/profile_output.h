@@ -19,7 +19,7 @@ namespace dcloth::tools {
 struct ProfiledFrame {
   uint64_t start_ns = 0, tick_ns = 0, skin_ns = 0;
   uint64_t work_ns = 0;  // of these two, what the thread ran
-  double ticks = 0;  // run in this frame, parts included, by estimated cost
+  double ticks = 0;      // run in this frame, parts included, by estimated cost
   StepTimes tick_steps{}, skin_steps{};
   PartTimes parts{};  // 0 where a piece did not run, and for a tick that is spread over frames
 };
@@ -34,7 +34,7 @@ struct Profile {
   bool pipelined = false, cold = false, contend = false, project = false, contact = false;
   std::vector<ProfiledFrame> frames;
   std::vector<double> interrupted_ms;  // frames during which the system ran something else; in no other figure
-  converter::MeshError error;  // of the drawn frames that fall on a frame with truth
+  converter::MeshError error;          // of the drawn frames that fall on a frame with truth
   converter::ModelWork work{};
   MachineLimit limit;  // taken before the neighbour starts
 

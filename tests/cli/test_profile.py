@@ -86,7 +86,8 @@ def test_a_crowd(dcloth, files):
 
 
 def test_a_crowd_without_a_budget_to_move(dcloth, files):
-    said = profile(dcloth, files.model, files.bare, "--characters", 4, "--frames", 60, "--budget-ms", "0.000001", code=1)
+    said = profile(dcloth, files.model, files.bare, "--characters", 4, "--frames", 60, "--budget-ms", "0.000001",
+                   code=1)
     worker, = said["workers"]
     assert said["missed_frames"] == worker["frames"] and said["error_mm"] is None
     assert worker["at_level"]["mesh"] < 1, "nobody can be paid for"
@@ -98,8 +99,8 @@ def test_a_crowd_without_a_budget_to_move(dcloth, files):
 
 def test_a_crowd_that_cannot_be(dcloth, files):
     for said, *arguments in (("--workers", "--characters", 2, "--workers", 3), ("--characters", "--workers", 2),
-                             ("--cold", "--characters", 2, "--cold"), ("--trace", "--characters", 2, "--trace", "t.json"),
-                             ("--characters", "--characters", 0)):
+                             ("--cold", "--characters", 2, "--cold"), ("--characters", "--characters", 0),
+                             ("--trace", "--characters", 2, "--trace", "t.json")):
         refused(dcloth("profile", files.model, files.walk, *arguments), said)
 
 
