@@ -1,5 +1,6 @@
 #include "tools/playback.h"
 
+#include <Eigen/Core>  // half
 #include <cmath>
 #include <cstring>
 #include <utility>
@@ -7,7 +8,6 @@
 #include "converter/error.h"
 #include "converter/file.h"
 #include "converter/safetensors.h"
-#include "kernels/half.h"
 
 namespace dcloth::tools {
 
@@ -119,9 +119,9 @@ double Player::Update(std::span<const float> pose, float seconds, uint32_t flags
 std::vector<float> Player::ReadPositions() const {
   std::vector<float> out = positions_;
   for (size_t i = 0; i < out.size() && drawn_.half; ++i) {
-    uint16_t half = 0;
+    Eigen::half half;
     std::memcpy(&half, reinterpret_cast<const std::byte*>(positions_.data()) + i * sizeof(half), sizeof(half));
-    out[i] = kernels::FloatFromHalf(half);
+    out[i] = static_cast<float>(half);
   }
   return out;
 }
