@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <numeric>
+#include <thread>
 
 #include "engine/src/base/stopwatch.h"
 
@@ -100,6 +102,27 @@ TEST(PartTimerTest, NamesLeadBackToTheirParts) {
   WorkPart part{};
   EXPECT_FALSE(converter::FindWorkPart("pose", &part));
 }
+
+// Both more than a clock costs and a part of the work that shows.
+TEST(TimingTest, AnInterruptionIsToldFromAClock) {
+  EXPECT_FALSE(IsInterrupted(1'000'000, 1'000'000));
+  EXPECT_FALSE(IsInterrupted(1'000'000, 1'000'500)) << "clocks that differ";
+  EXPECT_FALSE(IsInterrupted(100'000, 81'000)) << "a fifth, but within what a clock costs";
+  EXPECT_FALSE(IsInterrupted(10'000'000, 9'600'000)) << "a twenty-fifth";
+  EXPECT_TRUE(IsInterrupted(100'000, 79'000));
+  EXPECT_TRUE(IsInterrupted(10'000'000, 9'400'000));
+}
+
+#if !defined(_WIN32)
+TEST(TimingTest, AThreadThatSleepsWasInterrupted) {
+  const uint64_t worked = ThreadNanoseconds(), start = NowNanoseconds();
+  std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  const uint64_t work = ThreadNanoseconds() - worked, wall = NowNanoseconds() - start;
+  EXPECT_GE(wall, 5'000'000u);
+  EXPECT_LT(work, wall / 2);
+  EXPECT_TRUE(IsInterrupted(wall, work));
+}
+#endif
 
 }  // namespace
 }  // namespace dcloth::tools
