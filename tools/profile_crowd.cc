@@ -184,6 +184,7 @@ class Crowd {
     }
     std::vector<std::vector<float>> poses(characters.size(), std::vector<float>(poses_.joint_count() * 16));
     const size_t settle = static_cast<size_t>(kSettleSeconds * options_.fps), all = settle + options_.frames;
+    std::vector<dcloth_scene_choice> choices(characters.size());
     double spent = 0;
     for (size_t frame = 0; frame < all; ++frame) {
       std::vector<bool> jumps(characters.size());
@@ -199,8 +200,8 @@ class Crowd {
                                        .budget_microseconds = Budget(),
                                        .spent_microseconds = static_cast<float>(spent * 1000)};
       Check(dcloth_scene_plan(scene, &plan, nullptr));
+      const double planning = static_cast<double>(NowNanoseconds() - start) * 1e-6;
       spent = 0;
-      std::vector<dcloth_scene_choice> choices(characters.size());
       for (size_t i = 0; i < characters.size(); ++i) {
         choices[i].struct_size = sizeof(choices[i]);
         Check(dcloth_scene_get(scene, static_cast<uint32_t>(i), &choices[i]));
@@ -209,7 +210,7 @@ class Crowd {
       }
       const uint64_t wall = NowNanoseconds() - start, work = ThreadNanoseconds() - worked;
       if (frame < settle) continue;
-      Count(wall, work, &worker);
+      (IsInterrupted(wall, work) ? worker.interrupted_ms : worker.frame_ms).push_back(planning + spent);
       for (size_t i = 0; i < characters.size(); ++i) {
         worker.levels[choices[i].level] += 1.0 / static_cast<double>(options_.frames);
         worker.draws[choices[i].draw] += 1.0 / static_cast<double>(options_.frames);
@@ -286,11 +287,6 @@ class Crowd {
     return character;
   }
 
-  static void Count(uint64_t wall, uint64_t work, CrowdWorker* worker) {
-    const bool interrupted = IsInterrupted(wall, work);
-    (interrupted ? worker->interrupted_ms : worker->frame_ms).push_back(static_cast<double>(wall) * 1e-6);
-  }
-
   const OpenModel& model_;
   const Sequence& sequence_;
   const CrowdOptions& options_;
@@ -362,6 +358,15 @@ CrowdProfile ProfileCrowd(const OpenModel& model, const Sequence& sequence, cons
   for (std::thread& thread : threads) thread.join();
   for (const std::exception_ptr& failure : failures) {
     if (failure) std::rethrow_exception(failure);
+  }
+  for (const CrowdWorker& worker : profile.workers) {
+    if (!worker.frame_ms.empty()) continue;
+    throw converter::Error(
+        {.path = {},
+         .tensor = {},
+         .found = std::to_string(worker.interrupted_ms.size()) + " frames of a worker, all interrupted",
+         .expected = "cores on which a frame can run without something else",
+         .mend = "stop what else runs there, or choose another one with --core"});
   }
   size_t count = 0;
   for (size_t w = 0; w < options.workers; ++w) profile.error_mm += errors[w], count += drawn[w];

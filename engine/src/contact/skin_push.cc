@@ -20,7 +20,7 @@ constexpr float kLongEdge = 4, kShown = 0.5f, kMostLift = 5;  // clearances
 // skin (NearestJob::looks), and faces around those. A vertex that comes after stays where it is.
 struct SearchBudget {
   explicit SearchBudget(uint32_t vertices) {
-    constexpr uint32_t kLooks = 24, kFaces = 16, kLeastLooks = 1 << 16, kLeastFaces = 1 << 16;  // a vertex; in all
+    constexpr uint32_t kLooks = 24, kFaces = 16, kLeastLooks = 1 << 18, kLeastFaces = 1 << 16;  // a vertex; in all
     looks = kLooks * vertices > kLeastLooks ? kLooks * vertices : kLeastLooks;
     faces = kFaces * vertices > kLeastFaces ? kFaces * vertices : kLeastFaces;
   }
