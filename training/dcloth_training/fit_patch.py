@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import dataset, loop, metrics, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards, unskin
+from . import bundle, dataset, loop, metrics, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards, unskin
 from .stages.patch_stage import GEOMETRY, INDICES, PatchStage, inputs_of
 
 # Its options of train: (default, least, what).
@@ -17,7 +17,8 @@ OPTIONS = {
     "patch-sources": (8, 2, "points that a vertex follows, an even number"),
     "patch-epochs": (40, 0, None), "patch-rate": (2e-3, None, None),
     "patch-streams": (16, 1, "clips side by side"), "patch-window": (16, 2, "ticks that a gradient runs back through"),
-    "patch-way": (3.0, 0.0, "weight of the way that points go a tick, beside their places")}
+    "patch-way": (3.0, 0.0, "weight of the way that points go a tick, beside their places"),
+    "patch-from": ("", None, "bundle of any garment of patches, whose shared weights learning begins with")}
 EMBEDDING = 7           # numbers of its own that a patch learns; with eight points the inputs are a multiple of 64
 DECAY = 0.01
 KEEP = 2.2              # logistic(KEEP) of a displacement stays at first
@@ -148,6 +149,26 @@ def refuse_another_cut(run, layout):
                          f"{wanted} in this garment's cut; give the options and the data it was trained with")
 
 
+@torch.no_grad()
+def carried_over(path, stage):
+    """Fills a fresh PatchStage with what all patches of another garment's bundle share: how cloth moves. What a patch
+    learns of its own stays fresh; neighbours that patches there have not say nothing at first."""
+    other = bundle.read(path, torch.float32)[0].patch
+    found, wanted = ((s.sizes[1], s.enter.out_features, s.embedding.shape[1], len(s.mix)) if s else None
+                     for s in (other, stage))
+    if found != wanted:
+        raise ValueError(f"--patch-from {path}: found points, width, embedding and layers {found}; expected {wanted}; "
+                         f"give --patch-rows and --patch-width of that bundle, or leave it out")
+    state = other.state_dict()
+    for name, value in stage.named_parameters():
+        if name.startswith("mix.") and name.endswith(".weight"):    # neighbours' columns come last
+            both = min(value.shape[1], state[name].shape[1])
+            value.zero_()[:, :both] = state[name][:, :both]
+        elif not name.startswith("map.") and name != "embedding":
+            value.copy_(state[name])
+    return stage
+
+
 def train_stage(run):
     """The patch stage of a training -> {"patch": history}."""
     options, character, static = run.options, run.character, run.net.static
@@ -162,6 +183,10 @@ def train_stage(run):
     learner, body = Learner(native, options.seed), patch_losses.Body(layout)
     if run.before:
         learner.weights.data.copy_(flat(run.before.patch))
+    elif options.patch_from:
+        began = stage_of(layout, options.patch_width, len(character.template), options.patch_sources)
+        fill(began, learner.weights.detach())
+        learner.weights.data.copy_(flat(carried_over(options.patch_from, began)))
     window = options.patch_streams * options.patch_window
     steps = max(1, sum(map(len, training)) // window)
 

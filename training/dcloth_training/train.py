@@ -279,8 +279,9 @@ def run(options):
     net.cpu()
     provenance = {
         "command": {k: v for k, v in vars(options).items()
-                    if k not in ("data", "more_data", "out", "export", "head_data", "start", "held_out", "device")},
-        "started_from": history,
+                    if k not in ("data", "more_data", "out", "export", "head_data", "start", "held_out", "device",
+                                 "patch_from")},
+        "started_from": history, "patches_from": os.path.basename(options.patch_from) or None,
         "torch": torch.__version__, "minutes": round((time.monotonic() - log.began) / 60, 1),
         "training_clips": sorted({c.name for c in training}),
         "training_folders": by_folder(training),

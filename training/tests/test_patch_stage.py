@@ -320,6 +320,15 @@ def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
     with pytest.raises(ValueError, match="--start.*found patches; it goes on with --stages patch"):
         trained(data, tmp_path / "third", "--start", str(path), "--stages", "skeleton", "--window", "32")
 
+    def errors(name, *more):    # of a garment cut in another way, before training and after an epoch
+        trained(data, tmp_path / name, "--patch-columns", "2", "--patch-epochs", "1", "--validate-every", "1", *more)
+        with open(tmp_path / name / "log.json") as file:
+            return [entry["validation_mm"] for entry in json.load(file)["histories"]["patch"]]
+    fresh, carried = errors("fresh"), errors("carried", "--patch-from", str(path))
+    assert carried[0] < 0.9 * fresh[0] and carried[1] < fresh[1]
+    with pytest.raises(ValueError, match=r"--patch-from.*found points.*\(3, 16, 7, 3\); expected \(2, 16, 7, 3\)"):
+        trained(data, tmp_path / "rows", "--patch-from", str(path), "--patch-rows", "2")
+
 
 def test_the_comparison_names_patches_beside_the_stages(data, tmp_path):
     full, given = tmp_path / "full", tmp_path / "given.safetensors"
