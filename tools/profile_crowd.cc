@@ -1,5 +1,6 @@
 #include "tools/profile_crowd.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <barrier>
 #include <cmath>
@@ -21,6 +22,7 @@ using converter::Sequence;
 
 constexpr double kSettleSeconds = 1;  // from a start or a jump to what is counted, or half of a short sequence
 constexpr uint32_t kMostUndrawn = 3;  // frames in a row
+constexpr double kLate = 1.05;        // of the budget: what is longer shows
 
 struct LevelNames {
   const char* name;  // null: unused
@@ -33,7 +35,7 @@ constexpr std::array<LevelNames, DCLOTH_LEVEL_COUNT> kLevels = {{
     {nullptr, 0, 0},
     {"mesh", DCLOTH_STAGES_MESH, 0},
 }};
-constexpr std::array<const char*, DCLOTH_DRAW_COUNT> kDraws = {"nothing", "coarse", "positions", "full"};
+constexpr std::array<const char*, DCLOTH_DRAW_COUNT> kDraws = {"nothing", "coarse", "positions", "full", "plain"};
 
 uint32_t TopLevel(uint32_t stages) {
   uint32_t top = DCLOTH_LEVEL_STATIC;
@@ -43,11 +45,11 @@ uint32_t TopLevel(uint32_t stages) {
   return top;
 }
 
-// What DCLOTH_DRAW_* means for a garment that is drawn fully as `full`. A coarse one is far away, and not kept outside
-// of the body.
+// What DCLOTH_DRAW_* means for a garment that is drawn fully as `full`. A coarse one is not kept outside of the body.
 Drawn DrawnAs(uint32_t draw, Drawn full) {
   if (draw == DCLOTH_DRAW_COARSE) full.flags = DCLOTH_OUTPUT_COARSE;
   if (draw == DCLOTH_DRAW_POSITIONS) full.normals = full.tangents = false;
+  if (draw == DCLOTH_DRAW_PLAIN) full.flags &= ~uint32_t{DCLOTH_OUTPUT_OUTSIDE_BODY};
   return full;
 }
 
@@ -65,6 +67,14 @@ double MeanDistanceMm(std::span<const float> a, std::span<const float> b, const 
   return 1000 * sum / static_cast<double>(count);
 }
 
+// The joint that all others hang on: the hips.
+size_t TopJoint(const OpenModel& model) {
+  uint32_t joint = 0;
+  while (joint + 1 < model.info().joint_count && dcloth_model_joint_parent(model.model(), joint) != DCLOTH_JOINT_TOP)
+    ++joint;
+  return dcloth_model_joint_parent(model.model(), joint) == DCLOTH_JOINT_TOP ? joint : 0;
+}
+
 double Median(std::vector<double> values) { return PercentilesOf(values).p50; }
 
 // A cloth of its own.
@@ -73,6 +83,7 @@ class Instance {
   Instance(const OpenModel& model, const CrowdOptions& options)
       : memory_(dcloth_cloth_storage_size(model.model())),
         full_(options.drawn),
+        hips_joint_(TopJoint(model)),
         info_(model.info()),
         player_(model, options.stages, options.source, options.drawn, Create(model)) {}
 
@@ -80,19 +91,27 @@ class Instance {
 
   // Milliseconds of an update. `draw` is a DCLOTH_DRAW_*.
   double Update(std::span<const float> pose, double seconds, uint32_t stages, uint32_t flags, uint32_t draw) {
-    drawn_ = draw;
-    player_.Ask(stages, DrawnAs(draw, full_));
+    if (draw != DCLOTH_DRAW_NONE) drawn_ = draw;  // else the vertices of the last drawing stay
+    player_.Ask(stages, DrawnAs(drawn_, full_));
     const uint64_t start = NowNanoseconds();
     player_.Update(pose, static_cast<float>(seconds), flags, draw != DCLOTH_DRAW_NONE);
-    return static_cast<double>(NowNanoseconds() - start) * 1e-6;
+    const uint64_t end = NowNanoseconds();
+    hips_ = Eigen::Map<const Matrix>(&pose[16 * hips_joint_]).cast<double>();
+    if (draw != DCLOTH_DRAW_NONE) drawn_hips_ = hips_;
+    return static_cast<double>(end - start) * 1e-6;
   }
 
-  // Of what the last update drew.
+  // Of what is seen after the last update: an older drawing has moved with the hips since.
   double DistanceMm(std::span<const float> truth) const {
-    std::vector<float> drawn = player_.ReadPositions();
-    if (drawn_ == DCLOTH_DRAW_COARSE) return MeanDistanceMm(drawn, truth, info_.coarse_vertices);
-    drawn.resize(truth.size());
-    return MeanDistanceMm(drawn, truth, nullptr);
+    std::vector<float> seen = player_.ReadPositions();
+    const bool coarse = drawn_ == DCLOTH_DRAW_COARSE;
+    seen.resize(coarse ? 3 * size_t{info_.coarse_vertex_count} : truth.size());
+    if (hips_ != drawn_hips_) {
+      const Eigen::Matrix4d way = hips_ * drawn_hips_.inverse();
+      Eigen::Map<Eigen::Matrix3Xf> at(seen.data(), 3, static_cast<Eigen::Index>(seen.size() / 3));
+      at = ((way.topLeftCorner<3, 3>() * at.cast<double>()).colwise() + way.col(3).head<3>()).cast<float>();
+    }
+    return MeanDistanceMm(seen, truth, coarse ? info_.coarse_vertices : nullptr);
   }
   std::vector<float> positions() const { return player_.ReadPositions(); }
 
@@ -107,10 +126,14 @@ class Instance {
     return cloth_;
   }
 
+  using Matrix = Eigen::Matrix<float, 4, 4, Eigen::RowMajor>;
+
   converter::AlignedBytes memory_;
   dcloth_cloth* cloth_ = nullptr;
   Drawn full_;
-  uint32_t drawn_ = DCLOTH_DRAW_NONE;
+  uint32_t drawn_ = DCLOTH_DRAW_FULL;
+  size_t hips_joint_;
+  Eigen::Matrix4d hips_ = Eigen::Matrix4d::Identity(), drawn_hips_ = Eigen::Matrix4d::Identity();
   dcloth_model_info info_;
   Player player_;
 };
@@ -149,12 +172,12 @@ class Crowd {
         levels[level]->Update(pose, 0, stages, kLevels[level].flags, DCLOTH_DRAW_FULL);
       }
       const std::vector<float> best = levels[DCLOTH_LEVEL_MESH]->positions();
-      const std::span<const float> truth = TruthAt(seconds);
+      const std::vector<float> truth = TruthAt(seconds);
       if (seconds < settle_seconds_ || (sequence_.has_truth() && truth.empty())) continue;
       ++counted;
       for (size_t level = 0; level < levels.size(); ++level) {
         if (levels[level] != nullptr)
-          profile_.levels[level].error_mm += levels[level]->DistanceMm(truth.empty() ? std::span(best) : truth);
+          profile_.levels[level].error_mm += levels[level]->DistanceMm(truth.empty() ? best : truth);
       }
     }
     for (size_t level = 0; level < levels.size(); ++level) {
@@ -164,7 +187,7 @@ class Crowd {
   }
 
   // One thread's part: characters `index`, `index` + workers, ...
-  void Work(size_t index, std::barrier<>* together, double* error_mm, size_t* drawn) {
+  void Work(size_t index, std::barrier<>* together, double* error_mm, size_t* counted) {
     CrowdWorker& worker = profile_.workers[index];
     if (index < options_.cores.size()) PinThread(options_.cores[index]);
     std::vector<std::unique_ptr<Instance>> characters;
@@ -217,10 +240,10 @@ class Crowd {
         worker.longest_wait_ms =
             std::max(worker.longest_wait_ms, 1000.0 * static_cast<double>(choices[i].stale_seconds));
         const double seconds = At(frame, starts[i]);
-        const std::span<const float> truth = TruthAt(seconds);
-        if (truth.empty() || choices[i].draw == DCLOTH_DRAW_NONE || seconds < settle_seconds_) continue;
+        const std::vector<float> truth = TruthAt(seconds);
+        if (truth.empty() || seconds < settle_seconds_) continue;
         *error_mm += characters[i]->DistanceMm(truth);
-        ++*drawn;
+        ++*counted;
       }
     }
   }
@@ -241,11 +264,18 @@ class Crowd {
     return std::fmod(static_cast<double>(frame) / options_.fps + static_cast<double>(start) / poses_.fps(), length);
   }
 
-  std::span<const float> TruthAt(double seconds) const {
-    if (!sequence_.has_truth()) return {};
-    const double position = seconds * sequence_.fps, nearest = std::round(position);
-    if (std::abs(position - nearest) > 1e-6 || nearest >= static_cast<double>(poses_.frame_count())) return {};
-    return sequence_.FrameTruth(static_cast<size_t>(nearest));
+  // Straight between frames, as poses are; empty where there is none.
+  std::vector<float> TruthAt(double seconds) const {
+    const double position = seconds * sequence_.fps + 1e-6, whole = std::floor(position);
+    const float share = position - whole < 1e-5 ? 0 : static_cast<float>(position - whole);
+    const auto frame = static_cast<size_t>(whole);
+    if (!sequence_.has_truth() || frame + (share > 0 ? 1 : 0) >= poses_.frame_count()) return {};
+    const std::span<const float> first = sequence_.FrameTruth(frame);
+    std::vector<float> found(first.begin(), first.end());
+    if (share == 0) return found;
+    const std::span<const float> next = sequence_.FrameTruth(frame + 1);
+    for (size_t i = 0; i < found.size(); ++i) found[i] += share * (next[i] - found[i]);
+    return found;
   }
 
   float Budget() const { return options_.budget_ms > 0 ? static_cast<float>(1000 * options_.budget_ms) : 1e9f; }
@@ -259,6 +289,7 @@ class Crowd {
     const size_t rounds = 3 + 60 / characters->size();
     for (uint32_t draw = 0; draw < DCLOTH_DRAW_COUNT; ++draw) {
       if (draw == DCLOTH_DRAW_COARSE && model_.info().coarse_vertex_count == 0) continue;
+      if (draw == DCLOTH_DRAW_PLAIN && (options_.drawn.flags & DCLOTH_OUTPUT_OUTSIDE_BODY) == 0) continue;
       std::vector<double> times;
       for (size_t round = 0; round < rounds; ++round) {
         for (auto& character : *characters)
@@ -278,6 +309,7 @@ class Crowd {
     character.draw_microseconds = microseconds(worker.draw_ms[DCLOTH_DRAW_FULL]);
     character.positions_microseconds = microseconds(worker.draw_ms[DCLOTH_DRAW_POSITIONS]);
     character.coarse_microseconds = microseconds(worker.draw_ms[DCLOTH_DRAW_COARSE]);
+    character.plain_microseconds = microseconds(worker.draw_ms[DCLOTH_DRAW_PLAIN]);
     character.undrawn_microseconds = microseconds(worker.draw_ms[DCLOTH_DRAW_NONE]);
     character.most_undrawn = kMostUndrawn;
     for (size_t level = 0; level < DCLOTH_LEVEL_COUNT; ++level) {
@@ -332,6 +364,12 @@ size_t CrowdProfile::missed_frames() const {
   return missed;
 }
 
+size_t CrowdProfile::late_frames() const {
+  size_t late = 0;
+  for (const CrowdWorker& worker : workers) late += Missed(worker, kLate * options.budget_ms);
+  return late;
+}
+
 CrowdProfile ProfileCrowd(const OpenModel& model, const Sequence& sequence, const CrowdOptions& options) {
   CrowdProfile profile;
   profile.options = options;
@@ -342,11 +380,11 @@ CrowdProfile ProfileCrowd(const OpenModel& model, const Sequence& sequence, cons
   crowd.MeasureLevels();
   std::barrier<> together(static_cast<std::ptrdiff_t>(options.workers));
   std::vector<double> errors(options.workers);
-  std::vector<size_t> drawn(options.workers);
+  std::vector<size_t> counted(options.workers);
   std::vector<std::exception_ptr> failures(options.workers);
   const auto work = [&](size_t index) {
     try {
-      crowd.Work(index, &together, &errors[index], &drawn[index]);
+      crowd.Work(index, &together, &errors[index], &counted[index]);
     } catch (...) {
       failures[index] = std::current_exception();
       together.arrive_and_drop();
@@ -369,7 +407,7 @@ CrowdProfile ProfileCrowd(const OpenModel& model, const Sequence& sequence, cons
          .mend = "stop what else runs there, or choose another one with --core"});
   }
   size_t count = 0;
-  for (size_t w = 0; w < options.workers; ++w) profile.error_mm += errors[w], count += drawn[w];
+  for (size_t w = 0; w < options.workers; ++w) profile.error_mm += errors[w], count += counted[w];
   if (count > 0) profile.error_mm /= static_cast<double>(count);
   return profile;
 }
@@ -380,6 +418,7 @@ Json CrowdJson(const CrowdProfile& profile) {
                {"fps", options.fps},
                {"budget_ms", options.budget_ms > 0 ? Json(options.budget_ms) : Json(nullptr)},
                {"missed_frames", options.budget_ms > 0 ? Json(profile.missed_frames()) : Json(nullptr)},
+               {"late_frames", options.budget_ms > 0 ? Json(profile.late_frames()) : Json(nullptr)},
                {"error_mm", profile.has_truth ? Json(profile.error_mm) : Json(nullptr)},
                {"levels", Json::object()},
                {"workers", Json::array()}};
@@ -425,10 +464,14 @@ void PrintCrowd(const CrowdProfile& profile) {
   const CrowdOptions& options = profile.options;
   std::printf("%zu characters at %g Hz, each core for itself", options.characters, options.fps);
   if (options.budget_ms > 0) std::printf(", in %g ms a frame", options.budget_ms);
-  std::printf("\n\n  %-10s %9s %9s %9s   level: tick ms, error mm\n", "draw ms", "coarse", "positions", "full");
+  std::printf("\n\n  %-10s %9s %9s %9s %9s   level: tick ms, error mm\n", "draw ms", "coarse", "positions", "plain",
+              "full");
   for (size_t w = 0; w < profile.workers.size(); ++w) {
     const CrowdWorker& worker = profile.workers[w];
-    std::printf("  worker %-3zu %9.4f %9.4f %9.4f  ", w, worker.draw_ms[1], worker.draw_ms[2], worker.draw_ms[3]);
+    std::printf("  worker %-3zu", w);
+    for (const auto draw : {DCLOTH_DRAW_COARSE, DCLOTH_DRAW_POSITIONS, DCLOTH_DRAW_PLAIN, DCLOTH_DRAW_FULL})
+      std::printf(" %9.4f", worker.draw_ms[draw]);
+    std::printf("  ");
     for (size_t level = 0; level < kLevels.size() && w == 0; ++level) {
       if (kLevels[level].name != nullptr)
         std::printf(" %s %.4f, %.2f;", kLevels[level].name, profile.levels[level].tick_ms,
@@ -455,7 +498,7 @@ void PrintCrowd(const CrowdProfile& profile) {
     for (size_t draw = 0; draw < kDraws.size(); ++draw) std::printf(" %s %.1f", kDraws[draw], worker.draws[draw]);
     std::printf("; longest wait for a tick %.0f ms\n", worker.longest_wait_ms);
   }
-  if (profile.has_truth) std::printf("\nerror to the simulation, as drawn: mean %.2f mm\n", profile.error_mm);
+  if (profile.has_truth) std::printf("\nerror to the simulation, of what is seen: mean %.2f mm\n", profile.error_mm);
   if (options.budget_ms <= 0) return;
   std::printf("\nall characters of worker 0 alike, in the mean frame:\n");
   for (const Setting& s : SettingsOf(profile, profile.workers[0], profile.tick_rate)) {

@@ -47,9 +47,10 @@ struct CrowdProfile {
   double tick_rate = 0;                               // Hz
   std::array<CrowdLevel, DCLOTH_LEVEL_COUNT> levels;  // the unused one is zero
   std::vector<CrowdWorker> workers;
-  double error_mm = 0;  // of the vertices that were drawn
+  double error_mm = 0;  // of what is seen: who is not drawn in a frame is where the hips carried the last drawing
 
   size_t missed_frames() const;  // of all workers; 0 without a budget
+  size_t late_frames() const;    // those over it by more than 5 %
 };
 
 // Characters start at other places of the sequence, and at its end jump to its start. The first second is not counted.

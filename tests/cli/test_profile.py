@@ -89,9 +89,13 @@ def test_a_crowd_without_a_budget_to_move(dcloth, files):
     said = profile(dcloth, files.model, files.bare, "--characters", 4, "--frames", 60, "--budget-ms", "0.000001",
                    code=1)
     worker, = said["workers"]
-    assert said["missed_frames"] == worker["frames"] and said["error_mm"] is None
+    assert said["missed_frames"] == said["late_frames"] == worker["frames"] and said["error_mm"] is None
     assert worker["at_level"]["mesh"] < 1, "nobody can be paid for"
     assert not any(row["fits"] for row in worker["settings"])
+    crowd = "--characters", 4, "--frames", 60, "--budget-ms"
+    starved = profile(dcloth, files.model, files.walk, *crowd, "0.000001", code=1)
+    assert starved["error_mm"] > 1.05 * profile(dcloth, files.model, files.walk, *crowd, 60000)["error_mm"], \
+        "the error of characters that are not drawn counts, too"
     text = dcloth("profile", files.model, files.walk, "--characters", 3, "--frames", 60).stdout
     for word in ("3 characters", "worker 0", "mesh", "error to the simulation"):
         assert word in text

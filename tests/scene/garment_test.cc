@@ -1,6 +1,5 @@
 // The bundled garments at each level: error against the simulated truth and against the full network, cost of a tick,
-// the freeze of an idle character, and fifty characters in a budget. Times depend on what else the machine does: they
-// are printed, and planned from only where the machine is left alone (scripts/levels.sh); errors and plans are bound.
+// and the freeze of an idle character. Times depend on what else the machine does: they are printed; errors are bound.
 #include "tests/stability/garment.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +20,7 @@ namespace dcloth::stability {
 namespace {
 
 constexpr Precision kPrecision = Precision::kInt8;
-constexpr float kFrame = 1 / 60.0f, kTick = 1 / 30.0f;
+constexpr float kTick = 1 / 30.0f;
 constexpr double kClockRoundingMm = 1e-4;  // a float's step at arm's length
 
 struct Level {
@@ -63,23 +62,18 @@ class Character {
   explicit Character(const converter::OpenModel& model)
       : memory_(dcloth_cloth_storage_size(model.model())),
         positions_(3 * size_t{model.info().vertex_count}),
-        normals_(positions_.size()),
-        info_(model.info()) {
+        normals_(positions_.size()) {
     EXPECT_EQ(dcloth_cloth_create(model.model(), memory_.data(), memory_.size(), &cloth_, nullptr), DCLOTH_OK);
   }
 
-  // Microseconds that it took. `draw` is a DCLOTH_DRAW_*.
-  double Update(const std::vector<float>& matrices, float seconds, uint32_t stages, uint32_t flags,
-                uint32_t draw = DCLOTH_DRAW_FULL) {
+  // Microseconds that it took.
+  double Update(const std::vector<float>& matrices, float seconds, uint32_t stages, uint32_t flags) {
     const dcloth_pose pose = MakePose(matrices.data(), static_cast<uint32_t>(matrices.size() / 16));
     const dcloth_frame frame = {sizeof(frame), stages, seconds, flags, nullptr};
-    const bool coarse = draw == DCLOTH_DRAW_COARSE;
-    dcloth_output output = MakeOutput(positions_.data(), draw == DCLOTH_DRAW_POSITIONS ? nullptr : normals_.data(),
-                                      coarse ? info_.coarse_vertex_count : info_.vertex_count);
-    if (coarse) output.flags = DCLOTH_OUTPUT_COARSE;
+    const dcloth_output output =
+        MakeOutput(positions_.data(), normals_.data(), static_cast<uint32_t>(positions_.size() / 3));
     const double start = ProcessorMicroseconds();
-    EXPECT_EQ(dcloth_cloth_update(cloth_, &pose, &frame, draw == DCLOTH_DRAW_NONE ? nullptr : &output, nullptr),
-              DCLOTH_OK);
+    EXPECT_EQ(dcloth_cloth_update(cloth_, &pose, &frame, &output, nullptr), DCLOTH_OK);
     return ProcessorMicroseconds() - start;
   }
 
@@ -90,13 +84,11 @@ class Character {
     return info;
   }
   const std::vector<float>& positions() const { return positions_; }
-  const dcloth_cloth* get() const { return cloth_; }
 
  private:
   converter::AlignedBytes memory_;
   dcloth_cloth* cloth_ = nullptr;
   std::vector<float> positions_, normals_;
-  dcloth_model_info info_;
 };
 
 struct Distance {
@@ -257,208 +249,6 @@ TEST_P(GarmentSceneTest, IdleStaysNear) {
       if (quarter < 4) continue;
       EXPECT_GE(rest.frozen_after, 0) << "never frozen";
       EXPECT_LE(rest.frozen_after, 5);
-    }
-  }
-}
-
-// Median microseconds of a frame without a tick, by DCLOTH_DRAW_*. Characters take turns, so that the caches hold what
-// they hold in a crowd.
-std::array<float, DCLOTH_DRAW_COUNT> MeasureDrawing(const Garment& garment,
-                                                    std::vector<std::unique_ptr<Character>>* characters) {
-  const std::vector<float> pose = Flat(garment.clips[0].motion[0]);
-  std::array<float, DCLOTH_DRAW_COUNT> costs = {};
-  for (uint32_t draw = 0; draw < DCLOTH_DRAW_COUNT; ++draw) {
-    std::vector<double> times;
-    for (int round = 0; round < 4; ++round) {
-      for (auto& character : *characters)
-        times.push_back(character->Update(pose, 0, DCLOTH_STAGES_MESH, DCLOTH_FRAME_HOLD, draw));
-    }
-    costs[draw] = static_cast<float>(Median(times));
-  }
-  return costs;
-}
-
-// Of 3,000 frames of the same work, as long as `budget`: how many took 1.2 times their median. No plan can know of what
-// else the machine does.
-size_t DisturbedFrames(const Garment& garment, float budget, float draw_us,
-                       std::vector<std::unique_ptr<Character>>* characters) {
-  constexpr double kDisturbed = 1.2;
-  const std::vector<float> pose = Flat(garment.clips[0].motion[0]);
-  const auto updates = static_cast<size_t>(budget / draw_us) + 1;
-  std::vector<double> times;
-  for (int frame = 0; frame < 3000; ++frame) {
-    double sum = 0;
-    for (size_t i = 0; i < updates; ++i) {
-      sum += (*characters)[i % characters->size()]->Update(pose, 0, DCLOTH_STAGES_MESH, DCLOTH_FRAME_HOLD,
-                                                           DCLOTH_DRAW_FULL);
-    }
-    times.push_back(sum);
-  }
-  const double most = kDisturbed * Median(times);
-  return static_cast<size_t>(std::count_if(times.begin(), times.end(), [&](double us) { return us > most; }));
-}
-
-struct Crowd {
-  uint32_t characters = 0;
-  size_t disturbed = 0;  // DisturbedFrames, on a machine left alone
-  float budget_us = 0;
-  std::array<float, DCLOTH_DRAW_COUNT> drawing_us = {};
-  std::vector<double> shares;                          // of the budget, by frame, sorted
-  std::array<double, DCLOTH_LEVEL_COUNT> levels = {};  // characters at each, in the mean
-  std::array<double, DCLOTH_DRAW_COUNT> draws = {};    // characters drawn so, in the mean
-  double error_mm = 0;                                 // of the vertices drawn, mean distance to the truth
-
-  double At(double share) const { return shares[static_cast<size_t>(share * static_cast<double>(shares.size() - 1))]; }
-  size_t Over() const {
-    return static_cast<size_t>(shares.end() - std::upper_bound(shares.begin(), shares.end(), 1.05));
-  }
-};
-
-// As RecordLevels does.
-void RecordCrowd(const std::string& garment, const Crowd& crowd) {
-  const char* path = std::getenv("DCLOTH_LEVELS_JSON");
-  if (path == nullptr) return;
-  std::FILE* file = std::fopen(path, "a");
-  ASSERT_NE(file, nullptr) << path << ": cannot be written";
-  const auto list = [file](const char* name, const auto& values) {
-    std::fprintf(file, ", \"%s\": [", name);
-    for (size_t i = 0; i < values.size(); ++i)
-      std::fprintf(file, "%s%.1f", i == 0 ? "" : ", ", static_cast<double>(values[i]));
-    std::fprintf(file, "]");
-  };
-  std::fprintf(file, "{\"crowd_of\": \"%s\", \"characters\": %u, \"budget_us\": %.0f, \"frames\": %zu", garment.c_str(),
-               crowd.characters, static_cast<double>(crowd.budget_us), crowd.shares.size());
-  std::fprintf(
-      file, ", \"p50\": %.3f, \"p99\": %.3f, \"largest\": %.3f, \"over\": %zu, \"error_mm\": %.2f, \"disturbed\": %zu",
-      crowd.At(0.5), crowd.At(0.99), crowd.shares.back(), crowd.Over(), crowd.error_mm, crowd.disturbed);
-  list("levels", crowd.levels);
-  list("draws", crowd.draws);
-  list("drawing_us", crowd.drawing_us);
-  std::fprintf(file, "}\n");
-  EXPECT_EQ(std::fclose(file), 0);
-}
-
-// What a crowd is planned from where the machine is not left alone: the robe's medians on a quiet desktop core, rounded
-// up, in microseconds. Costs measured beside other work may leave a budget that moves nobody.
-constexpr std::array<float, DCLOTH_DRAW_COUNT> kStatedDrawing = [] {
-  std::array<float, DCLOTH_DRAW_COUNT> costs = {};
-  costs[DCLOTH_DRAW_NONE] = 2;
-  costs[DCLOTH_DRAW_COARSE] = 75;
-  costs[DCLOTH_DRAW_POSITIONS] = 60;
-  costs[DCLOTH_DRAW_FULL] = 130;
-  return costs;
-}();
-constexpr std::array<float, DCLOTH_LEVEL_COUNT> kStatedTick = {15, 25, 190, 0, 1200};
-
-// `count` characters on the clips, each at another place of it, in `budget` microseconds a frame at 60 Hz. `alone`: the
-// scene plans from costs measured here and is told what its frames took; else from the stated ones, and that frames
-// took what was planned.
-Crowd RunCrowd(const Garment& garment, uint32_t count, float budget,
-               const std::array<LevelFigures, DCLOTH_LEVEL_COUNT>& figures, int frames, bool alone) {
-  converter::AlignedBytes memory(dcloth_scene_storage_size(count));
-  Scene scene;
-  EXPECT_EQ(scene.Create(count, memory.data(), memory.size()), Status::kOk);
-  std::vector<std::unique_ptr<Character>> characters;
-  for (uint32_t i = 0; i < count; ++i) characters.push_back(std::make_unique<Character>(garment.model(kPrecision)));
-  auto drawing = MeasureDrawing(garment, &characters);
-  std::printf("drawing: nothing %.1f us, coarse %.1f, positions %.1f, everything %.1f\n",
-              static_cast<double>(drawing[0]), static_cast<double>(drawing[1]), static_cast<double>(drawing[2]),
-              static_cast<double>(drawing[3]));
-  if (!alone) drawing = kStatedDrawing;
-  for (uint32_t i = 0; i < count; ++i) {
-    dcloth_scene_character character = {};
-    character.struct_size = sizeof(character);
-    character.top_level = DCLOTH_LEVEL_MESH;
-    character.cloth = characters[i]->get();
-    character.importance = 1.0f / static_cast<float>((1 + i) * (1 + i));  // the share of the screen at a distance
-    character.draw_microseconds = drawing[DCLOTH_DRAW_FULL];
-    character.positions_microseconds = drawing[DCLOTH_DRAW_POSITIONS];
-    character.coarse_microseconds = drawing[DCLOTH_DRAW_COARSE];
-    character.undrawn_microseconds = drawing[DCLOTH_DRAW_NONE];
-    character.most_undrawn = 3;
-    for (size_t level = 0; level < kLevels.size(); ++level) {
-      character.tick_microseconds[level] = alone ? static_cast<float>(figures[level].tick_us) : kStatedTick[level];
-      character.error_mm[level] = static_cast<float>(figures[level].error_mm);
-    }
-    EXPECT_EQ(scene.Set(i, character), Status::kOk);
-  }
-  constexpr int kSampled = 20;  // frames from one measured error to the next
-  const dcloth_model_info info = garment.model(kPrecision).info();
-  Crowd crowd;
-  if (alone) crowd.disturbed = DisturbedFrames(garment, budget, drawing[DCLOTH_DRAW_FULL], &characters);
-  crowd.characters = count;
-  crowd.budget_us = budget;
-  crowd.drawing_us = drawing;
-  double drawn = 0;
-  float spent = 0;
-  for (int frame = 0; frame < frames; ++frame) {
-    float planned = 0;
-    const double start = ProcessorMicroseconds();
-    EXPECT_EQ(scene.Plan(kFrame, budget, spent, &planned), Status::kOk);
-    double sum = ProcessorMicroseconds() - start;
-    if (!alone) {
-      EXPECT_LE(planned, budget * 1.0001f) << "frame " << frame;
-    }
-    for (uint32_t i = 0; i < count; ++i) {
-      const Clip& clip = garment.clips[i % garment.clips.size()];
-      const dcloth_scene_choice choice = scene.Get(i);
-      const size_t at = (static_cast<size_t>(frame / 2) + 3 * i) % clip.motion.size();
-      sum += characters[i]->Update(Flat(clip.motion[at]), kFrame, choice.stages, choice.flags, choice.draw);
-      crowd.levels[choice.level] += 1.0 / frames;
-      crowd.draws[choice.draw] += 1.0 / frames;
-      if (frame < 60 || frame % kSampled != 0 || choice.draw == DCLOTH_DRAW_NONE) continue;
-      const float* truth = clip.truth.data() + at * 3 * garment.vertex_count();
-      std::vector<float> seen(truth, truth + 3 * garment.vertex_count());
-      if (choice.draw == DCLOTH_DRAW_COARSE) {
-        for (size_t v = 0; v < info.coarse_vertex_count; ++v)
-          std::copy_n(truth + size_t{3} * info.coarse_vertices[v], 3, &seen[3 * v]);
-        seen.resize(size_t{3} * info.coarse_vertex_count);
-      }
-      crowd.error_mm += DistanceMm(characters[i]->positions().data(), seen.data(), seen.size()).mean;
-      ++drawn;
-    }
-    spent = alone ? static_cast<float>(sum) : planned;
-    crowd.shares.push_back(sum / static_cast<double>(budget));
-  }
-  crowd.error_mm /= drawn;
-  std::sort(crowd.shares.begin(), crowd.shares.end());
-  return crowd;
-}
-
-// Crowds for which drawing alone would take more than the budget. Where frames take what was planned, no plan exceeds
-// it and a tenth of the crowd moves; on a machine left alone (scripts/levels.sh) what is measured is over by 5 % in one
-// frame of a thousand at most, if the machine itself holds the same work in all others.
-TEST_P(GarmentSceneTest, CrowdsKeepTheirBudget) {
-  constexpr size_t kMostOver = 3;  // of 3,000
-  const bool alone = std::getenv("DCLOTH_LEVELS_JSON") != nullptr;
-  double draw_us = 0;
-  const auto figures = Measure(garment(), &draw_us);
-  struct Case {
-    uint32_t characters;
-    float budget;
-  };
-  for (const Case& c : {Case{50, 4000}, Case{50, 2000}, Case{20, 2000}}) {
-    const int frames = alone ? 3000 : 300;
-    const Crowd crowd = RunCrowd(garment(), c.characters, c.budget, figures, frames, alone);
-    RecordCrowd(GetParam(), crowd);
-    std::printf(
-        "%u characters in %.0f us: frames took %.3f of it at p50, %.3f at p99, %.3f at p99.9, %.3f at most; "
-        "over by 5%% in %zu of %d; error %.2f mm\n",
-        c.characters, static_cast<double>(c.budget), crowd.At(0.5), crowd.At(0.99), crowd.At(0.999),
-        crowd.shares.back(), crowd.Over(), frames, crowd.error_mm);
-    std::printf("  in a mean frame: %.1f frozen, %.1f static, %.1f skeleton, %.1f mesh; ", crowd.levels[0],
-                crowd.levels[1], crowd.levels[2], crowd.levels[DCLOTH_LEVEL_MESH]);
-    std::printf("%.1f not drawn, %.1f coarse, %.1f without normals, %.1f drawn fully\n", crowd.draws[0], crowd.draws[1],
-                crowd.draws[2], crowd.draws[3]);
-    const double moving = crowd.levels[DCLOTH_LEVEL_SKELETON] + crowd.levels[DCLOTH_LEVEL_MESH];
-    EXPECT_GT(moving, 0.1 * c.characters) << "the crowd stands still";
-    if (alone) {
-      std::printf("  of 3000 frames of the same work %zu took 1.2 times their median\n", crowd.disturbed);
-      if (crowd.disturbed <= kMostOver) {
-        EXPECT_LE(crowd.Over(), kMostOver);
-      } else {
-        std::printf("  not judged: the machine does not hold even these\n");
-      }
     }
   }
 }

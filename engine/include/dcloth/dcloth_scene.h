@@ -8,8 +8,9 @@
  * 1e9 count as 1e9.
  *
  * Drawing has levels of its own (DCLOTH_DRAW_*). Where it takes too much of the budget, characters lose normals in
- * every second frame, then half of their vertices, then whole frames: those first that matter least. Half of the budget
- * always goes to ticks, if they need it.
+ * every second frame, then contact, then half of their vertices, then whole frames. A level and a detail compete: what
+ * removes most harm per microsecond comes first. Importance is an area: missing detail counts by it, and error, a
+ * length, by its square root.
  *
  * Promises, in the costs as given. A plan costs at most the budget, if the budget covers the least drawing of all
  * characters that their costs allow. If it also covers the longest tick of the levels in use, no character waits for
@@ -43,6 +44,7 @@ enum {
   DCLOTH_DRAW_COARSE,    /* the coarse mesh, with normals: DCLOTH_OUTPUT_COARSE */
   DCLOTH_DRAW_POSITIONS, /* the garment without normals: keep those of its last drawing */
   DCLOTH_DRAW_FULL,      /* the garment with all that you draw of it */
+  DCLOTH_DRAW_PLAIN,     /* the same, but not kept outside of the body: without DCLOTH_OUTPUT_OUTSIDE_BODY */
   DCLOTH_DRAW_COUNT
 };
 
@@ -67,6 +69,8 @@ typedef struct dcloth_scene_character {
   float undrawn_microseconds;
   uint32_t most_undrawn;    /* frames in a row that may pass without drawing it, 0 to 15; larger numbers count as 15.
                                Since 0.2 */
+  float plain_microseconds; /* cost of DCLOTH_DRAW_PLAIN; 0: never chosen. Since 0.2 */
+  uint32_t padding;         /* never read. Since 0.2 */
 } dcloth_scene_character;
 
 typedef struct dcloth_scene_frame {

@@ -42,7 +42,7 @@ bool CharacterIsUsable(const dcloth_scene_character& character) {
   return character.cloth != nullptr && character.top_level < DCLOTH_LEVEL_COUNT && IsUsable(character.importance) &&
          IsUsable(character.draw_microseconds) && IsUsable(character.positions_microseconds) &&
          IsUsable(character.coarse_microseconds) && IsUsable(character.undrawn_microseconds) &&
-         AreUsable(character.tick_microseconds) && AreUsable(character.error_mm);
+         IsUsable(character.plain_microseconds) && AreUsable(character.tick_microseconds) && AreUsable(character.error_mm);
 }
 
 bool FrameIsUsable(const dcloth_scene_frame& frame) {
@@ -90,6 +90,7 @@ dcloth_status dcloth_scene_set(dcloth_scene* scene, uint32_t index, const dcloth
   Limit(&limited.positions_microseconds);
   Limit(&limited.coarse_microseconds);
   Limit(&limited.undrawn_microseconds);
+  Limit(&limited.plain_microseconds);
   for (float& cost : limited.tick_microseconds) Limit(&cost);
   for (float& error : limited.error_mm) Limit(&error);
   dcloth::engine::SetCharacter(limited, &SceneOf(scene)->characters[index]);

@@ -1,20 +1,28 @@
 #include "engine/src/scene/drawing.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "engine/src/time/idle.h"
 
 namespace dcloth::engine {
 namespace {
 
 constexpr double kRounding = 1 + 1e-9;
-constexpr double kFinerRoom = 0.9;  // of the room, that has to suffice before a detail of the last plan gets finer
+constexpr double kNewRoom = 0.9;  // of the budget, that a step has to fit into which the last plan did not take
+constexpr double kHeldWorth = 1.25;
+constexpr double kPacking = 1.1;  // what ChooseLevels asks for a mean microsecond of ticks, about
+constexpr double kLeastCost = 1e-6, kLeastImportance = 1e-9;
 
-// Details, finest first: everything; normals in every second frame; the coarse mesh; then in every second, fourth, ...
-// frame alone.
-constexpr uint32_t kFull = 0, kHalfNormals = 1, kCoarse = 2, kSparse = 3, kDetails = kSparse + 4;
+// Details, finest first: everything; normals in every second frame; without contact; the coarse mesh; then in every
+// second, fourth, ... frame alone.
+constexpr uint32_t kFull = 0, kHalfNormals = 1, kPlain = 2, kCoarse = 3, kSparse = 4, kDetails = kSparse + 4;
 static_assert(1u << (kDetails - kCoarse - 1) == kMostUndrawn + 1, "the last detail is the sparsest");
 
-// What a detail takes from the picture, in units of its own; times importance it is the harm.
-constexpr double kHarm[kDetails] = {0, 1, 3, 6, 12, 24, 48};
+// What a detail takes from the picture, as millimetres of error that look as wrong. Those of cloth that lags behind its
+// hips were measured in walks and runs; what skin that shows and missing vertices look like is a choice.
+constexpr double kHarm[kDetails] = {0, 1, 1, 5, 7, 12, 21, 40};
+constexpr double kSkin = 6;  // more, of what is drawn without contact
 
 // A detail draws `least` in every frame and `full` in one of `period`.
 struct Detail {
@@ -29,7 +37,9 @@ uint32_t Period(const SceneCharacter& character, uint32_t detail) {
 
 // False where the character has no such detail.
 bool FindDetail(const SceneCharacter& character, uint32_t detail, Detail* found) {
-  const uint32_t mesh = Offers(character, DCLOTH_DRAW_COARSE) ? DCLOTH_DRAW_COARSE : DCLOTH_DRAW_FULL;
+  const uint32_t mesh = Offers(character, DCLOTH_DRAW_COARSE)  ? DCLOTH_DRAW_COARSE
+                        : Offers(character, DCLOTH_DRAW_PLAIN) ? DCLOTH_DRAW_PLAIN
+                                                               : DCLOTH_DRAW_FULL;
   switch (detail) {
     case kFull:
       *found = {DCLOTH_DRAW_FULL, DCLOTH_DRAW_FULL, 1};
@@ -37,6 +47,9 @@ bool FindDetail(const SceneCharacter& character, uint32_t detail, Detail* found)
     case kHalfNormals:
       *found = {DCLOTH_DRAW_POSITIONS, DCLOTH_DRAW_FULL, 2};
       return Offers(character, DCLOTH_DRAW_POSITIONS);
+    case kPlain:
+      *found = {DCLOTH_DRAW_PLAIN, DCLOTH_DRAW_PLAIN, 1};
+      return Offers(character, DCLOTH_DRAW_PLAIN);
     case kCoarse:
       *found = {mesh, mesh, 1};
       return mesh == DCLOTH_DRAW_COARSE;
@@ -55,19 +68,58 @@ double MeanCost(const SceneCharacter& character, const Detail& detail) {
   return least + (CostOf(character, detail.full) - least) / detail.period;
 }
 
-// The next detail below that saves something; false where there is none.
-bool FindLowering(SceneCharacter* character) {
-  for (uint32_t index = character->detail + 1; index < kDetails; ++index) {
+double HarmOf(const SceneCharacter& character, uint32_t detail) {
+  return kHarm[detail] + (detail >= kPlain && Offers(character, DCLOTH_DRAW_PLAIN) ? kSkin : 0);
+}
+
+// The cheapest detail.
+uint32_t FindLeast(const SceneCharacter& character) {
+  uint32_t least = kFull;
+  double lowest = CostOf(character, DCLOTH_DRAW_FULL);
+  for (uint32_t index = kFull + 1; index < kDetails; ++index) {
+    Detail detail;
+    if (!FindDetail(character, index, &detail) || MeanCost(character, detail) >= lowest) continue;
+    lowest = MeanCost(character, detail);
+    least = index;
+  }
+  return least;
+}
+
+// Of a level in a mean frame, microseconds.
+double TicksCost(const SceneCharacter& character, uint32_t level, double frame_seconds) {
+  if (level == DCLOTH_LEVEL_FROZEN) return 0;
+  const double step = frame_seconds * static_cast<double>(character.cloth->model->tick_rate);
+  return kPacking * std::min(step, static_cast<double>(kMaxTicks)) *
+         static_cast<double>(character.tick_microseconds[level]);
+}
+
+// The finer detail or the higher level that removes most harm per microsecond; false where there is none.
+bool FindStep(SceneCharacter* character, double frame_seconds) {
+  character->worth = 0;
+  const auto offer = [character](bool ticks, uint32_t next, double harm, double cost, bool held) {
+    const double worth = (held ? kHeldWorth : 1) * harm / std::max(cost, kLeastCost);
+    if (!(worth > character->worth)) return;
+    character->step = {ticks, held, next, cost};
+    character->worth = worth;
+  };
+  const auto importance = static_cast<double>(character->importance);
+  for (uint32_t index = character->finest; index < character->detail; ++index) {
     Detail detail;
     if (!FindDetail(*character, index, &detail)) continue;
-    const double cost = MeanCost(*character, detail), saved = character->share - cost;
-    if (!(saved > 0)) continue;
-    character->next = index;
-    character->next_share = cost;
-    character->worth = static_cast<double>(character->importance) * (kHarm[index] - kHarm[character->detail]) / saved;
-    return true;
+    const double removed =
+        std::max(importance, kLeastImportance) * (HarmOf(*character, character->detail) - HarmOf(*character, index));
+    offer(false, index, removed, MeanCost(*character, detail) - character->share, character->held_detail <= index);
   }
-  return false;
+  const uint32_t from = character->likely_level;
+  for (uint32_t level = from + 1; level <= character->likely_top; ++level) {
+    if (level == kNoLevel) continue;
+    const double removed =
+        std::sqrt(importance) * static_cast<double>(character->error_mm[from] - character->error_mm[level]);
+    offer(true, level, removed,
+          TicksCost(*character, level, frame_seconds) - TicksCost(*character, from, frame_seconds),
+          level <= character->level);
+  }
+  return character->worth > 0;
 }
 
 // What the detail of a character leaves to alternate; false where it leaves nothing.
@@ -81,11 +133,10 @@ bool Alternates(const SceneCharacter& character, Detail* detail) {
 
 }  // namespace
 
-DrawingCosts ChooseDetails(Scene* scene, double room) {
+DrawingCosts ChooseDetails(Scene* scene, double budget) {
   SceneCharacter* const all = scene->characters;
-  // The least harm per microsecond comes out first.
-  const auto by_harm = [all](uint32_t a, uint32_t b) {
-    return all[a].worth != all[b].worth ? all[a].worth > all[b].worth : a < b;
+  const auto by_worth = [all](uint32_t a, uint32_t b) {
+    return all[a].worth != all[b].worth ? all[a].worth < all[b].worth : a > b;
   };
   double sum = 0;
   uint32_t count = 0;
@@ -93,24 +144,34 @@ DrawingCosts ChooseDetails(Scene* scene, double room) {
     SceneCharacter& character = all[i];
     if (character.cloth == nullptr) continue;
     character.held_detail = character.detail;
-    character.detail = kFull;
+    character.detail = FindLeast(character);
+    character.finest = kFull;
+    character.likely_level = DCLOTH_LEVEL_FROZEN;
+    character.likely_top = IsFrozen(*character.cloth) ? uint32_t{DCLOTH_LEVEL_FROZEN} : character.top_level;
     Detail detail;
-    FindDetail(character, kFull, &detail);
+    FindDetail(character, character.detail, &detail);
     character.share = MeanCost(character, detail);
     sum += character.share;
-    if (FindLowering(&character)) scene->order[count++] = i;
+    if (FindStep(&character, scene->frame_seconds)) scene->order[count++] = i;
   }
-  std::make_heap(scene->order, scene->order + count, by_harm);
+  std::make_heap(scene->order, scene->order + count, by_worth);
   while (count > 0) {
-    std::pop_heap(scene->order, scene->order + count, by_harm);
+    std::pop_heap(scene->order, scene->order + count, by_worth);
     SceneCharacter& character = all[scene->order[count - 1]];
-    const bool held = character.held_detail >= character.next;
-    if (sum <= (held ? kFinerRoom : 1) * room) break;
-    sum += character.next_share - character.share;
-    character.detail = character.next;
-    character.share = character.next_share;
-    if (FindLowering(&character)) {
-      std::push_heap(scene->order, scene->order + count, by_harm);
+    const SceneCharacter::Step step = character.step;
+    const bool fits = sum + step.cost <= (step.held ? 1 : kNewRoom) * budget;
+    if (fits) sum += step.cost;
+    if (step.ticks) {
+      if (fits) character.likely_level = step.next;
+      if (!fits) character.likely_top = step.next - 1;
+    } else if (fits) {
+      character.detail = step.next;
+      character.share += step.cost;
+    } else {
+      character.finest = step.next + 1;
+    }
+    if (FindStep(&character, scene->frame_seconds)) {
+      std::push_heap(scene->order, scene->order + count, by_worth);
     } else {
       --count;
     }

@@ -1,6 +1,7 @@
 #include "engine/src/scene/scene.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <new>
 
@@ -17,7 +18,6 @@ constexpr double kLongerThanATick = 1.05;
 constexpr double kHeldWorth = 1.25;
 constexpr double kNever = 1e30;  // more than any frame has
 constexpr double kLeastShare = 1e-9;
-constexpr uint32_t kNoLevel = DCLOTH_LEVEL_SKELETON + 1;  // the mesh stage at half rate, until 0.2
 
 // Part of a frame that a tick takes: a whole number of them fits.
 double TickShare(double microseconds, double left) {
@@ -44,7 +44,7 @@ bool FindRaise(SceneCharacter* character, uint32_t top, double frame_seconds, do
   character->worth = 0;
   for (uint32_t level = character->level + 1; level <= top; ++level) {
     if (level == kNoLevel) continue;
-    const double gain = static_cast<double>(character->importance) *
+    const double gain = std::sqrt(static_cast<double>(character->importance)) *
                         static_cast<double>(character->error_mm[character->level] - character->error_mm[level]);
     const double share = ShareOf(*character, level, frame_seconds, left);
     if (share > kFull) break;  // those above cost more
@@ -62,8 +62,8 @@ bool FindRaise(SceneCharacter* character, uint32_t top, double frame_seconds, do
 //
 // A level's share of a frame is its ticks per frame, over how many such ticks fit into one frame (harmonic packing:
 // what adds up to 1 can be packed whole, tick by tick). Everyone starts frozen; the raise with the most error removed
-// times importance, per share, comes first. A level once held is kept until the frames overflow, and is worth a
-// quarter more than another's: a stage that stops and starts forgets its motion. Cost: N log N.
+// times the root of importance, per share, comes first. A level once held is kept until the frames overflow, and is
+// worth a quarter more than another's: a stage that stops and starts forgets its motion. Cost: N log N.
 void ChooseLevels(Scene* scene, double left) {
   SceneCharacter* const all = scene->characters;
   const auto by_worth = [all](uint32_t a, uint32_t b) {
@@ -164,7 +164,6 @@ double GrantTicks(Scene* scene, double seconds, double left) {
   return spent;
 }
 
-constexpr double kDrawingShare = 0.5;   // of the budget, that drawing may take at any rate
 constexpr double kLongestFrame = 0.1;   // longer ones are hitches, which say nothing of the next frame
 constexpr double kFollowSeconds = 0.1;  // of a new frame in the mean
 constexpr double kFollowSlower = 0.25;  // frames that cost more than planned are believed soon
@@ -182,19 +181,6 @@ uint32_t TopLevel(const Cloth& cloth, uint32_t asked) {
                                                            : DCLOTH_LEVEL_STATIC;
   const uint32_t top = asked < held ? asked : held;
   return top == kNoLevel ? kNoLevel - 1 : top;
-}
-
-// Of a mean frame in which all are at their top levels, microseconds.
-double WantedTicks(const Scene& scene) {
-  double sum = 0;
-  for (uint32_t i = 0; i < scene.count; ++i) {
-    const SceneCharacter& character = scene.characters[i];
-    if (character.cloth == nullptr || IsFrozen(*character.cloth) || !(character.importance > 0)) continue;
-    const double step = scene.frame_seconds * static_cast<double>(character.cloth->model->tick_rate);
-    sum += std::min(step, static_cast<double>(kMaxTicks)) *
-           static_cast<double>(character.tick_microseconds[character.top_level]);
-  }
-  return sum;
 }
 
 void FollowLoad(double spent, Scene* scene) {
@@ -244,6 +230,7 @@ void SetCharacter(const dcloth_scene_character& character, SceneCharacter* slot)
   slot->draw_microseconds[DCLOTH_DRAW_COARSE] = character.coarse_microseconds;
   slot->draw_microseconds[DCLOTH_DRAW_POSITIONS] = character.positions_microseconds;
   slot->draw_microseconds[DCLOTH_DRAW_FULL] = character.draw_microseconds;
+  slot->draw_microseconds[DCLOTH_DRAW_PLAIN] = character.plain_microseconds;
   slot->most_undrawn = std::min(character.most_undrawn, kMostUndrawn);
   std::memcpy(slot->tick_microseconds, character.tick_microseconds, sizeof(slot->tick_microseconds));
   std::memcpy(slot->error_mm, character.error_mm, sizeof(slot->error_mm));
@@ -257,7 +244,7 @@ void PlanScene(Scene* scene, const dcloth_scene_frame& frame) {
   FollowFrame(seconds, scene);
   scene->budget = static_cast<double>(frame.budget_microseconds);
   const double budget = scene->budget * (1 - scene->reserve) / scene->load;
-  const DrawingCosts costs = ChooseDetails(scene, std::max(kDrawingShare * budget, budget - WantedTicks(*scene)));
+  const DrawingCosts costs = ChooseDetails(scene, budget);
   const double drawing = GrantDrawing(scene);
   ChooseLevels(scene, budget - costs.longest);
   const double ticking = GrantTicks(scene, seconds, budget - drawing);

@@ -20,6 +20,7 @@ namespace dcloth::engine {
 constexpr double kRefreshSeconds = 1;
 
 constexpr uint32_t kMostUndrawn = 15;
+constexpr uint32_t kNoLevel = DCLOTH_LEVEL_SKELETON + 1;  // the mesh stage at half rate, until 0.2
 
 struct SceneCharacter {
   const Cloth* cloth;  // null: an empty slot
@@ -42,8 +43,14 @@ struct SceneCharacter {
   // Scratch of a plan.
   uint32_t held_level, held_detail;  // of the plan before
   double share;                      // of a frame, see ChooseLevels; microseconds in ChooseDetails
-  uint32_t next;                     // the best raise, or the next lowering
+  uint32_t next;                     // the best raise
   double next_share, worth;
+  struct Step {
+    bool ticks, held;  // of a level, or of a detail; whether the last plan had it
+    uint32_t next;
+    double cost;                              // microseconds
+  } step;                                     // the best one, see ChooseDetails
+  uint32_t finest, likely_level, likely_top;  // allowed to ChooseDetails; the level that it counts with
 };
 
 struct Scene {

@@ -70,7 +70,8 @@ namespace DCloth
         public const uint DCLOTH_DRAW_COARSE = 1;
         public const uint DCLOTH_DRAW_POSITIONS = 2;
         public const uint DCLOTH_DRAW_FULL = 3;
-        public const int DCLOTH_DRAW_COUNT = 4;
+        public const uint DCLOTH_DRAW_PLAIN = 4;
+        public const int DCLOTH_DRAW_COUNT = 5;
 
         public const int DCLOTH_FIT_ROLES = 32;
         public const int DCLOTH_ROLE_NONE = 0;

@@ -154,6 +154,8 @@ namespace DCloth
         public float coarse_microseconds;
         public float undrawn_microseconds;
         public uint most_undrawn;
+        public float plain_microseconds;
+        public uint padding;
     }
 
     [StructLayout(LayoutKind.Sequential)]

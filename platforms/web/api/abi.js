@@ -91,7 +91,8 @@ export const DCLOTH_DRAW_NONE = 0;
 export const DCLOTH_DRAW_COARSE = 1;
 export const DCLOTH_DRAW_POSITIONS = 2;
 export const DCLOTH_DRAW_FULL = 3;
-export const DCLOTH_DRAW_COUNT = 4;
+export const DCLOTH_DRAW_PLAIN = 4;
+export const DCLOTH_DRAW_COUNT = 5;
 
 export const dcloth_character = Object.freeze({
   bytes: 52,
@@ -220,7 +221,7 @@ export const dcloth_pose = Object.freeze({
 });
 
 export const dcloth_scene_character = Object.freeze({
-  bytes: 76,
+  bytes: 84,
   struct_size: 0,
   top_level: 4,
   cloth: 8,
@@ -232,6 +233,8 @@ export const dcloth_scene_character = Object.freeze({
   coarse_microseconds: 64,
   undrawn_microseconds: 68,
   most_undrawn: 72,
+  plain_microseconds: 76,
+  padding: 80,
 });
 
 export const dcloth_scene_choice = Object.freeze({

@@ -307,7 +307,7 @@ export class Cloth {
     const positionsAlone = draw === abi.DCLOTH_DRAW_POSITIONS;
     const tangents = this.#views[3].floats !== 0 && !positionsAlone;
     u32[(this.#output + o.flags) / 4] = coarse ? abi.DCLOTH_OUTPUT_COARSE
-      : (this.outsideBody ? abi.DCLOTH_OUTPUT_OUTSIDE_BODY : 0) |
+      : (this.outsideBody && draw !== abi.DCLOTH_DRAW_PLAIN ? abi.DCLOTH_OUTPUT_OUTSIDE_BODY : 0) |
         (this.#textured ? abi.DCLOTH_OUTPUT_TEXTURED : 0);
     u32[(this.#output + o.vertex_count) / 4] = coarse ? this.model.coarseVertices.length : this.vertexCount;
     u32[(this.#output + o.normals) / 4] = this.#normals && !positionsAlone ? this.#views[2].start : 0;

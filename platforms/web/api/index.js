@@ -38,6 +38,7 @@ export const Draw = Object.freeze({
   COARSE: abi.DCLOTH_DRAW_COARSE,
   POSITIONS: abi.DCLOTH_DRAW_POSITIONS,
   FULL: abi.DCLOTH_DRAW_FULL,
+  PLAIN: abi.DCLOTH_DRAW_PLAIN,
 });
 
 /** Where the character's left, up or forward points. */

@@ -14,6 +14,7 @@ import { throwUnlessOk } from "./error.js";
  * @property {ArrayLike<number>} errorMm
  * @property {number} [topLevel] no higher one is wanted
  * @property {number} [positionsMicroseconds] of a frame without a tick that draws positions alone; not said: never so
+ * @property {number} [plainMicroseconds] of one that is not kept outside of the body; not said: never so
  * @property {number} [coarseMicroseconds] of one that draws the coarse mesh with its normals; not said: never so
  * @property {number} [undrawnMicroseconds] of one that draws nothing; 0 where not said
  * @property {number} [mostUndrawn] frames in a row that may pass undrawn; 0 where not said
@@ -76,6 +77,7 @@ export class Scene {
         f32[(at + layout.importance) / 4] = character.importance;
         f32[(at + layout.draw_microseconds) / 4] = character.drawMicroseconds;
         f32[(at + layout.positions_microseconds) / 4] = character.positionsMicroseconds ?? 0;
+        f32[(at + layout.plain_microseconds) / 4] = character.plainMicroseconds ?? 0;
         f32[(at + layout.coarse_microseconds) / 4] = character.coarseMicroseconds ?? 0;
         f32[(at + layout.undrawn_microseconds) / 4] = character.undrawnMicroseconds ?? 0;
         u32[(at + layout.most_undrawn) / 4] = character.mostUndrawn ?? 0;
