@@ -132,6 +132,11 @@ HWY_INLINE VI AddPairs(VW w, VW x, VI sum, VI& spare) {
   (void)spare;
   __asm__("vpdpwssd %2, %1, %0" : "+v"(sum.raw) : "v"(w.raw), "v"(x.raw));
   return sum;
+#elif HWY_TARGET == HWY_AVX2 && !HWY_COMPILER_MSVC
+  (void)spare;  // GCC 12 keeps sums in two registers each, and copies
+  const __m256i products = _mm256_madd_epi16(w.raw, x.raw);
+  __asm__("vpaddd %1, %0, %0" : "+x"(sum.raw) : "x"(products));
+  return sum;
 #else
   return hn::ReorderWidenMulAccumulate(di, w, x, sum, spare);
 #endif
