@@ -28,6 +28,8 @@ SIMULATING, TRAINING = 0.72, 0.2            # of the minutes; the rest: putting 
 # of the minutes: a step's of stage 1, stage 2's, a step's of stage 3
 STAGE_1, STAGE_2, STAGE_3 = 0.03, 0.1, 0.025
 FIRST_LOOK = 60                 # minutes; in less, stage 1 is worth more epochs and stage 3 none
+# Whose patches a new garment's begin with, where this package lies in its repository.
+SKIRT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", "..", "models", "skirt", "skirt.safetensors"))
 COLUMNS, ROWS = (16, 8, 4, 2), 8        # of patches on a side: the most that there are vertices for; points a patch
 VERTICES_A_POINT = 4            # at least, on average: a point is a mean of cloth
 FEWEST_CLIPS, FEWEST_DRAPES, MOST_DRAPES = 4, 14, 1200
@@ -243,7 +245,8 @@ def of_stages(options, plan):
     """Options of train for the stages asked for."""
     if options.stages == "patch":
         return ["--stages", "patch", "--static-base", "hung", "--root-motion", "air", "--patch-rows", str(ROWS),
-                "--patch-columns", str(plan["columns"]), "--patch-epochs", "400"]
+                "--patch-columns", str(plan["columns"]), "--patch-epochs", "400"] + \
+            (["--patch-from", SKIRT] if os.path.exists(SKIRT) else [])
     quick = options.minutes < FIRST_LOOK
     last = "skeleton" if quick else options.stages
     return ["--stages", last, "--static-epochs", "600" if quick else "200", "--skeleton-epochs", "400",

@@ -293,6 +293,8 @@ def test_make_cuts_what_the_garment_has_vertices_for_and_trains_patches(data, tm
     options = make.arguments([*words, "--stages", "patch"])
     asked = train.arguments(["--data", "d", "--out", "o", *make.of_stages(options, {"columns": 2})])
     assert (asked.stages, asked.static_base, asked.root_motion, asked.patch_columns) == ("patch", "hung", "air", 2)
+    known = bundle.read(asked.patch_from)[0].patch      # the bundled skirt's
+    assert known.sizes[1] == asked.patch_rows and known.enter.out_features == asked.patch_width
 
 
 def test_training_learns_and_its_bundle_plays_the_same(data, tmp_path):
