@@ -7,7 +7,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from . import bundle, dataset, loop, metrics, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards, unskin
+from . import (bundle, dataset, loop, metrics, patch_bptt, patch_cut, patch_losses, patch_map, patch_streams, shards,
+               unskin)
 from .stages.patch_stage import GEOMETRY, INDICES, PatchStage, inputs_of
 
 # Its options of train: (default, least, what).

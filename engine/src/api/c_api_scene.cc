@@ -42,7 +42,8 @@ bool CharacterIsUsable(const dcloth_scene_character& character) {
   return character.cloth != nullptr && character.top_level < DCLOTH_LEVEL_COUNT && IsUsable(character.importance) &&
          IsUsable(character.draw_microseconds) && IsUsable(character.positions_microseconds) &&
          IsUsable(character.coarse_microseconds) && IsUsable(character.undrawn_microseconds) &&
-         IsUsable(character.plain_microseconds) && AreUsable(character.tick_microseconds) && AreUsable(character.error_mm);
+         IsUsable(character.plain_microseconds) && AreUsable(character.tick_microseconds) &&
+         AreUsable(character.error_mm);
 }
 
 bool FrameIsUsable(const dcloth_scene_frame& frame) {
