@@ -95,7 +95,8 @@ class Window {
       a.noalias() = ConstRows<Real>(w_ + at_.of_input, 3 * W_, W_) * p.f[s_.layers];
       a.colwise() += Bias(at_.gates, 3 * W_);
       c.noalias() = ConstRows<Real>(w_ + at_.of_state, 3 * W_, W_) * h;
-      p.rz = (1 + (-a.topRows(2 * W_) - c.topRows(2 * W_)).array().exp()).inverse();
+      // One by one: at the ends of a vectorised loop, which lie where memory begins, Eigen's exp has other bits.
+      p.rz = (a.topRows(2 * W_) + c.topRows(2 * W_)).unaryExpr([](Real v) { return 1 / (1 + std::exp(-v)); });
       p.c = c.bottomRows(W_);
       p.q = (a.bottomRows(W_).array() + p.rz.topRows(W_).array() * p.c.array()).tanh();
       h = p.q.array() + p.rz.bottomRows(W_).array() * (h - p.q).array();
