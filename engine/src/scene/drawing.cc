@@ -138,7 +138,7 @@ DrawingCosts ChooseDetails(Scene* scene, double budget) {
   const auto by_worth = [all](uint32_t a, uint32_t b) {
     return all[a].worth != all[b].worth ? all[a].worth < all[b].worth : a > b;
   };
-  double sum = 0;
+  double sum = 0, dearest = 0;  // the latter of what alternates: a frame has room for one of them at least
   uint32_t count = 0;
   for (uint32_t i = 0; i < scene->count; ++i) {
     SceneCharacter& character = all[i];
@@ -149,11 +149,13 @@ DrawingCosts ChooseDetails(Scene* scene, double budget) {
     character.likely_level = DCLOTH_LEVEL_FROZEN;
     character.likely_top = IsFrozen(*character.cloth) ? uint32_t{DCLOTH_LEVEL_FROZEN} : character.top_level;
     Detail detail;
-    FindDetail(character, character.detail, &detail);
+    if (Alternates(character, &detail))
+      dearest = std::max(dearest, CostOf(character, detail.full) - CostOf(character, detail.least));
     character.share = MeanCost(character, detail);
     sum += character.share;
     if (FindStep(&character, scene->frame_seconds)) scene->order[count++] = i;
   }
+  sum += dearest;
   std::make_heap(scene->order, scene->order + count, by_worth);
   while (count > 0) {
     std::pop_heap(scene->order, scene->order + count, by_worth);
@@ -176,7 +178,8 @@ DrawingCosts ChooseDetails(Scene* scene, double budget) {
       --count;
     }
   }
-  double mean = 0, dearest = 0;
+  double mean = 0;
+  dearest = 0;
   for (uint32_t i = 0; i < scene->count; ++i) {
     if (all[i].cloth == nullptr) continue;
     Detail detail;
