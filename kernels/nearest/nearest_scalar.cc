@@ -3,8 +3,6 @@
 namespace dcloth::kernels::scalar {
 namespace {
 
-constexpr size_t kLookTime = 8;  // looks of a vector source take as long as one here
-
 constexpr float kMore = 1.00001f;  // for the rounding of a difference of squares
 
 struct Search {
@@ -61,7 +59,7 @@ void Nearest(const NearestJob& job) {
       LookInto(job, g, &search);
       ++looks;
     }
-    CountLooks(job, kLookTime * looks);
+    CountLooks(job, looks);
     if (search.nearest == kNoSite || !(search.suspect_excess <= search.nearest_squared)) continue;
     job.nearest[i] = search.nearest;
     job.suspect[i] = search.suspect;

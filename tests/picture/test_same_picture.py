@@ -96,7 +96,7 @@ def programs(variant):
         label, command = line.split("=", 1)
         found.append((label, shlex.split(command), OTHER_ISAS[label]))
     # Scalar frames take ten times as long; the shipped precision has to do.
-    return [(label, command, [isa for isa in isas if isa != "scalar" or variant == "int8"])
+    return [(label, command, [isa for isa in isas if isa != "scalar" or variant in ("int8", OUTSIDE)])
             for label, command, isas in found]
 
 
@@ -134,7 +134,7 @@ def drawn_alike(garment, variant, folder):
               f"{frame_ms:.3f} ms a frame")
     labels = {label for label, _ in drawn}
     assert len(drawn) >= 2 and labels == {label for label, *_ in players}, "nothing to compare"
-    assert variant != "int8" or "host" not in labels or ("host", "scalar") in drawn
+    assert variant not in ("int8", OUTSIDE) or "host" not in labels or ("host", "scalar") in drawn
     limit, mean_limit = INT8_LIMIT_MM if variant == "int8" else LIMIT_MM, LIMIT_MM
     if patches and variant in ("int8", OUTSIDE):
         limit, mean_limit = PATCHES_LIMIT_MM, PATCHES_MEAN_MM
