@@ -148,6 +148,40 @@ TEST_F(DrawingTest, ContactIsForTheNearest) {
   EXPECT_GE(before, 4u);
 }
 
+// Searches for a plan that costs more than a budget which covers the least drawing of all and the dearest coarse mesh
+// beside it: costs, importances and budgets at random, few characters above all.
+TEST_F(DrawingTest, NoPlanCostsMoreThanItsBudget) {
+  std::mt19937 random(11);
+  const auto draw = [&](float low, float high) { return std::uniform_real_distribution<float>(low, high)(random); };
+  float worst = 0;
+  for (int round = 0; round < 300; ++round) {
+    const uint32_t count = 1 + random() % (round % 3 == 0 ? kCharacters : 4);
+    float least = 0, dearest = 0;
+    for (uint32_t i = 0; i < kCharacters; ++i) ASSERT_EQ(dcloth_scene_set(scene_, i, nullptr), DCLOTH_OK);
+    for (uint32_t i = 0; i < count; ++i) {
+      dcloth_scene_character character = Character(i, draw(0, 1));
+      character.undrawn_microseconds = draw(0, 5);
+      character.coarse_microseconds = draw(10, 100);
+      character.plain_microseconds = character.coarse_microseconds + draw(0, 100);
+      character.positions_microseconds = character.plain_microseconds + draw(0, 500);
+      character.draw_microseconds = character.positions_microseconds + draw(0, 100);
+      character.most_undrawn = random() % 16;
+      ASSERT_EQ(dcloth_scene_set(scene_, i, &character), DCLOTH_OK);
+      least += character.undrawn_microseconds + (character.coarse_microseconds - character.undrawn_microseconds) /
+                                                    static_cast<float>(character.most_undrawn + 1);
+      dearest = std::max(dearest, character.coarse_microseconds);
+    }
+    for (int frame = 0; frame < 60; ++frame) {
+      const float budget = (least + dearest) * draw(1, 4);
+      const float planned = Plan(kSeconds, budget);
+      worst = std::max(worst, planned / budget);
+      ASSERT_LE(planned, budget * 1.0001f) << "round " << round << ", frame " << frame << ", " << count;
+      for (uint32_t i = 0; i < count; ++i) Run(i, PoseAt(model_.numbers, frame / 60.0 + i), kSeconds);
+    }
+  }
+  std::printf("dearest plan: %.3f of its budget\n", static_cast<double>(worst));
+}
+
 // Steady inputs: nobody changes between meshes, and normals come in every second frame.
 TEST_F(DrawingTest, DetailsStay) {
   std::vector<uint32_t> last(kCharacters);
