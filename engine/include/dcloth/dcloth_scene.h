@@ -13,10 +13,10 @@
  * length, by its square root.
  *
  * Promises, in the costs as given. A plan costs at most the budget, if the budget covers the least drawing of all
- * characters that their costs allow, and the coarse mesh of one that goes undrawn beside it. If it also covers the longest tick of the levels in use, no character waits for
- * its tick for more frames than there are characters; a character at FROZEN waits at most that long after a second has
- * passed. Idle cloths cost no tick. The frame in which one wakes is paid from what the others leave over; if that is
- * too little, it wakes in the next frame. */
+ * characters that their costs allow, and beside it one drawing of those that go undrawn in turns. If it also covers the
+ * longest tick of the levels in use, no character waits for its tick for more frames than there are characters; a
+ * character at FROZEN waits at most that long after a second has passed. Idle cloths cost no tick. The frame in which
+ * one wakes is paid from what the others leave over; if that is too little, it wakes in the next frame. */
 #ifndef DCLOTH_DCLOTH_SCENE_H_
 #define DCLOTH_DCLOTH_SCENE_H_
 
